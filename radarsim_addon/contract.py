@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that the two halves share: channel names, file names, and the records in the JSON sidecars.
+
+The Blender half writes these records beside the EXR files, the companion module reads them;
+neither imports the other, so a folder can be processed elsewhere, years later. Everything in a
+record is SI (metres, seconds, hertz, watts) in float64; one Blender unit is ``metres_per_unit``.
+Pure standard library.
+
+Layout of a run's folder::
+
+    run.json                              the plan: radar, rings, passes, frames   (RunRecord)
+    frames/frame_0001/scene.json          where the objects truly are              (SceneRecord)
+    frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
+    frames/frame_0001/ring_000_t0.json    its sidecar                              (RenderRecord)
+    frames/frame_0001/ring_000_t1.exr     ring 0 at t + delta t
+    products/                             what ``radarsim process`` makes of them
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+SCHEMA_VERSION = 1
+"""Version of every record below. Readers refuse newer ones and name the version they know."""
+
+# -- colour code (Eq. 2-4 of Costa et al.) ---------------------------------------------------------
+AMPLITUDE_CHANNEL = "B"
+"""Radiance L of the echo, in W per (Blender unit)^2 per steradian."""
+RANGE_CHANNEL = "R"
+"""L * exp(-l/k), l the total length of the path from camera over the scatterers to the emitter."""
+CHECK_CHANNEL = "G"
+"""L * exp(-2 l/k). G*B/R^2 is 1 for one path in a pixel, larger where several were mixed."""
+CHANNELS = (RANGE_CHANNEL, CHECK_CHANNEL, AMPLITUDE_CHANNEL)
+
+# -- scene attributes that drive the node groups during a measurement ------------------------------
+# Read in shaders by Attribute nodes of type View Layer, written as custom properties of the scene:
+# changing one costs Cycles no re-sync of geometry. Absent (0) outside a measurement.
+ATTR_INVERSE_CODE_LENGTH = "radarsim_inverse_code_length"
+"""1/k, per Blender unit."""
+ATTR_RING_MIN = "radarsim_ring_min"
+"""Near edge of the ring, Blender units (inclusive)."""
+ATTR_RING_MAX = "radarsim_ring_max"
+"""Far edge of the ring, Blender units (exclusive). 0 means: no gate."""
+ATTR_EXTINCTION_LENGTH = "radarsim_extinction_length"
+"""Normalising length of the extinction coefficient, Blender units. 0 means: one Blender unit."""
+
+# -- names of files --------------------------------------------------------------------------------
+RUN_FILE = "run.json"
+SCENE_FILE = "scene.json"
+FRAMES_DIR = "frames"
+PRODUCTS_DIR = "products"
+
+
+def frame_dir(frame: int) -> str:
+    """Folder of a radar frame, relative to the run's folder."""
+    return f"{FRAMES_DIR}/frame_{frame:04d}"
+
+
+def render_stem(ring: int, pass_index: int) -> str:
+    """File name, without suffix, of one ring (from 0) in one pass (0 at t, 1 at t + delta t)."""
+    return f"ring_{ring:03d}_t{pass_index}"
+
+
+# -- records ---------------------------------------------------------------------------------------
+Matrix = list[list[float]]
+"""4x4, row by row; translation column in metres, rotation part without scale."""
+
+
+@dataclass(frozen=True)
+class CameraRecord:
+    """Receiver. Rays leave along (u, v, -1) in camera space, u to the right, v up.
+
+    left, right, bottom, top are the tangents u, v of the frame's outer edges (lens shift
+    included); row 0 of an image is the top one. near_clip_m is the depth that the camera's near
+    plane cuts from each path's first segment: the reader adds near_clip_m * sqrt(1+u^2+v^2).
+    """
+
+    kind: str  # "perspective"
+    matrix_world: Matrix
+    left: float
+    right: float
+    bottom: float
+    top: float
+    near_clip_m: float
+
+
+@dataclass(frozen=True)
+class EmitterRecord:
+    """Transmitter: a point lamp. eirp_w is its power; radiant intensity eirp_w / (4 pi) [W/sr]."""
+
+    matrix_world: Matrix
+    eirp_w: float
+
+
+@dataclass(frozen=True)
+class RenderRecord:
+    """Sidecar of one EXR file: one ring in one pass of one radar frame."""
+
+    acquisition: str  # "rings"
+    frame: int
+    pass_index: int
+    time_s: float
+    ring: int
+    ring_min_m: float
+    ring_max_m: float
+    width_px: int
+    height_px: int
+    metres_per_unit: float
+    code_length_m: float
+    extinction_length_m: float
+    camera: CameraRecord
+    emitter: EmitterRecord
+    samples: int
+    seed: int
+    max_bounces: int
+    exr_file: str
+    exr_sha256: str
+    versions: dict[str, str] = field(default_factory=dict)
+    schema: str = "radarsim/render"
+    schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class ObjectRecord:
+    """Where one mesh object truly is: the reference that measured ranges are compared with.
+
+    nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t;
+    range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
+    null with one pass.
+    """
+
+    name: str
+    nearest_range_m: float
+    origin_range_m: float
+    range_rate_mps: float | None
+    materials: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """Labels of one radar frame."""
+
+    frame: int
+    time_s: float
+    objects: list[ObjectRecord]
+    schema: str = "radarsim/scene"
+    schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Plan of a run. ``fingerprint`` tells whether a stopped run may be continued.
+
+    waveform and burst hold the fields of signal.config.Waveform and Burst.
+    """
+
+    acquisition: str
+    frames: list[int]
+    frame_times_s: list[float]
+    rings: int
+    ring_step_m: float
+    passes: int
+    delta_t_s: float
+    width_px: int
+    height_px: int
+    samples: int
+    seed: int
+    max_bounces: int
+    metres_per_unit: float
+    code_length_m: float
+    extinction_length_m: float
+    waveform: dict[str, float]
+    burst: dict[str, float]
+    blend_file: str
+    fingerprint: str
+    warnings: list[str] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
+    schema: str = "radarsim/run"
+    schema_version: int = SCHEMA_VERSION

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reading and writing the JSON records of :mod:`radarsim_addon.contract`. Pure standard library.
+
+Files are written under a temporary name and renamed, so that a killed run leaves no half record;
+they are read with a size limit, and every field is checked before it is used.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import os
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from . import contract
+from .errors import FrameFileError, OutputError, SchemaError
+
+#: A record of a run with ten thousand frames stays far below this.
+MAX_JSON_BYTES = 64 * 1024 * 1024
+
+Record = TypeVar("Record")
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, as hexadecimal digits."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as stream:
+        for block in iter(lambda: stream.read(1 << 20), b""):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def write_record(path: Path, record: Any) -> None:
+    """Write a record as JSON under a temporary name, then rename.
+
+    Raises
+    ------
+    OutputError
+        The folder is missing, read-only or full.
+    """
+    text = json.dumps(dataclasses.asdict(record), indent=1, allow_nan=False, ensure_ascii=False)
+    temporary = path.with_name(path.name + ".part")
+    try:
+        temporary.write_text(text + "\n", encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OutputError(
+            f"Cannot write {path}: {error.strerror or error}. "
+            "Choose an output folder that exists, is writable and has room."
+        ) from error
+
+
+def read_record(path: Path, kind: type[Record]) -> Record:
+    """Read and check one record.
+
+    Raises
+    ------
+    FrameFileError
+        The file is missing, larger than `MAX_JSON_BYTES`, not JSON, or lacks a field.
+    SchemaError
+        The record is of another kind, or of a newer schema than this version reads.
+    """
+    try:
+        if path.stat().st_size > MAX_JSON_BYTES:
+            raise FrameFileError(
+                f"{path} holds {path.stat().st_size} bytes; a radarsim record has at most "
+                f"{MAX_JSON_BYTES}. It was not written by radarsim: remove it."
+            )
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise FrameFileError(
+            f"{path} is missing. radarsim writes it beside the frames: "
+            "give the run's own folder, or render the run again."
+        ) from error
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise FrameFileError(
+            f"{path} cannot be read as JSON ({error}). Render the run again: it goes on where "
+            "files are missing, so remove this file and its EXR first."
+        ) from error
+    if not isinstance(data, dict):
+        raise FrameFileError(f"{path} holds a {type(data).__name__}; expected a JSON object.")
+    expected = next(f.default for f in dataclasses.fields(kind) if f.name == "schema")  # type: ignore[arg-type]
+    if data.get("schema") != expected:
+        raise SchemaError(
+            f"{path} has schema {data.get('schema')!r}; expected {expected!r}. "
+            "Give a file that radarsim wrote."
+        )
+    version = data.get("schema_version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise SchemaError(f"{path} has schema_version {version!r}; expected a whole number from 1.")
+    if version > contract.SCHEMA_VERSION:
+        raise SchemaError(
+            f"{path} has schema version {version}; this radarsim reads up to "
+            f"{contract.SCHEMA_VERSION}. Update radarsim to process this run."
+        )
+    return typing.cast(Record, _build(kind, data, str(path)))
+
+
+def _build(kind: Any, value: Any, where: str) -> Any:
+    """Turn parsed JSON into the annotated type, naming the place of what does not fit."""
+    origin = typing.get_origin(kind)
+    if dataclasses.is_dataclass(kind):
+        if not isinstance(value, dict):
+            raise FrameFileError(f"{where} is {value!r:.60}; expected a JSON object.")
+        hints = typing.get_type_hints(kind)
+        arguments = {}
+        for item in dataclasses.fields(kind):
+            if item.name in value:
+                arguments[item.name] = _build(
+                    hints[item.name], value[item.name], f"{where}: {item.name}"
+                )
+            elif (
+                item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
+            ):
+                raise FrameFileError(
+                    f"{where} lacks the field {item.name!r}. It was not written by this version "
+                    "of radarsim, or was edited: render the run again."
+                )
+        return kind(**arguments)  # type: ignore[operator]
+    if origin in (types.UnionType, typing.Union):
+        if value is None:
+            return None
+        return _build(next(a for a in typing.get_args(kind) if a is not type(None)), value, where)
+    if origin is list:
+        if not isinstance(value, list):
+            raise FrameFileError(f"{where} is {value!r:.60}; expected a list.")
+        (inner,) = typing.get_args(kind)
+        return [_build(inner, item, f"{where}[{i}]") for i, item in enumerate(value)]
+    if origin is dict:
+        if not isinstance(value, dict):
+            raise FrameFileError(f"{where} is {value!r:.60}; expected a JSON object.")
+        inner = typing.get_args(kind)[1]
+        return {key: _build(inner, item, f"{where}: {key}") for key, item in value.items()}
+    if kind is float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise FrameFileError(f"{where} is {value!r:.60}; expected a number.")
+        if not math.isfinite(value):
+            raise FrameFileError(f"{where} is {value!r}; expected a finite number.")
+        return float(value)
+    if kind is int and (isinstance(value, bool) or not isinstance(value, int)):
+        raise FrameFileError(f"{where} is {value!r:.60}; expected a whole number.")
+    if kind is str and not isinstance(value, str):
+        raise FrameFileError(f"{where} is {value!r:.60}; expected text.")
+    return value
