@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# `make demo` shows the paper's experiment, `make test` runs the tests; `make help` names the rest.
+
+VENV ?= .venv
+# An interpreter of your choice (3.13 or 3.11); empty: the newest suitable one is looked for.
+PYTHON ?=
+OUT ?= out/paper
+# Extra words for pytest, for example PYTEST_ARGS="-k gate".
+PYTEST_ARGS ?=
+
+PY := $(VENV)/bin/python
+STAMP := $(VENV)/.radarsim-installed
+PIP_FLAGS := -q -q --disable-pip-version-check --retries 5
+
+# A virtual environment of another shell, or a PYTHONPATH, must not leak in.
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
+export PYTHONNOUSERSITE := 1
+
+# A virtual environment whose interpreter has gone is made anew.
+ifeq ($(wildcard $(PY)),)
+$(shell rm -f $(STAMP))
+endif
+
+.PHONY: help install demo test lint bench gui-test extension test-all-blenders clean
+
+help:
+	@echo "make demo               the paper's experiment: scene, render, maps in $(OUT)/"
+	@echo "make test               all tests but the GUI's"
+	@echo "make gui-test           tests in a real Blender window (root, debootstrap, 1.3 GB)"
+	@echo "make test-all-blenders  make test's tests under Blender 4.5, 5.0 and, with Python 3.13, 5.2"
+	@echo "make lint               ruff and mypy"
+	@echo "make bench              how long things take"
+	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
+	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
+	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS)"
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml scripts/find_python.sh scripts/install.sh scripts/check_system.py
+	@scripts/install.sh "$(VENV)" "$(PYTHON)" "$(PIP_FLAGS)"
+	@touch $@
+
+demo: $(STAMP)
+	@$(PY) scripts/demo.py --out "$(OUT)"
+
+test: $(STAMP)
+	$(PY) -m pytest $(PYTEST_ARGS)
+
+lint: $(STAMP)
+	@failed=0; for tool in "ruff check" "ruff format --check --quiet" mypy; do \
+		echo "$$tool"; $(PY) -m $$tool || failed=1; done; exit $$failed
+
+bench: $(STAMP)
+	$(PY) scripts/bench.py
+
+extension: $(STAMP)
+	@$(PY) scripts/build_extension.py
+
+gui-test: $(STAMP)
+	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
+
+test-all-blenders:
+	@scripts/test_all_blenders.sh $(PYTEST_ARGS)
+
+clean:
+	rm -rf .venv .venv-blender-* out dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -not -path './.cache/*' -prune -exec rm -rf {} +
