@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run's folder: its plan, what of it is there, and its renders one at a time.
+
+Nothing is read before it is asked for and nothing is kept, so the memory needed does not grow with
+the number of frames or rings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..contract import (
+    CHANNELS,
+    RUN_FILE,
+    SCENE_FILE,
+    RenderRecord,
+    RunRecord,
+    SceneRecord,
+    frame_dir,
+    render_stem,
+)
+from ..errors import ConfigError, FrameFileError, SchemaError
+from ..sidecar import file_sha256, read_record
+from .config import Burst, Radar, Waveform
+from .exr import FloatImage, read_exr
+
+#: Slack between numbers of the plan and of a sidecar: they went through Blender's float32.
+_RELATIVE_SLACK = 1e-5
+
+
+@dataclass(frozen=True)
+class MissingRender:
+    """One render of the plan that is not (wholly) there."""
+
+    frame: int
+    ring: int
+    pass_index: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class RadarFrame:
+    """One radar frame of a run: `rings` images at t, and as many at t + delta t.
+
+    Made by :meth:`Run.frame`; holds no pixels.
+    """
+
+    run_path: Path
+    record: RunRecord
+    number: int
+
+    @property
+    def path(self) -> Path:
+        """Folder of the frame's renders."""
+        return self.run_path / frame_dir(self.number)
+
+    @property
+    def time_s(self) -> float:
+        """Scene time t of pass 0 [s], as planned."""
+        return self.record.frame_times_s[self.record.frames.index(self.number)]
+
+    @property
+    def rings(self) -> int:
+        """Number of rings."""
+        return self.record.rings
+
+    @property
+    def passes(self) -> int:
+        """1, or 2 where the frame was rendered again at t + delta t."""
+        return self.record.passes
+
+    def missing(self) -> list[MissingRender]:
+        """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
+        found = []
+        for pass_index in range(self.passes):
+            for ring in range(self.rings):
+                stem = self.path / render_stem(ring, pass_index)
+                for suffix, kind in ((".exr", "EXR"), (".json", "sidecar")):
+                    file = stem.with_name(stem.name + suffix)
+                    if not file.is_file() or file.stat().st_size == 0:
+                        reason = f"{kind} {file.name} is missing or empty"
+                        found.append(MissingRender(self.number, ring, pass_index, reason))
+                        break
+        return found
+
+    def scene(self) -> SceneRecord | None:
+        """Where the objects truly are, or None where the run holds no such record."""
+        path = self.path / SCENE_FILE
+        return read_record(path, SceneRecord) if path.is_file() else None
+
+    def image(self, ring: int, pass_index: int = 0) -> tuple[RenderRecord, dict[str, FloatImage]]:
+        """Read one render and check it against its sidecar and the run's plan.
+
+        Parameters
+        ----------
+        ring
+            Ring, from 0.
+        pass_index
+            0 at t, 1 at t + delta t.
+
+        Returns
+        -------
+        record, channels
+            The sidecar, and float32 arrays (height, width) "R", "G", "B".
+
+        Raises
+        ------
+        FrameFileError
+            The EXR or its sidecar is missing, damaged, of a wrong kind, or holds NaN, Inf or
+            negative radiance.
+        SchemaError
+            The sidecar is of a newer schema, or does not match its EXR or the plan.
+        """
+        if not (0 <= ring < self.rings and 0 <= pass_index < self.passes):
+            raise IndexError(
+                f"ring {ring}, pass {pass_index}: the run has {self.rings} rings and "
+                f"{self.passes} passes, both counted from 0"
+            )
+        stem = render_stem(ring, pass_index)
+        exr, sidecar = self.path / f"{stem}.exr", self.path / f"{stem}.json"
+        record = read_record(sidecar, RenderRecord)
+        self._check_plan(record, ring, pass_index, sidecar)
+        images = read_exr(exr, CHANNELS)
+        self._check_image(record, images, exr, sidecar)
+        return record, images
+
+    def _check_plan(self, record: RenderRecord, ring: int, pass_index: int, sidecar: Path) -> None:
+        plan = self.record
+        expected = {
+            "acquisition": plan.acquisition,
+            "frame": self.number,
+            "pass_index": pass_index,
+            "ring": ring,
+            "width_px": plan.width_px,
+            "height_px": plan.height_px,
+            "exr_file": f"{render_stem(ring, pass_index)}.exr",
+        }
+        for name, value in expected.items():
+            if getattr(record, name) != value:
+                raise SchemaError(
+                    f"{sidecar}: {name} is {getattr(record, name)!r}, the run's plan has {value!r}. "
+                    "The file belongs to another run: remove it and render this run again."
+                )
+        for name in ("metres_per_unit", "code_length_m"):
+            value = getattr(record, name)
+            if not math.isclose(value, getattr(plan, name), rel_tol=_RELATIVE_SLACK) or value <= 0:
+                raise SchemaError(
+                    f"{sidecar}: {name} is {value!r}, the run's plan has {getattr(plan, name)!r}. "
+                    "The file belongs to another run: remove it and render this run again."
+                )
+
+    def _check_image(
+        self, record: RenderRecord, images: dict[str, FloatImage], exr: Path, sidecar: Path
+    ) -> None:
+        height, width = next(iter(images.values())).shape
+        if (width, height) != (record.width_px, record.height_px):
+            raise SchemaError(
+                f"{exr} is {width} x {height} pixels, its sidecar {sidecar.name} says "
+                f"{record.width_px} x {record.height_px}. Remove both and render the run again."
+            )
+        digest = file_sha256(exr)
+        if digest != record.exr_sha256:
+            raise SchemaError(
+                f"{exr} does not match its sidecar {sidecar.name}: SHA-256 {digest[:12]}..., "
+                f"expected {record.exr_sha256[:12]}... The file was changed or replaced: remove "
+                "both and render the run again."
+            )
+        for name, image in images.items():
+            negative = image < 0
+            if negative.any():
+                row, col = (int(i) for i in np.argwhere(negative)[0])
+                raise FrameFileError(
+                    f"{exr}: channel {name} is negative ({image[row, col]}) in "
+                    f"{int(negative.sum())} pixel(s), the first at row {row}, column {col}; "
+                    "radiance cannot be. Look for a light or a material of negative strength, "
+                    "mend it and render this frame again."
+                )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run's folder, opened by :func:`open_run`."""
+
+    path: Path
+    record: RunRecord
+    radar: Radar
+
+    def frame(self, number: int) -> RadarFrame:
+        """One radar frame by its number in Blender.
+
+        Raises
+        ------
+        FrameFileError
+            The plan holds no such frame.
+        """
+        if number not in self.record.frames:
+            raise FrameFileError(
+                f"{self.path} has no frame {number}; it has "
+                f"{_ranges_text(self.record.frames)}. Give one of these."
+            )
+        return RadarFrame(self.path, self.record, number)
+
+    def frames(self) -> Iterator[RadarFrame]:
+        """All radar frames of the plan, in its order; nothing is read yet."""
+        for number in self.record.frames:
+            yield RadarFrame(self.path, self.record, number)
+
+    def missing(self) -> list[MissingRender]:
+        """All renders of the plan that are not there."""
+        return [gap for frame in self.frames() for gap in frame.missing()]
+
+    @property
+    def renders(self) -> int:
+        """Number of renders in the plan."""
+        return len(self.record.frames) * self.record.rings * self.record.passes
+
+    @property
+    def window_m(self) -> tuple[float, float]:
+        """One-way ranges that the rings cover: (0, rings x step) [m]."""
+        return 0.0, self.record.rings * self.record.ring_step_m
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a run's folder and check its plan.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``run.json``.
+
+    Raises
+    ------
+    FrameFileError
+        No run there, or its plan is damaged.
+    SchemaError
+        The plan is of a newer schema.
+    ConfigError
+        Its numbers do not fit together (ring step zero, chirp longer than the pulse interval...).
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise FrameFileError(
+            f"{path} is not a folder. Give the folder of a run: the one that holds {RUN_FILE}."
+        )
+    record = read_record(path / RUN_FILE, RunRecord)
+    where = path / RUN_FILE
+    if not record.frames or len(record.frames) != len(record.frame_times_s):
+        raise FrameFileError(
+            f"{where} lists {len(record.frames)} frames and {len(record.frame_times_s)} times; "
+            "expected as many of both, at least one. Render the run again."
+        )
+    if record.passes not in (1, 2):
+        raise ConfigError(f"{where}: passes is {record.passes}; expected 1 or 2.")
+    if record.passes == 2 and record.delta_t_s <= 0:
+        raise ConfigError(
+            f"{where}: delta t is {record.delta_t_s!r} s; two passes need a positive time between."
+        )
+    for name, unit in (
+        ("rings", "rings"),
+        ("ring_step_m", "metres"),
+        ("metres_per_unit", "metres per Blender unit"),
+        ("code_length_m", "metres"),
+        ("width_px", "pixels"),
+        ("height_px", "pixels"),
+    ):
+        if not getattr(record, name) > 0:
+            raise ConfigError(
+                f"{where}: {name} is {getattr(record, name)!r}; expected a positive number of "
+                f"{unit}. Set it in the Radar tab and render the run again."
+            )
+    return Run(path, record, _radar(record, where))
+
+
+def _radar(record: RunRecord, where: Path) -> Radar:
+    try:
+        burst = dict(record.burst)
+        pulses = burst.pop("pulses")
+        if pulses != int(pulses):
+            raise ConfigError(f"{where}: pulses is {pulses!r}; expected a whole number.")
+        return Radar(Waveform(**record.waveform), Burst(pulses=int(pulses), **burst))
+    except (TypeError, KeyError) as error:
+        raise FrameFileError(
+            f"{where}: waveform {sorted(record.waveform)} and burst {sorted(record.burst)} are "
+            f"not the fields that this version reads ({error}). Render the run again."
+        ) from error
+
+
+def _ranges_text(numbers: list[int]) -> str:
+    """Frame numbers as text that stays short: "1-10, 15"."""
+    parts: list[str] = []
+    first = last = numbers[0]
+    for number in [*numbers[1:], None]:
+        if number is not None and number == last + 1:
+            last = number
+            continue
+        parts.append(f"{first}" if first == last else f"{first}-{last}")
+        if number is not None:
+            first = last = number
+    return "frame " + ", ".join(parts if len(parts) < 12 else [*parts[:12], "..."])
