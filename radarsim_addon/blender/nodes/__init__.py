@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar node groups and the materials made of them.
+
+``ensure_group(kind)``, ``refresh_groups()``
+    The groups themselves: made, found, rebuilt where stale.
+``setup_emitter(light)``
+    Puts the Ring Emitter on a point lamp.
+``make_material(...)``, ``assign_radar_material(objects, preset)``, ``PRESETS``
+    Materials with the Radar Material group.
+"""
+
+from .groups import DEFINITIONS, ensure_group, find_groups, group_version, refresh_groups
+from .materials import (
+    PRESETS,
+    MaterialPreset,
+    assign_radar_material,
+    is_radar_material,
+    make_material,
+)
+from .ring_emitter import setup_emitter
+
+__all__ = [
+    "DEFINITIONS",
+    "PRESETS",
+    "MaterialPreset",
+    "assign_radar_material",
+    "ensure_group",
+    "find_groups",
+    "group_version",
+    "is_radar_material",
+    "make_material",
+    "refresh_groups",
+    "setup_emitter",
+]

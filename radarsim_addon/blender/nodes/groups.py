@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node groups as data-blocks: making them, finding ours, and rebuilding stale ones in place.
+
+A group of ours is told by two custom properties, its kind and its version, never by its name:
+a user's group that happens to be called "Radar Material" is left alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...errors import SceneError
+from .build import GroupDefinition, draw_tree
+from .radar_material import RADAR_MATERIAL
+from .ring_emitter import RING_EMITTER
+
+KIND_PROPERTY = "radarsim_kind"
+VERSION_PROPERTY = "radarsim_version"
+
+DEFINITIONS: dict[str, GroupDefinition] = {d.kind: d for d in (RADAR_MATERIAL, RING_EMITTER)}
+"""Every node group that radarsim makes, by kind."""
+
+
+def group_version(tree: Any) -> int | None:
+    """Version of a group of ours; None for anybody else's."""
+    version = tree.get(VERSION_PROPERTY)
+    if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
+        return None
+    return version
+
+
+def find_groups(kind: str) -> list[Any]:
+    """All editable groups of a kind in this file, newest version first."""
+    groups = [
+        tree
+        for tree in bpy.data.node_groups
+        if tree.library is None
+        and tree.get(KIND_PROPERTY) == kind
+        and group_version(tree) is not None
+    ]
+    return sorted(groups, key=lambda tree: -(group_version(tree) or 0))
+
+
+def new_group(definition: GroupDefinition) -> Any:
+    """Make a group; nothing is left behind where its definition fails.
+
+    Blender gives it a numbered name where the plain one is taken.
+    """
+    tree = bpy.data.node_groups.new(definition.name, "ShaderNodeTree")
+    try:
+        draw_tree(tree, definition)
+        tree[KIND_PROPERTY] = definition.kind
+        tree[VERSION_PROPERTY] = definition.version
+    except BaseException:
+        bpy.data.node_groups.remove(tree)
+        raise
+    return tree
+
+
+def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
+    """Draw a stale group anew in place: users, and values and links by socket name, are kept."""
+    # A definition that fails on this Blender must fail on a scratch group, not half-way in the
+    # user's one.
+    bpy.data.node_groups.remove(new_group(definition))
+    draw_tree(tree, definition)
+    tree[VERSION_PROPERTY] = definition.version
+
+
+def ensure_group(kind: str) -> Any:
+    """The group of a kind, made or rebuilt where it has to be.
+
+    Parameters
+    ----------
+    kind
+        ``"radar_material"`` or ``"ring_emitter"``.
+
+    Returns
+    -------
+    bpy.types.ShaderNodeTree
+
+    Raises
+    ------
+    SceneError
+        The file holds a group of this kind made by a newer radarsim.
+    """
+    definition = DEFINITIONS[kind]
+    groups = find_groups(kind)
+    for tree in groups:
+        version = group_version(tree) or 0
+        if version > definition.version:
+            raise SceneError(
+                f"Node group {tree.name!r} has version {version}; this radarsim knows up to "
+                f"{definition.version}. Update radarsim, or delete the group to get this one."
+            )
+        if version < definition.version:
+            rebuild_group(tree, definition)
+    return groups[0] if groups else new_group(definition)
+
+
+def refresh_groups() -> list[str]:
+    """Rebuild every stale group in the file; returns the names of those that were rebuilt."""
+    stale = [
+        tree.name
+        for kind, definition in DEFINITIONS.items()
+        for tree in find_groups(kind)
+        if (group_version(tree) or 0) < definition.version
+    ]
+    for kind in DEFINITIONS:
+        if find_groups(kind):
+            ensure_group(kind)
+    return stale

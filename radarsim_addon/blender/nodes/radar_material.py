@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar Material: reflection, transmission and absorption of radar power (Fig. 4, Eq. 2-3, 7).
+
+Surface, with F the complex Fresnel reflectance of :mod:`.fresnel` and s the specularity::
+
+    Glossy(Beckmann, roughness)  code F s
+  + Diffuse                      code F (1 - s)
+  + Transparent                  1 - F            (no code: the ray's length runs on)
+
+Volume, per Blender unit of depth, with alpha = 4 pi kappa / Lambda (Eq. 7)::
+
+    B: alpha       R: alpha + (n - 1)/k       G: alpha + 2 (n - 1)/k
+
+so that red and green also carry the optical delay (n - 1) d of the depth d.
+"""
+
+from __future__ import annotations
+
+import math as _math
+from typing import Any
+
+from ... import contract
+from .build import GroupDefinition, SocketSpec, TreeBuilder
+from .fresnel import cos_incidence, reflectance, transmittance
+from .range_code import inverse_code_length, range_code, ray_length
+
+KIND = "radar_material"
+
+INDEX = "Index of Refraction"
+EXTINCTION = "Extinction Coefficient"
+SPECULARITY = "Specularity"
+ROUGHNESS = "Roughness"
+
+
+def _draw(build: TreeBuilder) -> None:
+    n = build.group_input(INDEX)
+    kappa = build.group_input(EXTINCTION)
+    specularity = build.group_input(SPECULARITY)
+    roughness = build.group_input(ROUGHNESS)
+    inverse_k = inverse_code_length(build)
+    _draw_surface(build, n, kappa, specularity, roughness, inverse_k)
+    _draw_volume(build, n, kappa, inverse_k)
+
+
+def _draw_surface(
+    build: TreeBuilder, n: Any, kappa: Any, specularity: Any, roughness: Any, inverse_k: Any
+) -> None:
+    math = build.math
+    power = reflectance(build, n, kappa, cos_incidence(build))
+    code = range_code(build, ray_length(build), inverse_k)
+
+    specular = math("MULTIPLY", "F s", power, specularity)
+    diffuse = math("SUBTRACT", "F (1 - s)", power, specular)
+    lobes = []
+    for label, weight in (("Specular colour", specular), ("Diffuse colour", diffuse)):
+        scaled = build.node(
+            "ShaderNodeVectorMath", label, {0: code, "Scale": weight}, operation="SCALE"
+        )
+        lobes.append(scaled.outputs[0])
+    glossy = build.node(
+        "ShaderNodeBsdfAnisotropic",
+        "Specular lobe",
+        {"Color": lobes[0], "Roughness": roughness},
+        distribution="BECKMANN",
+    )
+    lambert = build.node("ShaderNodeBsdfDiffuse", "Diffuse lobe", {"Color": lobes[1]})
+    through = build.node(
+        "ShaderNodeBsdfTransparent",
+        "Transmission",
+        {"Color": transmittance(build, n, kappa, power)},
+    )
+    reflected = build.node(
+        "ShaderNodeAddShader", "Reflection", {0: glossy.outputs[0], 1: lambert.outputs[0]}
+    )
+    total = build.node(
+        "ShaderNodeAddShader", "Surface", {0: reflected.outputs[0], 1: through.outputs[0]}
+    )
+    build.group_output("Surface", total.outputs[0])
+
+
+def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+    math = build.math
+    given = build.scene_attribute(contract.ATTR_EXTINCTION_LENGTH)
+    is_given = math("GREATER_THAN", "Lambda given", given, 0.0)
+    length = build.select("Lambda", is_given, 1.0, given)
+    four_pi_kappa = math("MULTIPLY", "4 pi kappa", kappa, 4.0 * _math.pi)
+    alpha = math("DIVIDE", "alpha = 4 pi kappa / Lambda", four_pi_kappa, length)
+    excess = math("SUBTRACT", "n - 1 (delay)", n, 1.0)
+    delay = math("MULTIPLY", "(n - 1) / k", excess, inverse_k)
+    double_delay = math("MULTIPLY", "2 (n - 1) / k", delay, 2.0)
+    # Absorption is Density x (1 - Color). One node would have to make small absorption as the
+    # difference of two numbers near 1; two nodes with constant colours are exact.
+    absorption = build.node(
+        "ShaderNodeVolumeAbsorption", "Absorption", {"Color": (0, 0, 0, 1), "Density": alpha}
+    )
+    optical = build.node(
+        "ShaderNodeVolumeAbsorption",
+        "Optical delay",
+        {"Color": (0.5, 0, 1, 1), "Density": double_delay},
+    )
+    total = build.node(
+        "ShaderNodeAddShader", "Interior", {0: absorption.outputs[0], 1: optical.outputs[0]}
+    )
+    build.group_output("Volume", total.outputs[0])
+
+
+RADAR_MATERIAL = GroupDefinition(
+    kind=KIND,
+    name="Radar Material",
+    version=1,
+    description=(
+        "Reflection, transmission and absorption of radar power by a medium of complex index "
+        "n + j kappa, with the range code of the running measurement"
+    ),
+    sockets=(
+        SocketSpec(
+            "Surface",
+            "OUTPUT",
+            "NodeSocketShader",
+            "Reflected and transmitted power. Connect to Surface of the Material Output",
+        ),
+        SocketSpec(
+            "Volume",
+            "OUTPUT",
+            "NodeSocketShader",
+            "Absorption and optical delay along the depth inside. Connect to Volume of the "
+            "Material Output where the object is a closed mesh that radar waves enter",
+        ),
+        SocketSpec(
+            INDEX,
+            "INPUT",
+            "NodeSocketFloat",
+            "Real part n of the complex index of refraction at the carrier frequency, relative to "
+            "vacuum (no unit). 1 is vacuum, 1e4 a metal; sqrt(permittivity) for a low-loss medium",
+            default=1.5,
+            minimum=1.0,
+            maximum=1e5,
+        ),
+        SocketSpec(
+            EXTINCTION,
+            "INPUT",
+            "NodeSocketFloat",
+            "Imaginary part of the complex index, normalised (no unit): inside the object power "
+            "falls as exp(-4 pi kappa d / Lambda) with the depth d. Lambda is the scene's extinction "
+            "length, one Blender unit unless set; with Lambda = wavelength this is the physical "
+            "extinction coefficient",
+            default=0.0,
+            minimum=0.0,
+            maximum=1e5,
+        ),
+        SocketSpec(
+            SPECULARITY,
+            "INPUT",
+            "NodeSocketFloat",
+            "Share of the reflected power in the specular (glossy) lobe, the rest is diffuse: "
+            "0 a Lambert surface, 1 a mirror-like one",
+            default=0.5,
+            subtype="FACTOR",
+        ),
+        SocketSpec(
+            ROUGHNESS,
+            "INPUT",
+            "NodeSocketFloat",
+            "Roughness of the specular lobe (Beckmann) as in Blender's Glossy BSDF: "
+            "roughness^2 = alpha = sqrt(2) x rms slope of the surface. 0 is a perfect mirror, which "
+            "sends no echo straight back to a point antenna",
+            default=0.5,
+            subtype="FACTOR",
+        ),
+    ),
+    draw=_draw,
+)
