@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Type-1 non-uniform Fourier sums: scattered delays to regular frequencies.
+
+    F[k] = sum_i c_i exp(-j k x_i),      k = -N//2 ... (N-1)//2
+
+finufft does it where it is installed; else gridding in numpy with the same kernel, the
+"exponential of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479,
+2019), to the same tolerance. Either agrees with the direct sum, which is here as well.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigError, MissingDependencyError
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Backend = Literal["auto", "finufft", "numpy", "direct"]
+
+#: Default tolerance, relative to sum |c_i|.
+TOLERANCE = 1e-9
+#: Points spread at a time by the numpy engine: its temporaries stay near 30 MB.
+_CHUNK = 1 << 15
+
+
+def has_finufft() -> bool:
+    """Whether finufft is installed."""
+    return importlib.util.find_spec("finufft") is not None
+
+
+def nufft1(
+    points: Real,
+    values: NDArray[np.complex128] | Real,
+    size: int,
+    tolerance: float = TOLERANCE,
+    backend: Backend = "auto",
+) -> Complex:
+    """Sum c_i exp(-j k x_i) for k = -size//2 ... (size-1)//2.
+
+    Parameters
+    ----------
+    points
+        x_i [rad], (n,); any real number, taken modulo 2 pi.
+    values
+        c_i, (n,), real or complex.
+    size
+        Number of frequencies N.
+    tolerance
+        Largest error relative to sum |c_i|, 1e-13 to 1e-2.
+    backend
+        "auto" takes finufft where it is installed, else "numpy"; "direct" sums term by term.
+
+    Returns
+    -------
+    ndarray
+        (size,), complex128, k ascending: index size//2 is k = 0.
+    """
+    if not 1e-13 <= tolerance <= 1e-2:
+        raise ConfigError(f"NUFFT tolerance is {tolerance!r}; expected 1e-13 to 1e-2.")
+    if backend not in get_args(Backend):
+        raise ConfigError(f"NUFFT backend {backend!r}; expected one of {get_args(Backend)}.")
+    if points.size == 0:
+        return np.zeros(size, dtype=np.complex128)
+    if backend == "direct":
+        return _direct(points, np.asarray(values, dtype=np.complex128), size)
+    # into [-pi, pi]: neither engine takes points far outside without losing digits
+    wrapped = points - 2 * np.pi * np.round(points / (2 * np.pi))
+    values = np.ascontiguousarray(values, dtype=np.complex128)
+    if backend == "finufft" or (backend == "auto" and has_finufft()):
+        if not has_finufft():
+            raise MissingDependencyError(
+                "finufft is not installed. Install it with 'pip install finufft', or use the "
+                "numpy backend, which has the same accuracy."
+            )
+        finufft = importlib.import_module("finufft")
+        result: Complex = finufft.nufft1d1(wrapped, values, size, eps=tolerance, isign=-1)
+        return result
+    return _gridding(wrapped, values, size, tolerance)
+
+
+def _direct(points: Real, values: Complex, size: int) -> Complex:
+    """Term by term, in blocks that bound memory: the definition."""
+    k = np.arange(size, dtype=np.float64) - size // 2
+    total = np.zeros(size, dtype=np.complex128)
+    block = max(1, (1 << 20) // size)
+    for start in range(0, points.size, block):
+        part = slice(start, start + block)
+        total += values[part] @ np.exp(-1j * np.outer(points[part], k))
+    return total
+
+
+def _gridding(points: Real, values: Complex, size: int, tolerance: float) -> Complex:
+    """Spread onto a grid twice as fine, FFT, divide by the kernel's transform."""
+    width = max(4, math.ceil(-math.log10(tolerance)) + 2)
+    beta = 2.30 * width
+    grid_size = _even_smooth(max(2 * size, 2 * width))
+    real = np.zeros(grid_size)
+    imaginary = np.zeros(grid_size)
+    offsets = np.arange(width)
+    for start in range(0, points.size, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        position = points[part] * (grid_size / (2 * np.pi))
+        first = np.ceil(position - width / 2)
+        # distance of each grid point from the path, in half widths: -1 to 1
+        distance = ((first - position)[:, None] + offsets) * (2 / width)
+        kernel = np.exp(beta * (np.sqrt(np.maximum(1 - distance**2, 0.0)) - 1))
+        cells = (first.astype(np.int64)[:, None] + offsets) % grid_size
+        flat = cells.ravel()
+        c = values[part]
+        real += np.bincount(flat, (kernel * c.real[:, None]).ravel(), grid_size)
+        imaginary += np.bincount(flat, (kernel * c.imag[:, None]).ravel(), grid_size)
+    spectrum = np.fft.fft(real + 1j * imaginary)
+    k = np.arange(size) - size // 2
+    return spectrum[k % grid_size] / _kernel_transform(k / grid_size, width, beta)
+
+
+def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:
+    """Fourier transform of the kernel at cycles per grid step, by Gauss-Legendre quadrature."""
+    nodes, weights = np.polynomial.legendre.leggauss(4 * width + 20)
+    nodes, weights = nodes[nodes > 0], weights[nodes > 0]  # the kernel is even
+    kernel = weights * np.exp(beta * (np.sqrt(1 - nodes**2) - 1))
+    total = np.zeros(frequency.size)
+    for node, value in zip(nodes, kernel, strict=True):
+        total += value * np.cos(np.pi * width * node * frequency)
+    result: Real = total * width
+    return result
+
+
+def _even_smooth(number: int) -> int:
+    return smooth_size((number + 1) // 2) * 2
+
+
+def smooth_size(number: int) -> int:
+    """Smallest product of 2, 3 and 5 that is at least `number`: FFTs of it are fast."""
+    best = 1 << max(0, (number - 1).bit_length())
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            rest = -(-number // three)
+            best = min(best, three << max(0, (rest - 1).bit_length()))
+            three *= 3
+        five *= 5
+    return best

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders as a table of propagation paths: one row for each pixel with an echo.
+
+A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = lambda^2 G_r/(4 pi)
+(the radar equation summed over pixels: the return leg's 1/R^2 is in dOmega).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigError, SchemaError
+from .decode import Decoded, PixelGrid, Real, decode, pixel_grid
+from .doppler import (
+    FLAG_CROSSED,
+    FLAG_MIXED,
+    FLAG_ONE_PASS,
+    FLAG_TOO_FAST,
+    MAX_SPEED_MPS,
+    Flags,
+    range_rate,
+)
+from .frames import RadarFrame
+
+Weighting = Literal["radar-equation", "paper"]
+
+#: |G B/R^2 - 1| above which a pixel counts as mixed. float32 noise stays below 2e-6; 1e-5 is a
+#: spread of ranges (rms, one-way) of 0.16 % of the code length.
+MIXED_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class PathCounts:
+    """How many pixels with an echo there were, and what was wrong with some of them."""
+
+    paths: int = 0
+    mixed: int = 0
+    one_pass: int = 0
+    too_fast: int = 0
+    crossed: int = 0
+    beyond_code: int = 0
+    not_coded: int = 0
+
+    def __add__(self, other: PathCounts) -> PathCounts:
+        return PathCounts(
+            *(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__)
+        )
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Propagation paths, one a row; all arrays of one length.
+
+    Attributes
+    ----------
+    radiance
+        L [W m^-2 sr^-1].
+    solid_angle_sr
+        Solid angle of the pixel [sr].
+    length_m
+        Total length at t, from camera over the scatterers to the emitter [m].
+    range_rate_mps
+        Rate of the one-way range length/2, receding positive [m/s]; 0 where unknown (see flags).
+    ring, row, col
+        Where the path was found.
+    flags
+        FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED of :mod:`.doppler`.
+    counts
+        Of all pixels, those without a path included.
+    """
+
+    radiance: Real
+    solid_angle_sr: Real
+    length_m: Real
+    range_rate_mps: Real
+    ring: NDArray[np.int32]
+    row: NDArray[np.int32]
+    col: NDArray[np.int32]
+    flags: Flags
+    counts: PathCounts = field(default_factory=PathCounts)
+
+    def __len__(self) -> int:
+        return int(self.radiance.size)
+
+    @property
+    def range_m(self) -> Real:
+        """One-way range at t, half the total length [m]."""
+        return self.length_m / 2
+
+    def select(self, keep: NDArray[np.bool_] | slice) -> Paths:
+        """The rows that `keep` names, with counts of these rows alone."""
+        rows = (
+            self.radiance[keep],
+            self.solid_angle_sr[keep],
+            self.length_m[keep],
+            self.range_rate_mps[keep],
+            self.ring[keep],
+            self.row[keep],
+            self.col[keep],
+            self.flags[keep],
+        )
+        return Paths(*rows, counts=_count_flags(rows[-1]))
+
+
+def _count_flags(flags: Flags, beyond_code: int = 0, not_coded: int = 0) -> PathCounts:
+    def number(flag: int) -> int:
+        return int(np.count_nonzero(flags & flag))
+
+    return PathCounts(
+        paths=int(flags.size),
+        mixed=number(FLAG_MIXED),
+        one_pass=number(FLAG_ONE_PASS),
+        too_fast=number(FLAG_TOO_FAST),
+        crossed=number(FLAG_CROSSED),
+        beyond_code=beyond_code,
+        not_coded=not_coded,
+    )
+
+
+def make_paths(
+    radiance: Real | float,
+    length_m: Real | float,
+    range_rate_mps: Real | float = 0.0,
+    solid_angle_sr: Real | float = 1.0,
+) -> Paths:
+    """Paths from plain numbers or 1-D arrays, for tests and for targets without a render."""
+    columns = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(a, dtype=np.float64))
+          for a in (radiance, solid_angle_sr, length_m, range_rate_mps))
+    )
+    radiance_, solid, length, rate = (np.array(column) for column in columns)
+    zeros = np.zeros(radiance_.size, dtype=np.int32)
+    flags = np.zeros(radiance_.size, dtype=np.uint8)
+    return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, _count_flags(flags))
+
+
+def iter_paths(
+    frame: RadarFrame,
+    *,
+    max_speed_mps: float = MAX_SPEED_MPS,
+    mixed_tolerance: float = MIXED_TOLERANCE,
+) -> Iterator[Paths]:
+    """Paths of one radar frame, ring by ring; at most three rings are in memory at a time.
+
+    Parameters
+    ----------
+    frame
+        Radar frame with one or two passes. With one, every range rate is 0 and flagged.
+    max_speed_mps
+        Limit of a believable |range rate|, see :func:`.doppler.range_rate` [m/s].
+    mixed_tolerance
+        |G B/R^2 - 1| above which a pixel is flagged as mixed.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        As :meth:`RadarFrame.image`; SchemaError also where the times of the passes do not fit.
+    """
+    reader = _RingReader(frame)
+    for ring in range(frame.rings):
+        first = reader.get(ring, 0)
+        if frame.passes == 2:
+            neighbours = [
+                (reader.get(n, 0), reader.get(n, 1))
+                for n in (ring - 1, ring + 1)
+                if 0 <= n < frame.rings
+            ]
+            rate, flags = range_rate(
+                first, reader.get(ring, 1), reader.delta_t_s, neighbours, max_speed_mps
+            )
+        else:
+            rate = np.zeros(first.mask.shape)
+            flags = np.full(first.mask.shape, FLAG_ONE_PASS, dtype=np.uint8)
+        reader.drop_before(ring)
+        yield _ring_paths(ring, first, rate, flags, mixed_tolerance)
+
+
+def frame_paths(
+    frame: RadarFrame,
+    *,
+    max_speed_mps: float = MAX_SPEED_MPS,
+    mixed_tolerance: float = MIXED_TOLERANCE,
+) -> Paths:
+    """All paths of one radar frame in one table, see :func:`iter_paths`."""
+    return join_paths(
+        iter_paths(frame, max_speed_mps=max_speed_mps, mixed_tolerance=mixed_tolerance)
+    )
+
+
+def join_paths(parts: Iterable[Paths]) -> Paths:
+    """One table of several; an empty one of none."""
+    tables = list(parts)
+    if not tables:
+        return make_paths(np.empty(0), np.empty(0))
+    names = [name for name in Paths.__dataclass_fields__ if name != "counts"]
+    columns = {name: np.concatenate([getattr(t, name) for t in tables]) for name in names}
+    return Paths(**columns, counts=sum((t.counts for t in tables), PathCounts()))
+
+
+class _RingReader:
+    """Decodes renders on demand and keeps those of neighbouring rings."""
+
+    def __init__(self, frame: RadarFrame) -> None:
+        self._frame = frame
+        self._kept: dict[tuple[int, int], Decoded] = {}
+        self._grids: dict[object, PixelGrid] = {}
+        self._times_s: dict[int, float] = {}
+
+    def get(self, ring: int, pass_index: int) -> Decoded:
+        key = (ring, pass_index)
+        if key not in self._kept:
+            record, channels = self._frame.image(ring, pass_index)
+            time_s = self._times_s.setdefault(pass_index, record.time_s)
+            if time_s != record.time_s:
+                raise SchemaError(
+                    f"{self._frame.path}: ring {ring}, pass {pass_index} is at {record.time_s} s, "
+                    f"other rings of the pass at {time_s} s. Render this frame again."
+                )
+            view = repr(record.camera)
+            if view not in self._grids:
+                self._grids.clear()
+                self._grids[view] = pixel_grid(record.camera, record.width_px, record.height_px)
+            self._kept[key] = decode(record, channels, self._grids[view])
+        return self._kept[key]
+
+    @property
+    def delta_t_s(self) -> float:
+        """Time between the passes, as the sidecars have it [s]."""
+        measured_s = self._times_s[1] - self._times_s[0]
+        planned_s = self._frame.record.delta_t_s
+        # the difference of two scene times keeps fewer digits than delta t itself
+        slack_s = 1e-6 * planned_s + 1e-12 * abs(self._times_s[1])
+        if abs(measured_s - planned_s) > slack_s:
+            raise SchemaError(
+                f"{self._frame.path}: the passes are {measured_s!r} s apart, the run's plan has "
+                f"{planned_s!r} s. Render this frame again."
+            )
+        return planned_s
+
+    def drop_before(self, ring: int) -> None:
+        for key in [key for key in self._kept if key[0] < ring]:
+            del self._kept[key]
+
+
+def _ring_paths(
+    ring: int, decoded: Decoded, rate_mps: Real, flags: Flags, mixed_tolerance: float
+) -> Paths:
+    row, col = np.nonzero(decoded.mask)
+    here = flags[row, col]
+    # NaN (undefined) compares false: it is not counted as mixed
+    here |= FLAG_MIXED * (np.abs(decoded.mixing[row, col] - 1) > mixed_tolerance).astype(np.uint8)
+    return Paths(
+        radiance=decoded.radiance[row, col],
+        solid_angle_sr=decoded.solid_angle_sr[row, col],
+        length_m=decoded.total_length_m[row, col],
+        range_rate_mps=rate_mps[row, col],
+        ring=np.full(row.size, ring, dtype=np.int32),
+        row=row.astype(np.int32),
+        col=col.astype(np.int32),
+        flags=here,
+        counts=_count_flags(here, decoded.beyond_code, decoded.not_coded),
+    )
+
+
+def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) -> Real:
+    """Power that each path brings to the receiver's terminals [W].
+
+    P = L A_e dOmega with A_e = G_r lambda^2 / (4 pi). Transmit power and gain are in L already:
+    the lamp's power is the EIRP P_t G_t.
+
+    Parameters
+    ----------
+    paths
+        Paths.
+    wavelength_m
+        Carrier wavelength [m].
+    receiver_gain
+        G_r, linear, over isotropic.
+    """
+    aperture_m2 = receiver_gain * wavelength_m**2 / (4 * math.pi)
+    return paths.radiance * aperture_m2 * paths.solid_angle_sr
+
+
+def path_amplitude(
+    paths: Paths,
+    wavelength_m: float,
+    weighting: Weighting = "radar-equation",
+    receiver_gain: float = 1.0,
+) -> Real:
+    """Amplitude of each path in the echo.
+
+    Parameters
+    ----------
+    paths
+        Paths.
+    wavelength_m
+        Carrier wavelength [m].
+    weighting
+        "radar-equation": sqrt(P) in sqrt(W), so that |amplitude|^2 is received power.
+        "paper": B r^2 (Eq. 10, 14): blue is taken as amplitude, weighted with the square of the
+        one-way range. B r^2 is the same number in Blender units (B per unit^2, r in units) and in
+        SI (L per m^2, r in m). Follows the radar equation in R for one object, not in its size.
+    receiver_gain
+        G_r, linear; used by "radar-equation" alone.
+    """
+    if weighting == "radar-equation":
+        return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))
+    if weighting == "paper":
+        return paths.radiance * paths.range_m**2
+    raise ConfigError(f"Weighting {weighting!r}; expected one of {get_args(Weighting)}.")
