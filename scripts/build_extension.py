@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Build dist/radarsim-VERSION.zip, the extension that Blender 4.3 and later install from disk.
+
+    python scripts/build_extension.py [--out DIR]
+
+Built and validated by Blender's own extension tool, which lies in bpy's wheel and needs no Blender
+program. The same sources give the same bytes: entries are sorted and carry one fixed time
+(SOURCE_DATE_EPOCH, else 1980), whoever builds it and wherever.
+
+Exit codes: 0 built and valid, 1 not (the message says why).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "radarsim_addon"
+#: What an extension carries; anything else in the package's folder is not the extension's.
+SUFFIXES = {".py", ".toml", ".json", ".osl", ".png", ".svg", ".blend", ".csv", ".typed"}
+_EPOCH_1980 = 315532800
+
+
+class BuildError(Exception):
+    """The extension cannot be built; the message says why and how to mend it."""
+
+
+def extension_tool() -> Path:
+    """Blender's ``blender_ext.py``, found in bpy's wheel without importing it."""
+    spec = importlib.util.find_spec("bpy")
+    if spec is None or spec.origin is None:
+        raise BuildError(
+            f"bpy is not installed for {sys.executable}; its wheel holds Blender's extension tool. "
+            "Run `make extension`, or pip install '.[blender]' first."
+        )
+    pattern = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
+    found = sorted(Path(spec.origin).parent.glob(pattern))
+    if not found:
+        raise BuildError(f"No {pattern} below {Path(spec.origin).parent}: install bpy again.")
+    return found[-1]
+
+
+def package_files() -> list[Path]:
+    """The files of the package that belong to the extension, sorted, relative to the package."""
+    return sorted(
+        path.relative_to(PACKAGE)
+        for path in PACKAGE.rglob("*")
+        if path.is_file() and path.suffix in SUFFIXES and "__pycache__" not in path.parts
+    )
+
+
+def read_manifest() -> dict[str, object]:
+    """The manifest, checked against the package's own version."""
+    path = PACKAGE / "blender_manifest.toml"
+    try:
+        manifest = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise BuildError(f"{path} is missing: the extension needs its manifest.") from error
+    except tomllib.TOMLDecodeError as error:
+        raise BuildError(f"{path} is not TOML: {error}") from error
+    version = package_version()
+    if manifest.get("version") != version:
+        raise BuildError(
+            f"{path} has version {manifest.get('version')!r}, radarsim_addon/__init__.py has "
+            f"{version!r}: write the same in both."
+        )
+    return manifest
+
+
+def package_version() -> str:
+    """``__version__`` as written in the package, read without importing it."""
+    for line in (PACKAGE / "__init__.py").read_text(encoding="utf-8").splitlines():
+        if line.startswith("__version__"):
+            return line.split("=", 1)[1].strip().strip("\"'")
+    raise BuildError(f"{PACKAGE / '__init__.py'} has no line __version__ = ...")
+
+
+def run_tool(*arguments: str) -> None:
+    """Run Blender's extension tool.
+
+    Raises
+    ------
+    BuildError
+        The tool was not content; the message holds what it said.
+    """
+    done = subprocess.run(
+        [sys.executable, str(extension_tool()), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = (done.stdout + done.stderr).strip()
+    if done.returncode != 0 or "FATAL_ERROR" in said:
+        raise BuildError(f"Blender's extension tool refused `{' '.join(arguments)}`:\n{said}")
+
+
+def normalise(source: Path, target: Path) -> None:
+    """Write the archive again with sorted entries and one fixed time, under a temporary name."""
+    epoch = max(int(os.environ.get("SOURCE_DATE_EPOCH", _EPOCH_1980)), _EPOCH_1980)
+    moment = time.gmtime(epoch)[:6]
+    temporary = target.with_name(target.name + ".part")
+    with (
+        zipfile.ZipFile(source) as old,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as new,
+    ):
+        for name in sorted(n for n in old.namelist() if not n.endswith("/")):
+            entry = zipfile.ZipInfo(name, moment)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix, also when built on Windows
+            entry.external_attr = 0o100644 << 16
+            new.writestr(entry, old.read(name))
+    os.replace(temporary, target)
+
+
+def build(out: Path) -> Path:
+    """Build and validate the extension.
+
+    Parameters
+    ----------
+    out
+        Folder for the archive; made when missing.
+
+    Returns
+    -------
+    Path
+        ``out/ID-VERSION.zip``.
+    """
+    manifest = read_manifest()
+    out.mkdir(parents=True, exist_ok=True)
+    target = out / f"{manifest['id']}-{manifest['version']}.zip"
+    with tempfile.TemporaryDirectory(prefix="radarsim-build-") as folder:
+        stage = Path(folder) / "source"
+        for name in package_files():
+            (stage / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(PACKAGE / name, stage / name)
+        shutil.copyfile(ROOT / "LICENSE", stage / "LICENSE")
+        raw = Path(folder) / "raw.zip"
+        run_tool("build", "--source-dir", str(stage), "--output-filepath", str(raw))
+        final = Path(folder) / target.name
+        normalise(raw, final)
+        run_tool("validate", str(final))
+        partial = target.with_name(target.name + ".part")
+        shutil.copyfile(final, partial)
+        os.replace(partial, target)
+    return target
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the archive")
+    arguments = parser.parse_args(argv)
+    try:
+        target = build(arguments.out)
+    except (BuildError, OSError) as error:
+        print(f"build_extension: {error}", file=sys.stderr)
+        return 1
+    print(f"{target}  ({target.stat().st_size / 1024:.0f} KiB, valid)")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
