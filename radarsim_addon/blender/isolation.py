@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keeps out of a measurement what does not carry the range code: other lamps, other materials.
+
+Light of another lamp has no code at the emitter, light reflected by another material none at that
+surface: both would read as wrong ranges. Other lamps are hidden; objects without Radar Material
+absorb, so they still cast a radar shadow but give no echo. Everything goes through a `Recorder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from .nodes import is_radar_material
+from .recorder import Recorder
+
+#: Object types whose surface Cycles shades by material slots.
+SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
+#: Object types that Cycles renders and that have no radar model.
+UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
+_ABSORBER = "radarsim absorber (temporary)"
+_NAMES_SHOWN = 5
+
+
+def isolate(recorder: Recorder, scene: Any, emitter: Any) -> list[str]:
+    """Leave one lamp and the Radar Materials in the measurement.
+
+    Returns
+    -------
+    list of str
+        Warnings about objects that give no echo.
+    """
+    _hide_other_lamps(recorder, emitter)
+    silent = [item.name for item in scene.objects if _is_silent(item)]
+    unsupported = [
+        item.name
+        for item in scene.objects
+        if item.type in UNSUPPORTED_TYPES and not item.hide_render
+    ]
+    _absorb_other_materials(recorder)
+    _absorb_bare_objects(recorder, scene)
+    for item in scene.objects:
+        if item.type in UNSUPPORTED_TYPES:
+            _hide(recorder, item)
+    warnings = []
+    if silent:
+        warnings.append(
+            f"No Radar Material on {_names(silent)}: no echo, but a radar shadow. "
+            "Select and press Radar > Material > Assign."
+        )
+    if unsupported:
+        warnings.append(
+            f"Left out of the measurement: {_names(unsupported)} (volumes and grease pencil have "
+            "no radar model). Convert to a mesh to measure it."
+        )
+    return warnings
+
+
+def echoes(item: Any) -> bool:
+    """Whether an object can echo: a Radar Material in a slot, or one set by geometry nodes."""
+    if item.type not in SURFACE_TYPES:
+        return False
+    if any(slot.material and is_radar_material(slot.material) for slot in item.material_slots):
+        return True
+    return any(modifier.type == "NODES" for modifier in item.modifiers)
+
+
+def _is_silent(item: Any) -> bool:
+    return item.type in SURFACE_TYPES and not item.hide_render and not echoes(item)
+
+
+def _names(names: list[str]) -> str:
+    shown = ", ".join(repr(name) for name in names[:_NAMES_SHOWN])
+    more = len(names) - _NAMES_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _hide_other_lamps(recorder: Recorder, emitter: Any) -> None:
+    # Any other lamp takes samples from ours, however weak it is; lamps inside instanced
+    # collections are not among scene.objects, so all lamps of the file are asked.
+    for item in bpy.data.objects:
+        if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
+            _hide(recorder, item)
+    _mute_animation(recorder, emitter, "hide_render")
+
+
+def _hide(recorder: Recorder, item: Any) -> None:
+    _mute_animation(recorder, item, "hide_render")
+    recorder.set(item, "hide_render", True)
+
+
+def _mute_animation(recorder: Recorder, item: Any, data_path: str) -> None:
+    """Keep animation from overriding a setting at the next frame."""
+    for curve in _curves(item.animation_data):
+        if curve.data_path == data_path:
+            recorder.set(curve, "mute", True)
+
+
+def _curves(animation: Any) -> Iterator[Any]:
+    """F-curves and drivers of a data-block: layered actions (4.4 and later) and older ones."""
+    if animation is None:
+        return
+    yield from animation.drivers
+    action = animation.action
+    if action is None:
+        return
+    if not hasattr(action, "layers"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                if bag.slot == animation.action_slot:
+                    yield from bag.fcurves
+
+
+def _absorb_other_materials(recorder: Recorder) -> None:
+    for material in bpy.data.materials:
+        if material.is_grease_pencil or is_radar_material(material):
+            continue
+        if not material.use_nodes or material.node_tree is None:
+            recorder.set(material, "use_nodes", True)  # up to 4.5; always on later
+        if material.node_tree is not None:
+            _absorb(recorder, material)
+
+
+def _absorb(recorder: Recorder, material: Any) -> None:
+    """Give a material a second output that absorbs, and make it the active one."""
+    nodes = material.node_tree.nodes
+    outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
+    active = material.node_tree.get_output_node("CYCLES")
+    volume_only = active is not None and (
+        active.inputs["Volume"].is_linked and not active.inputs["Surface"].is_linked
+    )
+    output = nodes.new("ShaderNodeOutputMaterial")
+    output.name = _ABSORBER
+    added = [output]
+    recorder.on_restore(material.name, lambda: _remove(nodes, added))
+    if volume_only:
+        # Fog has no surface; without its volume nothing of it may remain.
+        clear = nodes.new("ShaderNodeBsdfTransparent")
+        added.append(clear)
+        material.node_tree.links.new(clear.outputs[0], output.inputs["Surface"])
+    else:
+        # An unconnected output would do, but versions differ in what it shades.
+        black = nodes.new("ShaderNodeEmission")
+        black.inputs["Strength"].default_value = 0.0
+        added.append(black)
+        material.node_tree.links.new(black.outputs[0], output.inputs["Surface"])
+    for other in outputs:
+        recorder.set(other, "is_active_output", False)
+    output.is_active_output = True
+    # Meshes that emit are sampled like lamps.
+    recorder.set(material.cycles, "emission_sampling", "NONE")
+
+
+def _remove(nodes: Any, added: list[Any]) -> None:
+    for node in added:
+        nodes.remove(node)
+
+
+def _absorb_bare_objects(recorder: Recorder, scene: Any) -> None:
+    """Objects without any material get Blender's grey default, which carries no code."""
+    bare = [
+        item.data
+        for item in scene.objects
+        if item.type in SURFACE_TYPES
+        and not any(slot.material for slot in item.material_slots)
+        and not any(modifier.type == "NODES" for modifier in item.modifiers)
+    ]
+    if not bare:
+        return
+    absorber = bpy.data.materials.new(_ABSORBER)
+    recorder.on_restore(_ABSORBER, lambda: bpy.data.materials.remove(absorber))
+    if absorber.node_tree is None:
+        absorber.use_nodes = True
+    tree = absorber.node_tree
+    tree.nodes.clear()
+    black = tree.nodes.new("ShaderNodeEmission")
+    black.inputs["Strength"].default_value = 0.0
+    tree.links.new(
+        black.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"]
+    )
+    for data in dict.fromkeys(bare):
+        if len(data.materials) == 0:
+            data.materials.append(absorber)
+            recorder.on_restore(data.name, data.materials.pop)
+        else:
+            for index in range(len(data.materials)):
+                _fill_slot(recorder, data, index, absorber)
+
+
+def _fill_slot(recorder: Recorder, data: Any, index: int, absorber: Any) -> None:
+    data.materials[index] = absorber
+
+    def undo() -> None:
+        data.materials[index] = None
+
+    recorder.on_restore(data.name, undo)

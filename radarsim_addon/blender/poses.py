@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Antennas as the sidecars record them: poses in metres and float64, the frustum in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import contract
+from .render_settings import NEAR_CLIP_UNITS
+from .rig import Rig, check_scale
+
+
+def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]:
+    """Pose, shape (4, 4): Blender's matrix with exact rotation and the translation in metres.
+
+    float32 leaves the axes orthonormal to 1e-7 only; the polar decomposition takes the nearest
+    rotation.
+    """
+    matrix = np.array(matrix_world, dtype=np.float64)
+    left, _, right = np.linalg.svd(matrix[:3, :3])
+    pose = np.eye(4)
+    pose[:3, :3] = left @ right
+    pose[:3, 3] = matrix[:3, 3] * metres_per_unit
+    return pose
+
+
+def frustum(camera: Any, width_px: int, height_px: int) -> tuple[float, float, float, float]:
+    """Tangents of the frame's left, right, bottom and top edge.
+
+    Blender's rule: the sensor's fitted dimension sees sensor / lens, the other one follows from the
+    pixels (which are square), and lens shift is in units of the fitted dimension.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+        A perspective camera.
+    width_px, height_px
+        Size of the render.
+    """
+    fit = camera.sensor_fit
+    if fit == "AUTO":
+        fit = "HORIZONTAL" if width_px >= height_px else "VERTICAL"
+        sensor = camera.sensor_width  # AUTO takes the width for either side
+    else:
+        sensor = camera.sensor_width if fit == "HORIZONTAL" else camera.sensor_height
+    fitted_px = width_px if fit == "HORIZONTAL" else height_px
+    size = float(sensor) / float(camera.lens)
+    half_u = 0.5 * size * width_px / fitted_px
+    half_v = 0.5 * size * height_px / fitted_px
+    shift_u = float(camera.shift_x) * size
+    shift_v = float(camera.shift_y) * size
+    return shift_u - half_u, shift_u + half_u, shift_v - half_v, shift_v + half_v
+
+
+def camera_record(
+    rig: Rig, depsgraph: Any, metres_per_unit: float, width_px: int, height_px: int
+) -> contract.CameraRecord:
+    """Receiver as it is at the depsgraph's time.
+
+    Raises
+    ------
+    SceneError
+        The camera is scaled.
+    """
+    camera = rig.camera.evaluated_get(depsgraph)
+    check_scale(rig.camera, camera.matrix_world)
+    left, right, bottom, top = frustum(camera.data, width_px, height_px)
+    return contract.CameraRecord(
+        kind="perspective",
+        matrix_world=rigid_pose(camera.matrix_world, metres_per_unit).tolist(),
+        left=left,
+        right=right,
+        bottom=bottom,
+        top=top,
+        near_clip_m=NEAR_CLIP_UNITS * metres_per_unit,
+    )
+
+
+def emitter_record(rig: Rig, depsgraph: Any, metres_per_unit: float) -> contract.EmitterRecord:
+    """Transmitter as it is at the depsgraph's time.
+
+    Raises
+    ------
+    SceneError
+        The lamp is scaled.
+    """
+    emitter = rig.emitter.evaluated_get(depsgraph)
+    check_scale(rig.emitter, emitter.matrix_world)
+    exposure = float(getattr(emitter.data, "exposure", 0.0))
+    return contract.EmitterRecord(
+        matrix_world=rigid_pose(emitter.matrix_world, metres_per_unit).tolist(),
+        eirp_w=float(emitter.data.energy) * 2.0**exposure,
+    )
