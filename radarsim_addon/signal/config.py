@@ -92,7 +92,7 @@ class Burst:
     def __post_init__(self) -> None:
         _positive("PRF", self.prf_hz, "hertz")
         if not (isinstance(self.pulses, int) and self.pulses >= 1):
-            raise ConfigError(f"Number of pulses is {self.pulses!r}; expected an integer from 1 up.")
+            raise ConfigError(f"Number of pulses is {self.pulses!r}; expected an integer from 1.")
 
     @property
     def unambiguous_range_m(self) -> float:

@@ -79,7 +79,7 @@ def pixel_grid(camera: CameraRecord, width_px: int, height_px: int) -> PixelGrid
         for node_u, weight_u in zip(nodes, weights, strict=True):
             square = 1 + (u + du * node_u)[None, :] ** 2 + (v + dv * node_v)[:, None] ** 2
             solid += weight_u * weight_v / (square * np.sqrt(square))
-    return PixelGrid(u, v, solid * (du * dv))
+    return PixelGrid(np.asarray(u), np.asarray(v), solid * (du * dv))
 
 
 @dataclass(frozen=True)

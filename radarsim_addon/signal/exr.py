@@ -8,6 +8,7 @@ tried. Files are judged by :mod:`.exrheader` first, because both libraries accep
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import os
@@ -181,10 +182,9 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
             "Choose an output folder that exists, is writable and has room."
         ) from error
     finally:
-        try:
+        # if the folder itself is gone or read-only, the error above says so
+        with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-        except OSError:
-            pass  # the folder itself is gone or read-only: the error above says so
 
 
 def _write_openexr(module: Any, path: Path, planes: Mapping[str, FloatImage]) -> None:

@@ -143,8 +143,8 @@ class RadarFrame:
         for name, value in expected.items():
             if getattr(record, name) != value:
                 raise SchemaError(
-                    f"{sidecar}: {name} is {getattr(record, name)!r}, the run's plan has {value!r}. "
-                    "The file belongs to another run: remove it and render this run again."
+                    f"{sidecar}: {name} is {getattr(record, name)!r}, the run's plan has "
+                    f"{value!r}. The file is of another run: remove it and render this run again."
                 )
         for name in ("metres_per_unit", "code_length_m"):
             value = getattr(record, name)

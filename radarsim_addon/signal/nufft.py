@@ -118,7 +118,8 @@ def _gridding(points: Real, values: Complex, size: int, tolerance: float) -> Com
         imaginary += np.bincount(flat, (kernel * c.imag[:, None]).ravel(), grid_size)
     spectrum = np.fft.fft(real + 1j * imaginary)
     k = np.arange(size) - size // 2
-    return spectrum[k % grid_size] / _kernel_transform(k / grid_size, width, beta)
+    transform = _kernel_transform(np.asarray(k / grid_size), width, beta)
+    return np.asarray(spectrum[k % grid_size] / transform, dtype=np.complex128)
 
 
 def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:

@@ -131,8 +131,10 @@ def make_paths(
 ) -> Paths:
     """Paths from plain numbers or 1-D arrays, for tests and for targets without a render."""
     columns = np.broadcast_arrays(
-        *(np.atleast_1d(np.asarray(a, dtype=np.float64))
-          for a in (radiance, solid_angle_sr, length_m, range_rate_mps))
+        *(
+            np.atleast_1d(np.asarray(a, dtype=np.float64))
+            for a in (radiance, solid_angle_sr, length_m, range_rate_mps)
+        )
     )
     radiance_, solid, length, rate = (np.array(column) for column in columns)
     zeros = np.zeros(radiance_.size, dtype=np.int32)

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pulse compression: matched filter with window, and the speckle-free profile it should show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigError
+from ..physics.constants import SPEED_OF_LIGHT_MPS
+from .config import Radar
+from .echoes import MAX_SAMPLES, Echoes, check_window
+from .nufft import Backend, nufft1, smooth_size
+from .paths import Paths, Weighting, path_amplitude
+from .waveform import frequencies_hz, matched_filter, replica_spectrum, replica_times_s
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """Range-compressed pulses.
+
+    Attributes
+    ----------
+    values
+        (pulses, ranges), complex. A unit path at range r peaks at r with magnitude 1 and phase
+        -4 pi r / lambda, whatever the window.
+    range_m
+        One-way range of each column, evenly spaced, (ranges,) [m].
+    radar
+        Waveform and burst.
+    window
+        Window over the band.
+    """
+
+    values: Complex
+    range_m: Real
+    radar: Radar
+    window: str
+
+
+@dataclass(frozen=True)
+class PowerProfile:
+    """Power against range, as expected on average over the speckle.
+
+    Attributes
+    ----------
+    power
+        sum_i P_i |h(r - r_i)|^2, (ranges,): a single path of power P peaks at P.
+    range_m
+        One-way range, evenly spaced, (ranges,) [m].
+    radar
+        Waveform and burst.
+    window
+        Window over the band.
+    """
+
+    power: Real
+    range_m: Real
+    radar: Radar
+    window: str
+
+
+def _range_axis(radar: Radar, window_m: tuple[float, float], oversample: int) -> Real:
+    if not (isinstance(oversample, int) and 1 <= oversample <= 64):
+        raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
+    step_m = radar.waveform.sample_spacing_m / oversample
+    count = int(np.floor((window_m[1] - window_m[0]) / step_m + 1e-9)) + 1
+    return np.asarray(window_m[0] + step_m * np.arange(count))
+
+
+def _interpolate(spectrum: Complex, oversample: int) -> Complex:
+    """Samples of a band-limited spectrum (FFT order, last axis) on an `oversample` finer grid."""
+    size = spectrum.shape[-1]
+    half = (size + 1) // 2
+    padded = np.zeros((*spectrum.shape[:-1], size * oversample), dtype=np.complex128)
+    padded[..., :half] = spectrum[..., :half]
+    padded[..., half - size :] = spectrum[..., half:]
+    return np.asarray(np.fft.ifft(padded) * oversample)
+
+
+def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Compressed:
+    """Matched filter: multiply with conj(W(f)) and a window over the band.
+
+    Parameters
+    ----------
+    echoes
+        Echoes.
+    window
+        Window over the band, see :mod:`.windows`. Hamming widens the response 1.47 times over no
+        window and lowers its sidelobes from -13.3 to -42.7 dB.
+    oversample
+        Range samples per sample of the echo.
+
+    Returns
+    -------
+    Compressed
+        Over ``echoes.window_m``.
+    """
+    waveform = echoes.radar.waveform
+    range_m = _range_axis(echoes.radar, echoes.window_m, oversample)
+    chirp = replica_times_s(waveform).size
+    size = smooth_size(echoes.samples.shape[1] + chirp)
+    if size * oversample * echoes.samples.shape[0] > MAX_SAMPLES:
+        raise ConfigError(
+            f"{echoes.samples.shape[0]} pulses of {size * oversample} ranges are more than "
+            f"{MAX_SAMPLES}. Choose a shorter range window or less oversampling."
+        )
+    offset_s = 2 * echoes.window_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
+    shift = np.exp(2j * np.pi * frequencies_hz(waveform, size) * offset_s)
+    response = matched_filter(waveform, size, window) * shift
+    values = np.empty((echoes.samples.shape[0], range_m.size), dtype=np.complex128)
+    for pulse, samples in enumerate(echoes.samples):  # one at a time: no padded copy of them all
+        line = _interpolate(np.fft.fft(samples, size) * response, oversample)
+        values[pulse] = line[: range_m.size]
+    return Compressed(values, range_m, echoes.radar, window)
+
+
+class ProfileAccumulator:
+    """Adds up the expected power of paths that come in parts; see `expected_power_profile`."""
+
+    def __init__(
+        self,
+        radar: Radar,
+        window_m: tuple[float, float],
+        *,
+        window: str = "hamming",
+        weighting: Weighting = "radar-equation",
+        receiver_gain: float = 1.0,
+        oversample: int = 4,
+        method: Backend = "auto",
+    ) -> None:
+        if oversample < 2:
+            raise ConfigError(
+                f"Oversampling is {oversample!r}; power has twice the band of the echo, so at "
+                "least 2 is needed."
+            )
+        self._radar, self._window = radar, window
+        self._weighting: Weighting = weighting
+        self._gain = receiver_gain
+        self._method: Backend = method
+        self._range_m = _range_axis(radar, check_window(window_m), oversample)
+        chirp = replica_times_s(radar.waveform).size
+        self._base = smooth_size(-(-self._range_m.size // oversample) + 4 * chirp)
+        self._oversample = oversample
+        self._size = self._base * oversample
+        if self._size > MAX_SAMPLES:
+            raise ConfigError(
+                f"A profile of {self._size} ranges; at most {MAX_SAMPLES}. Choose a shorter range "
+                "window or less oversampling."
+            )
+        # the compressed pulse is two chirps long: what lies further out does not reach in
+        self._margin_m = (2 * chirp - 1) * radar.waveform.sample_spacing_m
+        self._sum = np.zeros(self._size, dtype=np.complex128)
+
+    def add(self, paths: Paths) -> None:
+        """Add the power of these paths, where they are at t."""
+        power = path_amplitude(
+            paths, self._radar.waveform.wavelength_m, self._weighting, self._gain
+        )
+        offset_m = paths.range_m - self._range_m[0]
+        span_m = self._range_m[-1] - self._range_m[0]
+        near = (offset_m > -self._margin_m) & (offset_m < span_m + self._margin_m)
+        step_m = self._radar.waveform.sample_spacing_m / self._oversample
+        points = offset_m[near] * (2 * np.pi / (step_m * self._size))
+        # 1e-13: far echoes stand many tens of dB below near ones
+        self._sum += nufft1(points, power[near] ** 2, self._size, 1e-13, self._method)
+
+    def result(self) -> PowerProfile:
+        """Profile of all paths added so far."""
+        waveform = self._radar.waveform
+        response = replica_spectrum(waveform, self._base) * matched_filter(
+            waveform, self._base, self._window
+        )
+        point_power = np.abs(_interpolate(response, self._oversample)) ** 2
+        spectrum = np.fft.ifftshift(self._sum) * np.fft.fft(point_power)
+        power = np.maximum(np.fft.ifft(spectrum).real[: self._range_m.size], 0.0)
+        return PowerProfile(power, self._range_m, self._radar, self._window)
+
+
+def expected_power_profile(
+    paths: Paths | Iterable[Paths],
+    radar: Radar,
+    *,
+    window_m: tuple[float, float],
+    window: str = "hamming",
+    weighting: Weighting = "radar-equation",
+    receiver_gain: float = 1.0,
+    oversample: int = 4,
+    method: Backend = "auto",
+) -> PowerProfile:
+    """The profile that the matched filter shows on average over the speckle.
+
+    The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path: what the
+    coherent profile fluctuates about when the phases of the paths are random. Taken at t, before
+    anything moves.
+
+    Parameters
+    ----------
+    paths
+        Paths, or several tables of them.
+    radar
+        Waveform and burst.
+    window_m
+        One-way ranges (start, stop) [m].
+    window
+        Window over the band, see :mod:`.windows`.
+    weighting, receiver_gain
+        See :func:`.paths.path_amplitude`; P_i is the square of the amplitude.
+    oversample
+        Ranges per sample of the echo, at least 2.
+    method
+        Engine of the non-uniform FFT.
+    """
+    accumulator = ProfileAccumulator(
+        radar,
+        window_m,
+        window=window,
+        weighting=weighting,
+        receiver_gain=receiver_gain,
+        oversample=oversample,
+        method=method,
+    )
+    for part in [paths] if isinstance(paths, Paths) else paths:
+        accumulator.add(part)
+    return accumulator.result()
