@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The archive holds what it should, no more, and is the same each time."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import radarsim_addon
+from scripts import build_extension
+
+
+def names(archive: Path) -> set[str]:
+    with zipfile.ZipFile(archive) as opened:
+        return set(opened.namelist())
+
+
+def test_every_module_is_in_it_and_nothing_else(archive: Path, root: Path):
+    package = root / "radarsim_addon"
+    modules = {path.relative_to(package).as_posix() for path in package.rglob("*.py")}
+    assert modules <= names(archive)
+    assert {"blender_manifest.toml", "LICENSE"} <= names(archive)
+    assert not [name for name in names(archive) if "__pycache__" in name or name.endswith(".pyc")]
+    with zipfile.ZipFile(archive) as opened:
+        for name in sorted(modules):
+            assert opened.read(name) == (package / name).read_bytes(), name
+
+
+def test_no_file_of_the_package_is_forgotten(root: Path):
+    """A new kind of file must be named in the build, or it would be missing in Blender alone."""
+    package = root / "radarsim_addon"
+    carried = set(build_extension.package_files())
+    for path in package.rglob("*"):
+        if path.is_file() and "__pycache__" not in path.parts and path.suffix != ".part":
+            assert path.relative_to(package) in carried, path
+
+
+def test_manifest(archive: Path):
+    with zipfile.ZipFile(archive) as opened:
+        manifest = tomllib.loads(opened.read("blender_manifest.toml").decode())
+    assert manifest["id"] == "radarsim"
+    assert manifest["version"] == radarsim_addon.__version__
+    assert manifest["blender_version_min"] == "4.3.0"
+    assert manifest["license"] == ["SPDX:GPL-3.0-or-later"]
+    assert archive.name == f"radarsim-{radarsim_addon.__version__}.zip"
+
+
+def test_the_same_sources_give_the_same_bytes(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    copy = tmp_path / "elsewhere"
+    shutil.copytree(
+        build_extension.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"),
+        copy_function=shutil.copyfile,
+    )  # fmt: skip
+    for path in copy.rglob("*"):
+        os.utime(path, (1e9, 1e9))
+    monkeypatch.setattr(build_extension, "PACKAGE", copy)
+    assert build_extension.build(tmp_path / "dist").read_bytes() == archive.read_bytes()
+
+
+def test_a_version_that_differs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    shutil.copytree(build_extension.PACKAGE, tmp_path / "package")
+    manifest = tmp_path / "package/blender_manifest.toml"
+    right = f'version = "{radarsim_addon.__version__}"'
+    manifest.write_text(manifest.read_text().replace(right, 'version = "9.9.9"'))
+    monkeypatch.setattr(build_extension, "PACKAGE", tmp_path / "package")
+    with pytest.raises(build_extension.BuildError, match=r"'9\.9\.9'.*write the same in both"):
+        build_extension.build(tmp_path / "dist")
+    assert not (tmp_path / "dist").exists()
+
+
+def test_blender_refuses_a_broken_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The validation is Blender's own, so it does find what Blender would not install."""
+    shutil.copytree(build_extension.PACKAGE, tmp_path / "package")
+    manifest = tmp_path / "package/blender_manifest.toml"
+    manifest.write_text(manifest.read_text().replace('"add-on"', '"plug-in"'))
+    monkeypatch.setattr(build_extension, "PACKAGE", tmp_path / "package")
+    with pytest.raises(build_extension.BuildError, match="plug-in"):
+        build_extension.build(tmp_path / "dist")
+
+
+def test_the_command_says_where_it_is(root: Path, tmp_path: Path):
+    done = subprocess.run(
+        [sys.executable, str(root / "scripts/build_extension.py"), "--out", str(tmp_path / "a b")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / "a b" / f"radarsim-{radarsim_addon.__version__}.zip") in done.stdout
