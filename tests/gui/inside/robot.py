@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hands and eyes in a real Blender window: runs inside Blender, under Xvfb.
+
+A script is a generator that yields seconds to wait; between its steps Blender's own event loop
+runs. The mouse and the keys are real X events (xdotool); a button is found by moving the mouse
+over the sidebar and asking Blender what lies under it, as a user would by looking. A heartbeat
+timer, independent of the script, measures how long the window stands still.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import time
+import traceback
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+Steps = Generator[float, None, Any]
+
+#: Seconds between two beats of the heartbeat, and between two looks at what is awaited.
+BEAT_S = 0.05
+#: Pixels between two places where the mouse is put when a button is searched; a button has 20.
+SCAN_PX = 9
+
+
+class Robot:
+    """Runs a script in the window and writes what it found to `folder`/result.json."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.result: dict[str, Any] = {"error": "", "shots": [], "log": []}
+        self.window = bpy.context.window_manager.windows[0]
+        self._last_beat: float | None = None
+        self._gaps: list[float] | None = None
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    # -- running ---------------------------------------------------------------------------------
+    def run(self, script: Callable[[Robot], Steps]) -> None:
+        """Start the script once Blender's window stands; Blender quits when it has ended."""
+        steps = script(self)
+
+        def tick() -> float | None:
+            try:
+                return next(steps)
+            except StopIteration:
+                self._quit()
+            except BaseException:
+                self.result["error"] = traceback.format_exc()
+                self.shot("error")
+                self._quit()
+            return None
+
+        bpy.app.timers.register(tick, first_interval=1.5, persistent=True)
+        bpy.app.timers.register(self._beat, first_interval=1.5, persistent=True)
+
+    def _beat(self) -> float:
+        now = time.monotonic()
+        if self._last_beat is not None and self._gaps is not None:
+            self._gaps.append(now - self._last_beat)
+        self._last_beat = now
+        return BEAT_S
+
+    def _quit(self) -> None:
+        for process in self._running:
+            process.wait(timeout=60)
+        temporary = self.folder / "result.json.part"
+        temporary.write_text(json.dumps(self.result, indent=1, default=str), encoding="utf-8")
+        os.replace(temporary, self.folder / "result.json")
+        bpy.ops.wm.quit_blender()
+
+    def log(self, text: str) -> None:
+        """Note a line in the result and on the terminal."""
+        self.result["log"].append(text)
+        print("robot:", text, flush=True)
+
+    # -- looking ---------------------------------------------------------------------------------
+    def shot(self, name: str) -> None:
+        """Take a screenshot of the whole screen, without holding the window up."""
+        path = self.folder / f"{name}.png"
+        self._running.append(subprocess.Popen(["import", "-window", "root", str(path)]))
+        self.result["shots"].append(path.name)
+
+    def start_watching(self) -> None:
+        """Measure from now on how long the event loop stands still."""
+        self._gaps = []
+
+    def stop_watching(self) -> dict[str, float]:
+        """Longest gap between two heartbeats [s], and their number, since start_watching."""
+        gaps, self._gaps = self._gaps or [], None
+        return {"longest_gap_s": max(gaps, default=0.0), "beats": len(gaps), "time_s": sum(gaps)}
+
+    def wait(self, condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> Steps:
+        """Wait until `condition()` is true."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"{what} did not happen within {timeout_s:g} s")
+            yield BEAT_S
+
+    def modal_operators(self) -> list[str]:
+        """Names of the operators that are running in the window."""
+        return [operator.bl_idname for operator in self.window.modal_operators]
+
+    # -- the sidebar -----------------------------------------------------------------------------
+    @property
+    def view(self) -> Any:
+        """The 3D view."""
+        return max(
+            (area for area in self.window.screen.areas if area.type == "VIEW_3D"),
+            key=lambda area: area.width * area.height,
+        )
+
+    @property
+    def sidebar(self) -> Any:
+        """The 3D view's sidebar region."""
+        return next(region for region in self.view.regions if region.type == "UI")
+
+    def open_tab(self, name: str) -> Steps:
+        """Open the sidebar and choose a tab, as N and a click would."""
+        self.view.spaces.active.show_region_ui = True
+        yield 0.8  # the region gets its width with the next redraw
+        self.sidebar.active_panel_category = name
+        self.view.tag_redraw()
+        yield 0.8
+
+    # -- mouse and keys --------------------------------------------------------------------------
+    def move(self, x: int, y: int) -> None:
+        """Move the mouse; Blender counts pixels from below, X from above."""
+        height = self.window.height
+        subprocess.run(["xdotool", "mousemove", str(x), str(height - y)], check=True)
+
+    def press(self, key: str) -> None:
+        """Press and release a key."""
+        subprocess.run(["xdotool", "key", key], check=True)
+
+    def under_mouse(self) -> str:
+        """The operator or property of the button under the mouse; empty where there is none."""
+        manager = bpy.context.window_manager
+        manager.clipboard = ""
+        with bpy.context.temp_override(window=self.window, area=self.view, region=self.sidebar):
+            for copy in (bpy.ops.ui.copy_python_command_button, bpy.ops.ui.copy_data_path_button):
+                if copy.poll():
+                    copy()
+        return str(manager.clipboard)
+
+    def find(self, wanted: str) -> Steps:
+        """Search the sidebar from top to bottom for a button; its place is the value.
+
+        The sidebar is scrolled by the wheel where the button lies below its edge.
+        """
+        for _ in range(8):
+            region = self.sidebar
+            x = region.x + region.width // 2
+            for y in range(region.y + region.height - 12, region.y + 12, -SCAN_PX):
+                # Twice, since a button wakes up by a movement and not by a place.
+                self.move(x - 1, y)
+                self.move(x, y)
+                yield 0.06
+                if wanted in self.under_mouse():
+                    return x, y
+            subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
+            yield 0.4
+        raise LookupError(f"no button of the sidebar is {wanted!r}")
+
+    def click(self, wanted: str) -> Steps:
+        """Find a button and click it with the left mouse button."""
+        x, y = yield from self.find(wanted)
+        self.log(f"click {wanted} at {x}, {y}")
+        subprocess.run(["xdotool", "click", "1"], check=True)
+        yield 0.3
+        return x, y

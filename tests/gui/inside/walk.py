@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's walk through the Radar tab, in a real window.
+
+blender --python walk.py -- FOLDER
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+HERE = Path(__file__).resolve().parent
+
+
+def load(name: str) -> Any:
+    """A module beside this file; Blender does not put a script's folder on the search path."""
+    spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+robot_module = load("robot")
+snapshot_module = load("snapshot")
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+RINGS = 12
+OPERATOR = "RADARSIM_OT_render_frames"
+
+
+def add_objects() -> list[Any]:
+    """Beside the factory scene's cube: a floor, a wall behind, a target that moves."""
+    ops = bpy.ops.mesh
+    made = []
+    ops.primitive_plane_add(size=80.0, location=(0.0, 30.0, -2.0))
+    made.append(bpy.context.object)
+    ops.primitive_cube_add(size=4.0, location=(-6.0, 45.0, 0.5))
+    made.append(bpy.context.object)
+    ops.primitive_uv_sphere_add(radius=1.5, location=(5.0, 25.0, 0.0))
+    target = bpy.context.object
+    target.keyframe_insert("location", frame=1)
+    target.location.y += 10.0
+    target.keyframe_insert("location", frame=25)
+    made.append(target)
+    cube = bpy.data.objects["Cube"]
+    cube.location = (-1.0, 18.0, 0.0)
+    made.append(cube)
+    return made
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def select(items: list[Any]) -> None:
+    for item in bpy.context.view_layer.objects:
+        item.select_set(item in items)
+    bpy.context.view_layer.objects.active = items[0]
+
+
+def script(robot: Any) -> Any:
+    result = robot.result
+    scene = bpy.context.scene
+    bpy.context.preferences.view.show_splash = False
+    objects = add_objects()
+    yield 0.5
+
+    # 1. The tab.
+    yield from robot.open_tab("Radar")
+    result["tab"] = robot.sidebar.active_panel_category
+    robot.shot("01_tab")
+    yield 1.5
+
+    # 2. The rig.
+    yield from robot.click("radarsim.setup_rig")
+    yield from robot.wait(
+        lambda: any(item.type == "EMPTY" for item in scene.objects), "the rig", 20
+    )
+    yield 0.5
+    result["rig"] = {item.name: item.type for item in scene.objects if item not in objects}
+    robot.shot("02_rig")
+    yield 1.5
+
+    # 3. The material, to all that was selected.
+    select(objects)
+    yield 0.3
+    yield from robot.click("radarsim.assign_material")
+    yield 1.0
+    robot.shot("03_material")
+    result["materials"] = {
+        item.name: [slot.material.name if slot.material else "" for slot in item.material_slots]
+        for item in objects
+    }
+    yield 1.5
+
+    # 4. Numbers, and a first run.
+    settings = scene.radarsim
+    settings.output_dir = str(FOLDER / "run one")
+    settings.frame_mode = "CURRENT"
+    settings.ring_mode = "COUNT"
+    settings.ring_count = RINGS
+    settings.ring_step_m = 5.0
+    settings.width_px = settings.height_px = 256
+    settings.samples = 16
+    robot.view.tag_redraw()
+    yield 0.8
+    robot.shot("04_numbers")
+    yield 1.0
+
+    before = snapshot_module.snapshot(scene)
+    robot.start_watching()
+    yield from robot.click("radarsim.render_frames")
+    yield from robot.wait(lambda: OPERATOR in robot.modal_operators(), "the run's start", 20)
+    first = FOLDER / "run one"
+    yield from robot.wait(lambda: len(list(first.rglob("*.exr"))) >= 4, "the first files", 120)
+    robot.shot("05_rendering")
+    result["running_at_shot"] = OPERATOR in robot.modal_operators()
+    # The window takes events while it renders: the user turns the view.
+    x, y = robot.view.x + robot.view.width // 3, robot.view.y + robot.view.height // 2
+    angle = robot.view.spaces.active.region_3d.view_rotation.copy()
+    robot.move(x, y)
+    for step in ("mousedown", "mouseup"):
+        subprocess.run(["xdotool", step, "2"], check=True)
+        robot.move(x + 80, y + 40)
+        yield 0.3
+    turned = robot.view.spaces.active.region_3d.view_rotation.rotation_difference(angle).angle
+    result["view_turned_deg"] = turned * 57.29578
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
+    yield 0.5
+    result["first"] = robot.stop_watching() | {
+        "files": files(first),
+        "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
+    }
+    robot.shot("06_done")
+    yield 1.5
+
+    # 5. A second run, stopped by Esc.
+    second = FOLDER / "run zwei é"
+    settings.output_dir = str(second)
+    yield 0.3
+    before = snapshot_module.snapshot(scene)
+    yield from robot.click("radarsim.render_frames")
+    yield from robot.wait(lambda: len(list(second.rglob("*.exr"))) >= 2, "two files", 120)
+    robot.press("Escape")
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 30)
+    yield 1.0
+    stopped = {str(p.relative_to(second)): p.stat().st_mtime_ns for p in second.rglob("*.exr")}
+    result["stopped"] = {
+        "files": files(second),
+        "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
+    }
+    robot.shot("07_cancelled")
+    yield 1.5
+
+    # 6. It goes on where it stopped.
+    yield from robot.click("radarsim.render_frames")
+    yield from robot.wait(lambda: OPERATOR in robot.modal_operators(), "the run's start", 20)
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
+    yield 0.5
+    result["continued"] = {
+        "files": files(second),
+        "rendered_again": [
+            name for name, when in stopped.items() if (second / name).stat().st_mtime_ns != when
+        ],
+        "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
+    }
+
+    # 7. Processed, and shown.
+    images = {image.name for image in bpy.data.images}
+    yield from robot.click("radarsim.process_last_run")
+    yield from robot.wait(
+        lambda: {image.name for image in bpy.data.images} - images, "the images", 300
+    )
+    yield 1.5
+    result["images"] = {
+        image.name: list(image.size) for image in bpy.data.images if image.name not in images
+    }
+    robot.shot("08_processed")
+    yield 1.0
+    shown = [
+        area.spaces.active.image.name
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR" and area.spaces.active.image is not None
+    ]
+    result["shown"] = shown
+    for number, name in enumerate(sorted(result["images"])):
+        area = robot.view if not shown else next(
+            area for area in robot.window.screen.areas if area.type == "IMAGE_EDITOR"
+        )  # fmt: skip
+        area.type = "IMAGE_EDITOR"
+        area.spaces.active.image = bpy.data.images[name]
+        yield 1.0
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=robot.window, area=area, region=region):
+            bpy.ops.image.view_all(fit_view=True)
+        yield 1.0
+        robot.shot(f"09_image_{number}")
+        yield 1.0
+    result["products"] = files(second)
+
+
+if __name__ == "__main__":
+    walker = robot_module.Robot(FOLDER)
+    walker.run(script)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The batch script under a Blender program: ``blender -b X.blend -P render_radar.py -- ...``."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.gui.conftest import Chroot
+
+pytestmark = pytest.mark.gui
+
+SCRIPT = "checkout/scripts/render_radar.py"
+
+
+@pytest.fixture(scope="module")
+def scenes(installed: Chroot) -> Chroot:
+    """The chroot with two scenes: ``plate é.blend`` and ``no radar.blend``."""
+    (installed.outside / "scenes").mkdir()
+    done = installed.run(
+        "blender", "-b", "--python-exit-code", "1", "--python",
+        f"{installed.inside}/inside/make_scene.py", "--", f"{installed.inside}/scenes",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return installed
+
+
+def batch(chroot: Chroot, blend: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return chroot.run("blender", "-b", f"scenes/{blend}", "-P", SCRIPT, "--", *arguments)
+
+
+def test_a_scene_is_rendered(scenes: Chroot):
+    done = batch(
+        scenes, "plate é.blend",
+        "--out", "batch out", "--frames", "1:2", "--rings", "3", "--ring-step", "5",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    out = scenes.outside / "batch out"
+    assert len(list(out.rglob("*.exr"))) == 2 * 3 * 2
+    run = json.loads((out / "run.json").read_text())
+    assert (run["frames"], run["rings"], run["ring_step_m"]) == ([1, 2], 3, 5.0)
+    again = batch(
+        scenes, "plate é.blend",
+        "--out", "batch out", "--frames", "1:2", "--rings", "3", "--ring-step", "5",
+    )  # fmt: skip
+    assert again.returncode == 0, again.stdout + again.stderr
+
+
+def test_a_scene_without_radar_fails_and_says_so(scenes: Chroot):
+    done = batch(scenes, "no radar.blend", "--out", "nothing")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "SceneError" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--out", "bad", "--no-such-option"),
+        ("--out", "bad", "--rings", "many"),
+        ("--out", "bad", "--rings", "3", "--ring-step", "0"),
+        ("--out", "bad", "--frames", "5:1"),
+    ],
+)
+def test_bad_arguments_are_refused(scenes: Chroot, arguments: tuple[str, ...]):
+    done = batch(scenes, "plate é.blend", *arguments)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert not list((scenes.outside / "bad").rglob("*.exr"))
+
+
+def test_help(scenes: Chroot):
+    done = scenes.run("blender", "-b", "-P", SCRIPT, "--", "--help")
+    assert done.returncode == 0, done.stdout + done.stderr
+    for option in ("--out", "--frames", "--rings", "--ring-step"):
+        assert option in done.stdout

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's walk through the Radar tab in a real Blender window, with real clicks and keys.
+
+The walk is made once (`tests/gui/inside/walk.py`); each test looks at one thing that it noted.
+Screenshots are kept in out/gui.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.gui.conftest import Chroot
+
+pytestmark = pytest.mark.gui
+
+RINGS, PASSES = 12, 2
+RENDERS = RINGS * PASSES
+#: The window may stand still for as long as one render is being prepared, on a busy machine.
+LONGEST_GAP_S = 5.0
+
+
+@pytest.fixture(scope="module")
+def walk(installed: Chroot, shots_dir: Path) -> dict[str, Any]:
+    """What the walk noted."""
+    folder = installed.outside / "walk"
+    folder.mkdir()
+    for old in shots_dir.glob("*.png"):
+        old.unlink()
+    done = installed.window(f"{installed.inside}/inside/walk.py", f"{installed.inside}/walk")
+    for shot in folder.glob("*.png"):
+        shutil.copy(shot, shots_dir)
+    (shots_dir / "blender.log").write_text(done.stdout + done.stderr)
+    assert (folder / "result.json").exists(), done.stdout + done.stderr
+    result: dict[str, Any] = json.loads((folder / "result.json").read_text())
+    assert not result["error"], result["error"]
+    return result
+
+
+def pixels(path: Path) -> Any:
+    from matplotlib import image
+
+    return image.imread(path)
+
+
+def test_the_tab_opens(walk: dict[str, Any], shots_dir: Path):
+    assert walk["tab"] == "Radar"
+    for name in walk["shots"]:
+        assert pixels(shots_dir / name)[..., :3].std() > 0.05, f"{name} shows nothing"
+
+
+def test_the_rig_is_a_camera_and_a_lamp_on_an_empty(walk: dict[str, Any]):
+    added = [kind for name, kind in walk["rig"].items() if name not in ("Camera", "Light")]
+    assert sorted(added) == ["CAMERA", "EMPTY", "LIGHT"]
+
+
+def test_the_material_is_on_all_that_was_selected(walk: dict[str, Any]):
+    assert len(walk["materials"]) == 4
+    for name, slots in walk["materials"].items():
+        assert len(slots) == 1, name
+        assert "radar" in slots[0].lower(), (name, slots)
+
+
+def expected_files() -> set[str]:
+    frame = "frames/frame_0001/"
+    stems = [f"{frame}ring_{ring:03d}_t{p}" for ring in range(RINGS) for p in range(PASSES)]
+    return {"run.json", f"{frame}scene.json"} | {
+        stem + suffix for stem in stems for suffix in (".exr", ".json")
+    }
+
+
+def test_all_files_of_a_run_are_there(walk: dict[str, Any]):
+    assert expected_files() <= set(walk["first"]["files"])
+    assert not [name for name in walk["first"]["files"] if name.endswith(".part")]
+
+
+def test_the_window_lives_while_it_renders(walk: dict[str, Any]):
+    assert walk["running_at_shot"]
+    assert walk["view_turned_deg"] > 5.0, "the view did not turn with the mouse"
+    assert walk["first"]["beats"] > RENDERS
+    assert walk["first"]["longest_gap_s"] < LONGEST_GAP_S
+
+
+def test_escape_stops_a_run(walk: dict[str, Any]):
+    rendered = [name for name in walk["stopped"]["files"] if name.endswith(".exr")]
+    assert 2 <= len(rendered) < RENDERS
+    assert not [name for name in walk["stopped"]["files"] if name.endswith(".part")]
+    for name in rendered:
+        assert name.replace(".exr", ".json") in walk["stopped"]["files"]
+
+
+def test_a_stopped_run_goes_on_where_it_stopped(walk: dict[str, Any]):
+    assert expected_files() <= set(walk["continued"]["files"])
+    assert walk["continued"]["rendered_again"] == []
+
+
+@pytest.mark.parametrize("run", ["first", "stopped", "continued"])
+def test_all_settings_are_restored(walk: dict[str, Any], run: str):
+    assert walk[run]["changed"] == []
+
+
+def test_the_last_run_is_processed_and_shown(walk: dict[str, Any]):
+    assert len(walk["images"]) >= 2, walk["images"]
+    assert all(min(size) > 0 for size in walk["images"].values())
+    assert [name for name in walk["products"] if name.startswith("products/")]
