@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import CHANNELS
-from ..errors import RenderError
+from ..errors import OutputError, RenderError
 
 _MAGIC = 20000630
 _FLOAT = 2
 _ZIP = 3
+_TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
 _ROWS_PER_CHUNK = 16
 
 
@@ -30,29 +31,36 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
 
     Raises
     ------
+    OutputError
+        The file is missing or incomplete.
     RenderError
-        It is not.
+        It holds NaN or infinite pixels.
     """
     try:
-        data = path.read_bytes()
-        _verify(data, width_px, height_px)
+        finite = _verify(path.read_bytes(), width_px, height_px)
     except FileNotFoundError:
-        raise RenderError(
+        raise OutputError(
             f"Blender has not written {path}. The disk is full or the folder was removed; make "
             "room and render again: the run goes on where it stopped."
         ) from None
     except (OSError, ValueError, struct.error, zlib.error) as error:
-        raise RenderError(
+        raise OutputError(
             f"Blender has written {path} incompletely ({error}). The disk is probably full; make "
             "room and render again: the run goes on where it stopped."
         ) from error
+    if not finite:
+        raise RenderError(
+            f"Cycles has rendered NaN or infinite pixels into {path}. A material or the emitter's "
+            "power is out of bounds: look for values near 1e38, or an object at the antenna."
+        )
 
 
-def _verify(data: bytes, width_px: int, height_px: int) -> None:
+def _verify(data: bytes, width_px: int, height_px: int) -> bool:
+    """Read the whole file; whether every pixel is finite."""
     if len(data) < 8:
         raise ValueError(f"{len(data)} bytes")
     magic, version = struct.unpack_from("<ii", data)
-    if magic != _MAGIC or version & 0x1E00 != 0:
+    if magic != _MAGIC or version & (_TILED | _DEEP | _MULTIPART):
         raise ValueError("not a plain single-part EXR")
     attributes, offset = _header(data)
     channels = _channels(attributes["channels"])
@@ -66,12 +74,13 @@ def _verify(data: bytes, width_px: int, height_px: int) -> None:
         raise ValueError(
             f"{right - left + 1} x {bottom - top + 1} pixels, expected {width_px} x {height_px}"
         )
+    finite = True
     chunks = -(-height_px // _ROWS_PER_CHUNK)
     for index, position in enumerate(struct.unpack_from(f"<{chunks}Q", data, offset)):
         rows = min(_ROWS_PER_CHUNK, height_px - index * _ROWS_PER_CHUNK)
         values = _chunk(data, position, rows * width_px * len(CHANNELS))
-        if not np.isfinite(values).all():
-            raise ValueError("NaN or infinite pixels")
+        finite = finite and bool(np.isfinite(values).all())
+    return finite
 
 
 def _header(data: bytes) -> tuple[dict[str, bytes], int]:

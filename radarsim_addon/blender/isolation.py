@@ -20,7 +20,7 @@ from .recorder import Recorder
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
 #: Object types that Cycles renders and that have no radar model.
 UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
-_ABSORBER = "radarsim absorber (temporary)"
+ABSORBER_NAME = "radarsim absorber (temporary)"
 _NAMES_SHOWN = 5
 
 
@@ -135,7 +135,7 @@ def _absorb(recorder: Recorder, material: Any) -> None:
         active.inputs["Volume"].is_linked and not active.inputs["Surface"].is_linked
     )
     output = nodes.new("ShaderNodeOutputMaterial")
-    output.name = _ABSORBER
+    output.name = ABSORBER_NAME
     added = [output]
     recorder.on_restore(material.name, lambda: _remove(nodes, added))
     if volume_only:
@@ -172,8 +172,8 @@ def _absorb_bare_objects(recorder: Recorder, scene: Any) -> None:
     ]
     if not bare:
         return
-    absorber = bpy.data.materials.new(_ABSORBER)
-    recorder.on_restore(_ABSORBER, lambda: bpy.data.materials.remove(absorber))
+    absorber = bpy.data.materials.new(ABSORBER_NAME)
+    recorder.on_restore(ABSORBER_NAME, lambda: bpy.data.materials.remove(absorber))
     if absorber.node_tree is None:
         absorber.use_nodes = True
     tree = absorber.node_tree
@@ -186,7 +186,8 @@ def _absorb_bare_objects(recorder: Recorder, scene: Any) -> None:
     for data in dict.fromkeys(bare):
         if len(data.materials) == 0:
             data.materials.append(absorber)
-            recorder.on_restore(data.name, data.materials.pop)
+            # pop() would leave the object with an empty slot.
+            recorder.on_restore(data.name, data.materials.clear)
         else:
             for index in range(len(data.materials)):
                 _fill_slot(recorder, data, index, absorber)

@@ -43,12 +43,11 @@ def is_ring_emitter(light: Any) -> bool:
     )
 
 
-def setup_rig(
-    scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> Any:
-    """Add a radar to a scene: an empty with camera and emitter at its origin, looking along +Y.
+def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+    """Add a radar to a scene: an empty with camera and emitter at its origin.
 
-    The empty moves both and can be animated. The camera becomes the scene's one where there is
+    The empty moves both and can be animated; like every camera it looks along its own -Z, with its
+    +Y up, and starts out level, looking along the world's +Y. The camera becomes the scene's one where there is
     none yet.
 
     Parameters
@@ -89,8 +88,7 @@ def setup_rig(
         scene.collection.objects.link(item)
     for child in (camera, emitter):
         child.parent = empty
-    # A camera looks along its own -Z; turned by 90 degrees about X it looks along the rig's +Y.
-    camera.rotation_euler = (math.pi / 2, 0.0, 0.0)
+    empty.rotation_euler = (math.pi / 2, 0.0, 0.0)
     empty.location = location
     if scene.camera is None:
         scene.camera = camera

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import contract
 from ..sidecar import file_sha256
 from .acquisition import Extent
-from .isolation import SURFACE_TYPES, echoes
+from .isolation import ABSORBER_NAME, SURFACE_TYPES, echoes
 from .nearest import nearest_distance
 
 Array = NDArray[np.float64]
@@ -152,7 +152,7 @@ def object_records(
         materials = [
             slot.material.name
             for slot in shown.evaluated.original.material_slots
-            if slot.material is not None
+            if slot.material is not None and slot.material.name != ABSORBER_NAME
         ]
         nearest[shown.name] = (
             distance,

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Registration of all that the add-on brings: settings, operators, panels, file handler."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import operators, panels, properties
+
+#: Every class besides the settings, in the order of registration.
+CLASSES: tuple[type, ...] = (*operators.CLASSES, *panels.CLASSES)
+
+
+def register() -> None:
+    """Register settings, operators and panels. A second call changes nothing."""
+    properties.register()
+    for item in CLASSES:
+        if not getattr(item, "is_registered", False):
+            bpy.utils.register_class(item)
+
+
+def unregister() -> None:
+    """Take all of it back. A second call changes nothing."""
+    for item in reversed(CLASSES):
+        if getattr(item, "is_registered", False):
+            bpy.utils.unregister_class(item)
+    properties.unregister()

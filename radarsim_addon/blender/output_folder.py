@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The run's folder: made, checked, compared with what an earlier run left, tidied up. No bpy."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .. import contract
+from ..errors import OutputError, RadarSimError
+from ..sidecar import file_sha256, read_record
+from .acquisition import Task
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the output folder if its parent exists, and try whether it can be written to.
+
+    Raises
+    ------
+    OutputError
+        The parent is missing, something else is in the way, or the folder is read-only or full.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError:
+        raise OutputError(
+            f"The output folder {folder} cannot be made: {folder.parent} does not exist. "
+            "Create it, or choose a folder whose parent exists."
+        ) from None
+    except FileExistsError:
+        raise OutputError(
+            f"The output folder {folder} is a file. Choose another name or remove the file."
+        ) from None
+    except OSError as error:
+        raise OutputError(
+            f"The output folder {folder} cannot be made: {error.strerror or error}. "
+            "Choose a folder that you may write to."
+        ) from error
+    probe = folder / ".radarsim_write_test.part"
+    try:
+        probe.write_bytes(b"\0" * 4096)
+    except OSError as error:
+        raise OutputError(
+            f"The output folder {folder} cannot be written to: {error.strerror or error}. "
+            "Choose a folder that is writable and has room."
+        ) from error
+    finally:
+        _remove(probe)
+
+
+def make_frame_folder(folder: Path, frame: int) -> None:
+    """Make the folder of a radar frame.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made.
+    """
+    target = folder / contract.frame_dir(frame)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"The folder {target} cannot be made: {error.strerror or error}. "
+            "Choose an output folder that is writable and has room."
+        ) from error
+
+
+def earlier_run(folder: Path) -> contract.RunRecord | None:
+    """The run whose files are in the folder; None for a folder without frames.
+
+    Raises
+    ------
+    OutputError
+        There are frames, but no readable ``run.json`` that says of which run.
+    """
+    run_file = folder / contract.RUN_FILE
+    try:
+        return read_record(run_file, contract.RunRecord)
+    except RadarSimError as error:
+        if not run_file.exists() and not any(_own_files(folder)):
+            return None
+        raise OutputError(
+            f"The output folder {folder} holds frames of an unknown run ({error}) "
+            "Choose another folder, or overwrite."
+        ) from error
+
+
+def clear_run(folder: Path) -> None:
+    """Remove the files of an earlier run: frames, sidecars and plan; nothing that is not ours.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be removed.
+    """
+    # The plan goes first: a clearing that is interrupted leaves frames of an unknown run, which
+    # nobody mistakes for a whole one.
+    for path in [folder / contract.RUN_FILE, *_own_files(folder)]:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path} of the earlier run cannot be removed: {error.strerror or error}. "
+                "Choose another output folder."
+            ) from error
+
+
+def clear_partial(folder: Path) -> None:
+    """Remove what a killed run left half written."""
+    for path in [*folder.glob("*.part"), *_frame_files(folder, "*.part")]:
+        _remove(path)
+
+
+def is_done(folder: Path, task: Task) -> bool:
+    """Whether a render is there: sidecar readable, EXR as the sidecar says, byte for byte."""
+    try:
+        record = read_record(folder / task.sidecar_path, contract.RenderRecord)
+        exr = folder / task.exr_path
+        return record.exr_file == exr.name and file_sha256(exr) == record.exr_sha256
+    except (RadarSimError, OSError):
+        return False
+
+
+def replace_file(temporary: Path, final: Path) -> None:
+    """Rename a finished file into its place.
+
+    Raises
+    ------
+    OutputError
+        It cannot be renamed.
+    """
+    try:
+        os.replace(temporary, final)
+    except OSError as error:
+        raise OutputError(
+            f"{temporary} cannot be renamed to {final.name}: {error.strerror or error}. "
+            "Choose an output folder that is writable."
+        ) from error
+
+
+def _own_files(folder: Path) -> list[Path]:
+    names = ("ring_*_t[01].exr", "ring_*_t[01].json", contract.SCENE_FILE, "*.part")
+    return [path for name in names for path in _frame_files(folder, name)]
+
+
+def _frame_files(folder: Path, pattern: str) -> list[Path]:
+    return list((folder / contract.FRAMES_DIR).glob(f"frame_*/{pattern}"))
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        pass  # a leftover that cannot be removed harms nobody: it is never read

@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run as a plain object that is driven from outside: by a loop headless, by a timer in the UI.
+
+::
+
+    with RenderJob(scene, view_layer, measurement, folder) as job:
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+
+Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
+moment a run is killed at, a file with a sidecar is whole, and the next run goes on from there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import bpy
+
+from .. import __version__, contract
+from ..errors import OutputError, RadarSimError, RenderError
+from ..sidecar import file_sha256, read_record, write_record
+from . import output_folder, scene_truth
+from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, make_plan, run_record
+from .advice import warnings_for
+from .exr_check import verify_exr
+from .measurement import Measurement, typed
+from .poses import camera_record, emitter_record
+from .recorder import Recorder
+from .render_settings import MeasurementSettings
+from .rig import Rig, check_scale, find_rig
+
+
+class RenderJob:
+    """One run of a scene.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    view_layer : bpy.types.ViewLayer
+        The one that is measured.
+    measurement
+        What is asked for.
+    folder
+        Output folder; made if its parent exists.
+    overwrite
+        Remove the files of another run from the folder instead of refusing it.
+    camera, emitter : bpy.types.Object, optional
+        Antennas, where the scene has several.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        measurement: Measurement,
+        folder: Path,
+        *,
+        overwrite: bool = False,
+        camera: Any = None,
+        emitter: Any = None,
+    ) -> None:
+        self._scene = scene
+        self._view_layer = view_layer
+        self._measurement = measurement
+        self._overwrite = overwrite
+        self._antennas = (camera, emitter)
+        self._settings: MeasurementSettings | None = None
+        self._scene_written: int | None = None
+        self._records: tuple[contract.CameraRecord, contract.EmitterRecord] | None = None
+        self._shown: Instant | None = None
+        self._started_s = 0.0
+        self._rendered = 0
+        self._pending: list[Task] = []
+        self.folder = folder
+        self.warnings: list[str] = []
+        self.unrestored: list[str] = []
+        self.versions = {
+            "blender": bpy.app.version_string,
+            "radarsim": __version__,
+        }
+
+    def __enter__(self) -> RenderJob:
+        self.prepare()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.restore()
+
+    # -- before the first render -------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """Check everything, plan, and put the scene into its measuring state.
+
+        Raises
+        ------
+        SceneError, ConfigError, OutputError
+            What is wrong; the scene is as it was.
+        """
+        self.rig: Rig = find_rig(self._scene, *self._antennas)
+        output_folder.prepare_folder(self.folder)
+        # Before anything is touched: afterwards the file would count as changed.
+        file_digest = scene_truth.file_digest()
+        survey = Recorder()
+        try:
+            self._remember_view(survey)
+            extent, geometry_digest = self._survey()
+        finally:
+            self.unrestored += survey.restore()
+        self.plan: Plan = make_plan(
+            self._measurement, self._metres_per_unit(), self._fps(), extent
+        )
+        digests = [file_digest] if file_digest else []
+        digests.append(geometry_digest)
+        self._open_folder(digests)
+        self._settings = MeasurementSettings(
+            self._scene, self._view_layer, self.rig, self.plan
+        )
+        self._settings.apply()
+        try:
+            self._write_plan(digests)
+        except BaseException:
+            self.restore()
+            raise
+        self._pending = [
+            task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
+        ]
+        self.total = self.plan.total
+        self.done = self.total - len(self._pending)
+        self._started_s = time.monotonic()
+
+    def _metres_per_unit(self) -> float:
+        return typed(self._scene.unit_settings.scale_length)
+
+    def _fps(self) -> float:
+        render = self._scene.render
+        return float(render.fps) / typed(render.fps_base)
+
+    def _remember_view(self, recorder: Recorder) -> None:
+        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
+        recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
+
+    def _survey(self) -> tuple[Extent, str]:
+        """Extent over all frames, and a digest of the scene at the first and the last of them."""
+        extent = Extent()
+        digests = []
+        frames = self._measurement.frames
+        for frame in frames:
+            depsgraph = self._show(instant_at(float(frame), self._fps()))
+            for item in (self.rig.camera, self.rig.emitter):
+                check_scale(item, item.evaluated_get(depsgraph).matrix_world)
+            extent = extent.union(
+                scene_truth.scene_extent(depsgraph, self.rig, self._metres_per_unit())
+            )
+            if frame in (frames[0], frames[-1]):
+                digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
+        self._shown = None
+        return extent, "+".join(digests)
+
+    def _open_folder(self, digests: list[str]) -> None:
+        earlier = None
+        try:
+            earlier = output_folder.earlier_run(self.folder)
+        except OutputError:
+            if not self._overwrite:
+                raise
+            output_folder.clear_run(self.folder)
+        if earlier is not None and not self._continues(earlier, digests):
+            if not self._overwrite:
+                raise OutputError(
+                    f"The output folder {self.folder} holds frames of another run (scene, ring "
+                    "step, passes, resolution, samples, seed or software differ). Choose another "
+                    "folder, or overwrite."
+                )
+            output_folder.clear_run(self.folder)
+        output_folder.clear_partial(self.folder)
+
+    def _continues(self, earlier: contract.RunRecord, digests: list[str]) -> bool:
+        """Whether an earlier run's frames are frames of this one.
+
+        A saved file is compared as a file. Where one of the two runs was made with unsaved
+        changes only the geometry can be compared; it is not enough where both are files, because
+        it looks at the first and the last frame alone.
+        """
+        mine = [fingerprint(self.plan, digest, self.versions) for digest in digests]
+        if earlier.fingerprint == mine[0]:
+            return True
+        unsaved = len(digests) == 1 or earlier.extra.get("unsaved_changes") is True
+        return unsaved and earlier.extra.get("geometry_fingerprint") == mine[-1]
+
+    def _write_plan(self, digests: list[str]) -> None:
+        assert self._settings is not None
+        interval_s = None
+        frames = self._measurement.frames
+        if len(frames) > 1:
+            interval_s = (
+                min(abs(b - a) for a, b in zip(frames, frames[1:], strict=False)) / self.plan.fps
+            )
+        self.warnings = self._settings.warnings + warnings_for(
+            self._measurement,
+            self.plan.rings,
+            self.plan.extent.from_emitter_m or None,
+            interval_s,
+        )
+        record = run_record(
+            self.plan,
+            digests[0],
+            Path(bpy.data.filepath).name,
+            self.warnings,
+            self.versions,
+        )
+        record.extra["geometry_fingerprint"] = fingerprint(self.plan, digests[-1], self.versions)
+        record.extra["unsaved_changes"] = len(digests) == 1
+        write_record(self.folder / contract.RUN_FILE, record)
+
+    # -- renders -----------------------------------------------------------------------------------
+
+    def pending(self) -> Iterator[Task]:
+        """Renders that are still to be made, in order."""
+        yield from self._pending
+
+    def start(self, task: Task) -> None:
+        """Set time and ring for a render, and note where the antennas are.
+
+        Raises
+        ------
+        OutputError, SceneError
+            The frame's folder cannot be written; an antenna is scaled at this time.
+        """
+        assert self._settings is not None
+        if self._scene_written != task.frame:
+            output_folder.make_frame_folder(self.folder, task.frame)
+            self._write_scene(task.frame)
+            self._scene_written = task.frame
+        if self._records is None or not self._shows(task.instant):
+            depsgraph = self._show(task.instant)
+            units = self.plan.metres_per_unit
+            self._records = (
+                camera_record(
+                    self.rig,
+                    depsgraph,
+                    units,
+                    self._measurement.width_px,
+                    self._measurement.height_px,
+                ),
+                emitter_record(self.rig, depsgraph, units),
+            )
+        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+
+    def render(self, task: Task) -> None:
+        """Render and wait for the end (not for use in the UI).
+
+        Raises
+        ------
+        RenderError
+            Cycles failed.
+        """
+        try:
+            result = bpy.ops.render.render(scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
+
+    def finish(self, task: Task) -> None:
+        """Write, check and rename the EXR that was rendered; then its sidecar.
+
+        Raises
+        ------
+        OutputError, RenderError
+            The file could not be written whole; nothing half-written is left.
+        """
+        assert self._records is not None
+        final = self.folder / task.exr_path
+        temporary = final.with_name(final.name + ".part")
+        try:
+            self._save(temporary)
+            verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
+            output_folder.replace_file(temporary, final)
+            write_record(self.folder / task.sidecar_path, self._record(task, final))
+        except RadarSimError:
+            temporary.unlink(missing_ok=True)
+            raise
+        self._rendered += 1
+        self.done += 1
+
+    def _save(self, path: Path) -> None:
+        path.unlink(missing_ok=True)
+        result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
+        if result is None:
+            raise RenderError("Blender has no render result. Start the run again.")
+        try:
+            # Takes the path as it is; write_still would expand # and {} in folder names.
+            result.save_render(str(path), scene=self._scene)
+        except RuntimeError as error:
+            raise OutputError(
+                f"Blender cannot write {path}: {str(error).strip()} "
+                "Choose an output folder that is writable and has room."
+            ) from error
+
+    def _record(self, task: Task, exr: Path) -> contract.RenderRecord:
+        assert self._records is not None
+        measurement = self._measurement
+        return contract.RenderRecord(
+            acquisition="rings",
+            frame=task.frame,
+            pass_index=task.pass_index,
+            time_s=task.instant.time_s,
+            ring=task.ring,
+            ring_min_m=task.ring_min_m,
+            ring_max_m=task.ring_max_m,
+            width_px=measurement.width_px,
+            height_px=measurement.height_px,
+            metres_per_unit=self.plan.metres_per_unit,
+            code_length_m=self.plan.code_length_m,
+            extinction_length_m=self.plan.extinction_length_m,
+            camera=self._records[0],
+            emitter=self._records[1],
+            samples=measurement.samples,
+            seed=measurement.seed,
+            max_bounces=measurement.max_bounces,
+            exr_file=exr.name,
+            exr_sha256=file_sha256(exr),
+            versions=self.versions,
+        )
+
+    def _write_scene(self, frame: int) -> None:
+        """Write the labels of a radar frame, unless they are there."""
+        path = self.folder / contract.frame_dir(frame) / contract.SCENE_FILE
+        try:
+            read_record(path, contract.SceneRecord)
+            return
+        except RadarSimError:
+            pass
+        instants = self.plan.instants(frame)
+        units = self.plan.metres_per_unit
+        later, interval_s = None, 0.0
+        if len(instants) > 1:
+            later = scene_truth.origin_positions(self._show(instants[1]), self.rig, units)
+            interval_s = instants[1].time_s - instants[0].time_s
+        objects = scene_truth.object_records(
+            self._show(instants[0]), self.rig, units, later, interval_s
+        )
+        write_record(path, contract.SceneRecord(frame, instants[0].time_s, objects))
+
+    def _show(self, instant: Instant) -> Any:
+        """Bring the scene to a moment; returns the depsgraph at it."""
+        self._scene.frame_set(instant.frame, subframe=instant.subframe)
+        self._shown = instant
+        self._records = None
+        return scene_truth.evaluated_depsgraph(self._view_layer)
+
+    def _shows(self, instant: Instant) -> bool:
+        # The user may have scrubbed the timeline since.
+        return (
+            self._shown == instant
+            and self._scene.frame_current == instant.frame
+            and self._scene.frame_subframe == instant.subframe
+        )
+
+    # -- afterwards --------------------------------------------------------------------------------
+
+    @property
+    def fraction(self) -> float:
+        """Share of the run that is done, 0 to 1."""
+        return self.done / self.total if self.total else 1.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Estimate from the renders of this session; None before the first one."""
+        if not self._rendered:
+            return None
+        per_render_s = (time.monotonic() - self._started_s) / self._rendered
+        return per_render_s * (self.total - self.done)
+
+    def restore(self) -> None:
+        """Give the user's scene back; what failed is in `unrestored`. May be called again."""
+        if self._settings is not None:
+            self.unrestored += self._settings.restore()

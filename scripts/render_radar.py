@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render the radar frames of a .blend file without a window.
+
+    blender -b scene.blend -P scripts/render_radar.py -- --out DIR [options]
+    python scripts/render_radar.py scene.blend --out DIR [options]      (Python with bpy)
+
+What is not given comes from the file's own radar settings. A run that was stopped goes on where it
+stopped when the same command is given again. Scripts inside the .blend file are not run (under
+blender -b give --disable-autoexec, -Y, if your preferences allow them).
+
+Exit codes: 0 done, 1 failed, 2 bad arguments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+
+def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespace:
+    """Options of the command line. argparse exits with 2 (bad) or 0 (--help)."""
+    assert __doc__ is not None
+    parser = argparse.ArgumentParser(
+        prog="render_radar.py",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "blend",
+        type=Path,
+        nargs=None if needs_blend else "?",
+        help="the .blend file (under blender -b: the one that is open)",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the run; made if its parent exists"
+    )
+    parser.add_argument("--scene", metavar="NAME", help="scene to render; else the active one")
+    parser.add_argument("--frames", metavar="A:B[:STEP]", help="Blender frames, both ends included")
+    parser.add_argument("--rings", type=int, metavar="N", help="number of rings")
+    parser.add_argument(
+        "--auto-rings", action="store_true", help="as many rings as the scene's extent needs"
+    )
+    parser.add_argument("--ring-step", type=float, metavar="M", help="width of a ring [m]")
+    parser.add_argument("--passes", type=int, choices=(1, 2), help="1: no Doppler")
+    parser.add_argument("--delta-t", type=float, metavar="S", help="time between the passes [s]")
+    parser.add_argument("--samples", type=int, metavar="N", help="paths a pixel")
+    parser.add_argument("--resolution", metavar="WxH", help="pixels, for example 640x360")
+    parser.add_argument("--bounces", type=int, metavar="N", help="reflections after the first one")
+    parser.add_argument("--carrier-ghz", type=float, metavar="F", help="carrier [GHz]")
+    parser.add_argument("--bandwidth-mhz", type=float, metavar="B", help="bandwidth [MHz]")
+    parser.add_argument("--chirp-us", type=float, metavar="T", help="chirp length [us]")
+    parser.add_argument("--sampling-mhz", type=float, metavar="F", help="sampling rate [MHz]")
+    parser.add_argument("--prf-hz", type=float, metavar="F", help="pulses a second [Hz]")
+    parser.add_argument("--pulses", type=int, metavar="N", help="pulses of a burst")
+    parser.add_argument("--seed", type=int, metavar="N", help="Cycles' seed")
+    parser.add_argument(
+        "--overwrite", action="store_true", help="remove another run's frames from the folder"
+    )
+    parser.add_argument(
+        "--process", action="store_true", help="process the run afterwards into DIR/products"
+    )
+    return parser.parse_args(arguments)
+
+
+def load_package() -> types.ModuleType:
+    """The radarsim package: the installed one, else the one beside this script's folder."""
+    repository = Path(__file__).resolve().parents[1]
+    if (repository / "radarsim_addon" / "__init__.py").is_file():
+        # A checkout: its own package, also where another version is installed. Only this script
+        # does that; the package itself never touches sys.path.
+        sys.path.insert(0, str(repository))
+    import radarsim_addon
+
+    return radarsim_addon
+
+
+def run(arguments: argparse.Namespace, inside_blender: bool) -> int:
+    """Render, and process if asked for. Returns the exit code."""
+    try:
+        load_package()
+        from radarsim_addon.errors import RadarSimError
+    except ImportError as error:
+        return fail(f"radarsim_addon cannot be imported ({error}). Install it: pip install .", 1)
+    if not inside_blender:
+        try:
+            import bpy  # noqa: F401
+        except ImportError as error:
+            return fail(
+                f"MissingDependencyError: bpy cannot be imported ({error}). Install it with "
+                "'pip install .[blender]' (Python 3.13 or 3.11), or run this script by "
+                "blender -b FILE -P.",
+                1,
+            )
+    try:
+        return render(arguments, inside_blender)
+    except RadarSimError as error:
+        return fail(f"{type(error).__name__}: {error}", error.exit_code)
+    except KeyboardInterrupt:
+        return fail("Interrupted; the same command goes on where it stopped.", 1)
+
+
+def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
+    """Everything that needs the package."""
+    import bpy
+    from radarsim_addon.blender import properties
+    from radarsim_addon.blender.console import ProgressLine, quiet_blender
+    from radarsim_addon.blender.render_job import RenderJob
+
+    # An enabled extension has registered its settings already, perhaps from another copy of the
+    # package; those hold the file's values, and only their names matter here.
+    if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+        properties.register()
+    overrides = command_line_overrides(arguments)
+    with quiet_blender() as stream:
+        if arguments.blend is not None:
+            open_file(bpy, arguments.blend)
+        scene = find_scene(bpy, arguments.scene)
+        settings = getattr(scene, properties.SCENE_PROPERTY)
+        measurement = properties.read_measurement(scene, **overrides)
+        folder = arguments.out.absolute() if arguments.out else properties.output_folder(scene)
+        job = RenderJob(
+            scene,
+            view_layer_of(bpy, scene),
+            measurement,
+            folder,
+            overwrite=arguments.overwrite,
+            camera=settings.camera,
+            emitter=settings.emitter,
+        )
+        with job:
+            for warning in job.warnings:
+                print(f"radarsim: warning: {warning}", file=stream, flush=True)
+            progress = ProgressLine(stream)
+            progress.show(job.done, job.total, None)
+            for task in job.pending():
+                job.start(task)
+                job.render(task)
+                job.finish(task)
+                progress.show(job.done, job.total, job.seconds_left)
+        print(f"radarsim: wrote {folder}", file=stream, flush=True)
+        if arguments.process:
+            process(folder, stream)
+    return 0
+
+
+def process(folder: Path, stream: Any) -> None:
+    """Run the companion module over the run's folder."""
+    from radarsim_addon.signal.pipeline import process_run
+
+    process_run(folder)
+    print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
+
+
+def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Options by the names of the scene's settings; None where not given."""
+    from radarsim_addon.blender.measurement import parse_frames
+    from radarsim_addon.errors import ConfigError
+
+    if arguments.rings is not None and arguments.auto_rings:
+        raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
+    width_px, height_px = parse_resolution(arguments.resolution)
+    return {
+        "frames": None if arguments.frames is None else parse_frames(arguments.frames),
+        "ring_count": arguments.rings,
+        "ring_mode": "AUTO" if arguments.auto_rings else None,
+        "ring_step_m": arguments.ring_step,
+        "passes": arguments.passes,
+        "delta_t_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
+        "samples": arguments.samples,
+        "width_px": width_px,
+        "height_px": height_px,
+        "max_bounces": arguments.bounces,
+        "carrier_ghz": arguments.carrier_ghz,
+        "bandwidth_mhz": arguments.bandwidth_mhz,
+        "chirp_length_us": arguments.chirp_us,
+        "sampling_rate_mhz": arguments.sampling_mhz,
+        "prf_hz": arguments.prf_hz,
+        "pulses": arguments.pulses,
+        "seed": arguments.seed,
+    }
+
+
+def parse_resolution(text: str | None) -> tuple[int | None, int | None]:
+    """``640x360`` as two numbers."""
+    from radarsim_addon.errors import ConfigError
+
+    if text is None:
+        return None, None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")
+    return int(parts[0]), int(parts[1])
+
+
+def open_file(bpy: Any, path: Path) -> None:
+    """Open a .blend file with its scripts disabled."""
+    from radarsim_addon.errors import ConfigError, SceneError
+
+    if not path.is_file():
+        raise ConfigError(f"{path} does not exist. Give the .blend file to render.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise SceneError(
+            f"{path} cannot be opened: {str(error).strip()} "
+            "Give a .blend file that this version of Blender reads."
+        ) from error
+
+
+def find_scene(bpy: Any, name: str | None) -> Any:
+    """The scene of that name, or the active one."""
+    from radarsim_addon.errors import SceneError
+
+    if name is None:
+        return bpy.context.scene
+    if name not in bpy.data.scenes:
+        found = ", ".join(repr(scene.name) for scene in bpy.data.scenes)
+        raise SceneError(f"The file has no scene {name!r}; it has {found}.")
+    return bpy.data.scenes[name]
+
+
+def view_layer_of(bpy: Any, scene: Any) -> Any:
+    """The view layer to measure: the active one of the active scene, else the first enabled one."""
+    if scene == bpy.context.scene:
+        return bpy.context.view_layer
+    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+
+
+def fail(message: str, code: int) -> int:
+    """Print a message on standard error and hand the exit code on."""
+    print(f"radarsim: {message}", file=sys.stderr, flush=True)
+    return code
+
+
+def main() -> None:
+    """Entry under both kinds of Python."""
+    inside_blender = "bpy" in sys.modules and bool(sys.modules["bpy"].app.binary_path)
+    if inside_blender:
+        marker = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+        words = sys.argv[marker + 1 :]
+    else:
+        words = sys.argv[1:]
+    try:
+        code = run(parse_arguments(words, needs_blend=not inside_blender), inside_blender)
+    except SystemExit as stop:  # argparse: 0 after --help, 2 after bad arguments
+        code = stop.code if isinstance(stop.code, int) else 2
+    if not inside_blender:
+        sys.exit(code)
+    # Blender goes on to quit with 0 whatever a script's end was; so leave from here.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+if __name__ == "__main__":
+    main()
