@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,7 @@ def add_emitter(location: Iterable[float] = (0, 0, 0), power_w: float = EIRP_W) 
 def add_mesh(
     name: str,
     vertices: list[tuple[float, float, float]],
-    faces: list[tuple[int, ...]],
+    faces: Sequence[tuple[int, ...]],
     material: Any,
     matrix: Matrix | None = None,
 ) -> Any:
@@ -191,15 +191,17 @@ def read_exr(path: str) -> np.ndarray:
 
 
 def decode_length(pixels: np.ndarray, code_length: float) -> np.ndarray:
-    """Total path length -k ln(R/B), units (Eq. 4), without the near clip."""
+    """Total path length -k ln(R/B), units (Eq. 4), without the near clip; NaN without echo."""
     wide = pixels.astype(np.float64)
-    return -code_length * np.log(wide[..., 0] / wide[..., 2])
+    with np.errstate(invalid="ignore"):
+        return -code_length * np.log(wide[..., 0] / wide[..., 2])
 
 
 def path_check(pixels: np.ndarray) -> np.ndarray:
-    """G B / R^2: 1 for one path in a pixel."""
+    """G B / R^2: 1 for one path in a pixel; NaN without echo."""
     wide = pixels.astype(np.float64)
-    return wide[..., 1] * wide[..., 2] / wide[..., 0] ** 2
+    with np.errstate(invalid="ignore"):
+        return wide[..., 1] * wide[..., 2] / wide[..., 0] ** 2
 
 
 def _link(data: Any, name: str, matrix: Matrix) -> Any:

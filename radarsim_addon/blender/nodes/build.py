@@ -207,9 +207,10 @@ def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
     for item in list(interface.items_tree):
         key = (getattr(item, "in_out", ""), item.name)
         spec = wanted.get(key)
-        if item.item_type == "SOCKET" and spec is not None and key not in kept:
-            if item.socket_type == spec.socket_type:
-                kept[key] = item
+        if item.item_type != "SOCKET" or spec is None or key in kept:
+            continue
+        if item.socket_type == spec.socket_type:
+            kept[key] = item
     # Panels hold sockets: lift the kept ones out before the rest goes.
     for item in kept.values():
         if item.parent.index != -1:

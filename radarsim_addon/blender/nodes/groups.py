@@ -7,6 +7,7 @@ a user's group that happens to be called "Radar Material" is left alone.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -64,8 +65,25 @@ def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
     # A definition that fails on this Blender must fail on a scratch group, not half-way in the
     # user's one.
     bpy.data.node_groups.remove(new_group(definition))
+    users = list(_group_nodes(tree))
+    kept = [{socket.identifier for socket in node.inputs} for node in users]
     draw_tree(tree, definition)
+    for node, identifiers in zip(users, kept, strict=True):
+        # Blender gives users' nodes a new socket before its default is known: they would read 0.
+        for spec in definition.sockets:
+            socket = node.inputs.get(spec.name) if spec.in_out == "INPUT" else None
+            if socket is not None and socket.identifier not in identifiers:
+                socket.default_value = spec.default
     tree[VERSION_PROPERTY] = definition.version
+
+
+def _group_nodes(tree: Any) -> Iterator[Any]:
+    """Every node in the file that shows a group."""
+    owners = (*bpy.data.materials, *bpy.data.lights, *bpy.data.worlds)
+    trees = [owner.node_tree for owner in owners if owner.node_tree is not None]
+    for user in (*trees, *bpy.data.node_groups):
+        if user.library is None:
+            yield from (n for n in user.nodes if getattr(n, "node_tree", None) == tree)
 
 
 def ensure_group(kind: str) -> Any:

@@ -176,9 +176,9 @@ def preset_material(preset: str) -> Any:
             f"There is no material preset {preset!r}; there are: {', '.join(PRESETS)}."
         )
     for material in bpy.data.materials:
-        if material.library is None and material.get(PRESET_PROPERTY) == preset:
-            if _holds(material, values):
-                return material
+        ours = material.library is None and material.get(PRESET_PROPERTY) == preset
+        if ours and _holds(material, values):
+            return material
     material = make_material(
         f"Radar {values.label}",
         values.n,
