@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The companion module: from rendered rings to range-Doppler maps. No Blender in it.
+
+Five lines make a map::
+
+    from radarsim_addon import signal
+    run = signal.open_run("out/paper")
+    echoes = signal.synthesize(signal.iter_paths(run.frame(1)), run.radar, window_m=run.window_m)
+    rd_map = signal.range_doppler(signal.compress(echoes))
+    signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 3, min_speed_mps=1))
+
+Conventions: SI, float64; one-way range is half the path's length; range rate is positive when
+receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
+
+Radar
+    Waveform, Burst, Radar
+Files
+    open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; read_exr, write_exr
+Pixels
+    decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
+Paths
+    iter_paths, frame_paths, join_paths, make_paths -> Paths; path_power_w, path_amplitude;
+    FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED
+Echoes (Eq. 9-14)
+    synthesize -> Echoes; EchoSynthesizer; nufft1; replica, replica_spectrum, matched_filter
+Compression
+    compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
+Map
+    range_doppler -> RangeDopplerMap; decibels
+Detection
+    find_peaks -> Peak; leading_edges -> LeadingEdge; level_above
+Products and pictures
+    write_products; plot_rings, plot_echo, plot_matched_filter, plot_range_doppler, save
+A whole run
+    process_run(path, ProcessOptions(...)) yields Progress and FrameResult; frame_statistics
+"""
+
+from .compress import Compressed, PowerProfile, compress, expected_power_profile
+from .config import Burst, Radar, Waveform
+from .decode import Decoded, PixelGrid, decode, pixel_grid
+from .detect import LeadingEdge, Peak, find_peaks, leading_edges, level_above
+from .doppler import (
+    FLAG_CROSSED,
+    FLAG_MIXED,
+    FLAG_ONE_PASS,
+    FLAG_TOO_FAST,
+    range_rate,
+)
+from .echoes import Echoes, EchoSynthesizer, synthesize
+from .exr import read_exr, write_exr
+from .frames import MissingRender, RadarFrame, Run, open_run
+from .nufft import nufft1
+from .paths import (
+    PathCounts,
+    Paths,
+    frame_paths,
+    iter_paths,
+    join_paths,
+    make_paths,
+    path_amplitude,
+    path_power_w,
+)
+from .pipeline import (
+    FrameResult,
+    FrameStatistics,
+    ProcessOptions,
+    Progress,
+    frame_statistics,
+    process_run,
+)
+from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
+from .products import write_products
+from .rangedoppler import RangeDopplerMap, decibels, range_doppler
+from .waveform import matched_filter, replica, replica_spectrum
+from .windows import slow_time_window, window_at
+
+__all__ = [
+    "FLAG_CROSSED",
+    "FLAG_MIXED",
+    "FLAG_ONE_PASS",
+    "FLAG_TOO_FAST",
+    "Burst",
+    "Compressed",
+    "Decoded",
+    "EchoSynthesizer",
+    "Echoes",
+    "FrameResult",
+    "FrameStatistics",
+    "LeadingEdge",
+    "MissingRender",
+    "PathCounts",
+    "Paths",
+    "Peak",
+    "PixelGrid",
+    "PowerProfile",
+    "ProcessOptions",
+    "Progress",
+    "Radar",
+    "RadarFrame",
+    "RangeDopplerMap",
+    "Run",
+    "Waveform",
+    "compress",
+    "decibels",
+    "decode",
+    "expected_power_profile",
+    "find_peaks",
+    "frame_paths",
+    "frame_statistics",
+    "iter_paths",
+    "join_paths",
+    "leading_edges",
+    "level_above",
+    "make_paths",
+    "matched_filter",
+    "nufft1",
+    "open_run",
+    "path_amplitude",
+    "path_power_w",
+    "pixel_grid",
+    "plot_echo",
+    "plot_matched_filter",
+    "plot_range_doppler",
+    "plot_rings",
+    "process_run",
+    "range_doppler",
+    "range_rate",
+    "read_exr",
+    "replica",
+    "replica_spectrum",
+    "save",
+    "slow_time_window",
+    "synthesize",
+    "window_at",
+    "write_exr",
+    "write_products",
+]

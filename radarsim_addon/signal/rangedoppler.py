@@ -21,7 +21,7 @@ FLOOR_DB = -300.0
 
 def decibels(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
     """10 log10(power / reference), never below `floor_db`; zero power gives the floor."""
-    level = np.full(np.shape(power), floor_db)
+    level = np.full(np.shape(power), float(floor_db))
     relative = np.asarray(power, dtype=np.float64) / reference
     np.log10(relative, out=level, where=relative > 0)
     return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))

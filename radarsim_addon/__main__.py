@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``python -m radarsim_addon`` is the ``radarsim`` command."""
+
+import sys
+
+from .signal.cli import main
+
+sys.exit(main())

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ``radarsim`` command: ``radarsim process DIR`` and ``radarsim info DIR``.
+
+Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import get_args
+
+from .. import __version__
+from ..errors import RadarSimError
+from .doppler import MAX_SPEED_MPS
+from .frames import Run, open_run
+from .nufft import Backend
+from .paths import Weighting
+from .pipeline import (
+    FrameResult,
+    ProcessOptions,
+    Progress,
+    frame_statistics,
+    process_run,
+    statistics_warnings,
+)
+from .windows import WINDOW_NAMES
+
+#: Rounding of the range code in float32, relative to code length or path length, whichever is more.
+_CODE_NOISE = 7e-8
+
+
+def _frame_numbers(text: str) -> list[int]:
+    """ "3", "1:10" or "1:10,15" as a list of frames, ends included."""
+    numbers: list[int] = []
+    for part in text.split(","):
+        ends = [int(end) for end in part.split(":")]
+        if len(ends) > 2 or ends[-1] < ends[0] or ends[-1] - ends[0] > 1_000_000:
+            raise ValueError(part)
+        numbers.extend(range(ends[0], ends[-1] + 1))
+    return numbers
+
+
+def _range_window(text: str) -> tuple[float, float]:
+    """ "0:5250" as two ranges in metres."""
+    start, stop = (float(end) for end in text.split(":"))
+    return start, stop
+
+
+_frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its message
+_range_window.__name__ = "range window (like 0:5250)"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="radarsim", description="Radar products from a run that Blender rendered."
+    )
+    parser.add_argument("--version", action="version", version=f"radarsim {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    info = commands.add_parser("info", help="what a run is, and whether it is complete")
+    info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    process = commands.add_parser(
+        "process",
+        help="echo, range profile, range-Doppler map and products of every frame",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    process.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    process.add_argument("--out", metavar="DIR", help="folder for the results [DIR/products]")
+    process.add_argument("--frames", type=_frame_numbers, metavar="A:B", help="frames [all]")
+    process.add_argument(
+        "--range", type=_range_window, metavar="A:B", help="range window in metres [all rings]"
+    )
+    process.add_argument("--weighting", choices=get_args(Weighting), default="radar-equation")
+    process.add_argument("--receiver-gain-db", type=float, default=0.0, help="G_r in dBi")
+    process.add_argument(
+        "--window", default="hamming", help=f"over the band: {', '.join(WINDOW_NAMES)}"
+    )
+    process.add_argument("--doppler-window", default="hamming", help="over the pulses: the same")
+    process.add_argument(
+        "--max-speed", type=float, default=MAX_SPEED_MPS, help="limit of a believable speed, m/s"
+    )
+    process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
+    process.add_argument("--no-products", action="store_true", help="write no EXR products")
+    process.add_argument("--no-plots", action="store_true", help="draw no pictures")
+    process.add_argument(
+        "--allow-incomplete", action="store_true", help="skip frames that are not all there"
+    )
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    chosen = _parser().parse_args(arguments)  # exits with 2 on bad arguments
+    for stream in (sys.stdout, sys.stderr):
+        # a console that cannot show a path's letters must not end a run
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
+    except RadarSimError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("Interrupted: files written so far are whole.", file=sys.stderr)
+        return 1
+
+
+def _process(chosen: argparse.Namespace) -> int:
+    options = ProcessOptions(
+        weighting=chosen.weighting,
+        receiver_gain=10 ** (chosen.receiver_gain_db / 10),
+        window=chosen.window,
+        doppler_window=chosen.doppler_window,
+        window_m=chosen.range,
+        max_speed_mps=chosen.max_speed,
+        method=chosen.method,
+        products=not chosen.no_products,
+        plots=False if chosen.no_plots else None,
+    )
+    live = sys.stderr.isatty()
+    events = process_run(
+        chosen.folder,
+        options,
+        out=chosen.out,
+        frames=chosen.frames,
+        allow_incomplete=chosen.allow_incomplete,
+    )
+    for event in events:
+        if isinstance(event, FrameResult):
+            if live:
+                print(end="\r\x1b[K", file=sys.stderr)
+            _print_frame(event)
+        elif "skipped" in event.text:
+            print(event.text, file=sys.stderr)
+        elif live:
+            _show(event)
+    return 0
+
+
+def _show(progress: Progress) -> None:
+    share = 100 * progress.done / progress.total
+    print(f"\r\x1b[K{share:3.0f} %  {progress.text}", end="", file=sys.stderr, flush=True)
+
+
+def _print_frame(result: FrameResult) -> None:
+    statistics = result.statistics
+    print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
+    for edge in result.edges:
+        print(f"  leading edge {edge.range_m:10.2f} m   level {edge.level_db:8.2f} dB")
+    for peak in result.movers:
+        print(
+            f"  mover        {peak.range_m:10.2f} m   level {peak.level_db:8.2f} dB   "
+            f"range rate {peak.velocity_mps:+9.3f} m/s   Doppler {peak.doppler_hz:+9.2f} Hz   "
+            f"{peak.above_db:.1f} dB above its surroundings"
+        )
+    for warning in result.warnings:
+        print(f"  warning: {warning}")
+    if result.files:
+        print(f"  {len(result.files)} files in {result.files[0].parent}")
+
+
+def _info(folder: str) -> int:
+    run = open_run(folder)
+    record, radar = run.record, run.radar
+    waveform, burst = radar.waveform, radar.burst
+    gaps = run.missing()
+    start_m, stop_m = run.window_m
+    rows = [
+        ("run", str(run.path)),
+        ("scene", record.blend_file or "(not saved)"),
+        ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
+        ("rings", f"{record.rings} of {record.ring_step_m:g} m: {start_m:g} to {stop_m:g} m"),
+        ("passes", f"{record.passes}, {record.delta_t_s:g} s apart"),
+        ("renders", f"{run.renders - len(gaps)} of {run.renders} are there"),
+        ("image", f"{record.width_px} x {record.height_px} px, {record.samples} samples"),
+        ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),
+        ("code length k", f"{record.code_length_m:g} m"),
+        ("extinction length", f"{record.extinction_length_m:g} m"),
+        ("carrier", f"{waveform.carrier_hz / 1e9:g} GHz, {waveform.wavelength_m:.6g} m"),
+        ("bandwidth", f"{waveform.bandwidth_hz / 1e6:g} MHz in {waveform.chirp_length_s:g} s"),
+        ("sampling rate", f"{waveform.sampling_rate_hz / 1e6:g} MHz"),
+        ("burst", f"{burst.pulses} pulses at {burst.prf_hz:g} Hz"),
+        ("range resolution", f"{waveform.range_resolution_m:.4g} m (c / 2B)"),
+        ("unambiguous range", f"{burst.unambiguous_range_m:.6g} m"),
+        ("unambiguous speed", f"+-{radar.max_velocity_mps:.4g} m/s"),
+        ("speed resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
+    ]
+    rows += _noise_rows(run)
+    for name, text in rows:
+        print(f"{name:18} {text}")
+    for warning in record.warnings:
+        print(f"warning: {warning}")
+    if gaps:
+        print(f"incomplete: frame {gaps[0].frame}: {gaps[0].reason}; {len(gaps)} in all")
+    missing_frames = {gap.frame for gap in gaps}
+    whole = next((f for f in run.frames() if f.number not in missing_frames), None)
+    if whole is not None:
+        statistics = frame_statistics(whole, radar)
+        counts = statistics.counts
+        print(f"frame {whole.number}:")
+        print(f"  paths            {counts.paths}")
+        if statistics.nearest_m is not None and statistics.farthest_m is not None:
+            print(f"  ranges           {statistics.nearest_m:g} to {statistics.farthest_m:g} m")
+        print(f"  mixed pixels     {100 * statistics.mixed_power_share:.2f} % of the power")
+        print(
+            f"  between passes   {counts.crossed} crossed a ring, {counts.too_fast} too fast, "
+            f"{counts.one_pass} in the first only"
+        )
+        for warning in statistics_warnings(statistics, radar):
+            print(f"  warning: {warning}")
+    return 0
+
+
+def _noise_rows(run: Run) -> list[tuple[str, str]]:
+    """What float32 costs at the far end of the rings."""
+    record = run.record
+    noise_m = _CODE_NOISE * max(record.code_length_m, 2 * run.window_m[1]) / 2
+    rows = [("range rounding", f"about {noise_m:.1g} m a pixel (float32 range code)")]
+    if record.passes == 2:
+        rate_mps = 2**0.5 * noise_m / record.delta_t_s
+        rows.append(("speed rounding", f"about {rate_mps:.1g} m/s a pixel"))
+    return rows
+
+
+if __name__ == "__main__":
+    sys.exit(main())

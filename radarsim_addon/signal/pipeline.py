@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run's folder to its products, frame by frame.
+
+    for event in process_run("out/paper"):
+        print(event)
+
+yields a :class:`Progress` after each step and a :class:`FrameResult` after each frame. Memory is
+bounded by one frame, however many there are, as long as the caller lets go of the results.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..contract import PRODUCTS_DIR
+from ..errors import FrameFileError
+from . import plots
+from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
+from .config import Radar
+from .detect import LeadingEdge, Peak, find_peaks, leading_edges
+from .doppler import FLAG_MIXED, MAX_SPEED_MPS
+from .echoes import Echoes, EchoSynthesizer, check_window
+from .files import make_folder, write_arrays, write_json
+from .frames import RadarFrame, Run, open_run
+from .nufft import Backend
+from .paths import PathCounts, Paths, Weighting, iter_paths, path_power_w
+from .products import write_products
+from .rangedoppler import RangeDopplerMap, range_doppler
+
+#: Share of the received power in mixed pixels above which a frame carries a warning.
+MIXED_POWER_WARNING = 0.05
+
+
+@dataclass(frozen=True)
+class Progress:
+    """`done` of `total` steps of the whole run are done; `text` says which was the last."""
+
+    done: int
+    total: int
+    text: str
+
+
+@dataclass(frozen=True)
+class FrameStatistics:
+    """What the paths of one frame add up to.
+
+    `power_w` is the sum of the received powers, `mixed_power_share` the share of it in pixels that
+    mix several ranges, `beyond_unambiguous_range` and `beyond_max_velocity` count paths, and
+    `outside_window` those that the range window leaves out (mean over the pulses).
+    """
+
+    counts: PathCounts
+    power_w: float
+    mixed_power_share: float
+    nearest_m: float | None
+    farthest_m: float | None
+    beyond_unambiguous_range: int
+    beyond_max_velocity: int
+    outside_window: float
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """All that was computed of one radar frame, and the files that hold it."""
+
+    frame: int
+    time_s: float
+    statistics: FrameStatistics
+    echoes: Echoes
+    compressed: Compressed
+    profile: PowerProfile
+    rd_map: RangeDopplerMap
+    edges: list[LeadingEdge]
+    movers: list[Peak]
+    warnings: list[str]
+    files: list[Path]
+
+
+@dataclass(frozen=True)
+class ProcessOptions:
+    """How a run is processed.
+
+    Attributes
+    ----------
+    weighting
+        "radar-equation" or "paper", see :func:`.paths.path_amplitude`.
+    receiver_gain
+        G_r, linear.
+    window, doppler_window
+        Windows over the band and over the pulses, see :mod:`.windows`.
+    window_m
+        One-way ranges (start, stop) [m]; None: what the rings cover.
+    max_speed_mps
+        Limit of a believable |range rate| between the passes [m/s].
+    method
+        Engine of the non-uniform FFT.
+    products
+        Whether to write the four EXR products.
+    plots
+        Whether to draw pictures; None: where matplotlib is installed.
+    """
+
+    weighting: Weighting = "radar-equation"
+    receiver_gain: float = 1.0
+    window: str = "hamming"
+    doppler_window: str = "hamming"
+    window_m: tuple[float, float] | None = None
+    max_speed_mps: float = MAX_SPEED_MPS
+    method: Backend = "auto"
+    products: bool = True
+    plots: bool | None = None
+
+
+class _StatisticsSum:
+    """Adds up statistics while paths stream by."""
+
+    def __init__(self, radar: Radar, receiver_gain: float) -> None:
+        self._radar, self._gain = radar, receiver_gain
+        self._counts = PathCounts()
+        self._power = self._mixed = 0.0
+        self._far = self._fast = 0
+        self._nearest, self._farthest = np.inf, -np.inf
+
+    def add(self, paths: Paths) -> None:
+        self._counts += paths.counts
+        if not len(paths):
+            return
+        power = path_power_w(paths, self._radar.waveform.wavelength_m, self._gain)
+        self._power += float(power.sum())
+        self._mixed += float(power[(paths.flags & FLAG_MIXED) != 0].sum())
+        range_m = paths.range_m
+        self._nearest = min(self._nearest, float(range_m.min()))
+        self._farthest = max(self._farthest, float(range_m.max()))
+        self._far += int(np.count_nonzero(range_m > self._radar.burst.unambiguous_range_m))
+        speed = np.abs(paths.range_rate_mps)
+        self._fast += int(np.count_nonzero(speed > self._radar.max_velocity_mps))
+
+    def result(self, outside: float) -> FrameStatistics:
+        some = self._counts.paths > 0
+        return FrameStatistics(
+            counts=self._counts,
+            power_w=self._power,
+            mixed_power_share=self._mixed / self._power if self._power > 0 else 0.0,
+            nearest_m=self._nearest if some else None,
+            farthest_m=self._farthest if some else None,
+            beyond_unambiguous_range=self._far,
+            beyond_max_velocity=self._fast,
+            outside_window=outside,
+        )
+
+
+def frame_statistics(
+    frame: RadarFrame, radar: Radar, receiver_gain: float = 1.0
+) -> FrameStatistics:
+    """Statistics of one frame's paths, without forming echoes."""
+    total = _StatisticsSum(radar, receiver_gain)
+    for part in iter_paths(frame):
+        total.add(part)
+    return total.result(0.0)
+
+
+def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
+    """What a user should know before trusting a frame's products, in whole sentences."""
+    counts, found = statistics.counts, []
+    if counts.paths == 0:
+        found.append("No echo in any ring: the map is empty.")
+    if statistics.beyond_unambiguous_range:
+        found.append(
+            f"{statistics.beyond_unambiguous_range} paths lie beyond the unambiguous range "
+            f"{radar.burst.unambiguous_range_m:.6g} m (c / 2 PRF). They stand at their true range; "
+            "a radar would show them folded. Lower the PRF to be rid of the ambiguity."
+        )
+    if statistics.beyond_max_velocity:
+        found.append(
+            f"{statistics.beyond_max_velocity} paths move faster than the unambiguous "
+            f"{radar.max_velocity_mps:.4g} m/s (lambda PRF / 4): they fold in Doppler, as in a "
+            "radar. Raise the PRF to be rid of the ambiguity."
+        )
+    if statistics.outside_window >= 0.5:
+        found.append(
+            f"{statistics.outside_window:.0f} paths lie outside the range window and are left out."
+        )
+    if counts.beyond_code:
+        found.append(
+            f"{counts.beyond_code} pixels have an echo too far for the range code (R underflows) "
+            "and are left out. Raise the code length k."
+        )
+    if counts.not_coded:
+        found.append(
+            f"{counts.not_coded} pixels have more R than B and are left out: light that does not "
+            "carry the range code. Give every object a Radar Material and hide other lights."
+        )
+    if counts.too_fast or counts.one_pass:
+        found.append(
+            f"{counts.too_fast} paths changed range by more than the speed limit between the "
+            f"passes and {counts.one_pass} have an echo in the first pass only (edges of moving "
+            "objects, or a run with one pass); they count as standing still."
+        )
+    if statistics.mixed_power_share > MIXED_POWER_WARNING:
+        found.append(
+            f"{100 * statistics.mixed_power_share:.0f} % of the power is in pixels that mix "
+            "several ranges; their range is a mixture. Use one sample per pixel, or more "
+            "pixels."
+        )
+    return found
+
+
+def process_run(
+    path: str | Path,
+    options: ProcessOptions | None = None,
+    *,
+    out: str | Path | None = None,
+    frames: Sequence[int] | None = None,
+    allow_incomplete: bool = False,
+) -> Iterator[Progress | FrameResult]:
+    """Process a run frame by frame.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``run.json``.
+    options
+        How; the defaults where None.
+    out
+        Folder for the products, made where missing; default ``products`` in the run's folder.
+    frames
+        Frames to process; all where None.
+    allow_incomplete
+        Skip frames whose renders are not all there, instead of raising.
+
+    Yields
+    ------
+    Progress or FrameResult
+        Files of a frame, in `out`: ``frame_0001_amplitude_t0.exr`` and the other three products;
+        ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
+        velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; pictures
+        ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds, see :mod:`radarsim_addon.errors`.
+    """
+    options = options or ProcessOptions()
+    run = open_run(path)
+    chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
+    folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    steps = run.record.rings + 3
+    total, finished, complete = steps * len(chosen), 0, 0
+    for frame in chosen:
+        gaps = frame.missing()
+        if gaps and not allow_incomplete:
+            raise FrameFileError(_gaps_text(run, frame, len(gaps), gaps[0].reason))
+        if gaps:
+            finished += steps
+            text = f"frame {frame.number} skipped: {len(gaps)} of its renders are missing"
+            yield Progress(finished, total, text)
+            continue
+        complete += 1
+        for event in _process_frame(run, frame, folder, options):
+            if isinstance(event, FrameResult):
+                yield event
+            else:
+                finished += 1
+                yield Progress(finished, total, event)
+    if not complete:
+        raise FrameFileError(
+            f"{run.path} has no complete frame to process. Render the run again: it goes on where "
+            "it stopped."
+        )
+
+
+def _gaps_text(run: Run, frame: RadarFrame, count: int, first: str) -> str:
+    return (
+        f"{frame.path} lacks {count} of {run.record.rings * run.record.passes} renders; the first: "
+        f"{first}. Render the run again: it goes on where it stopped. Or process only what is "
+        "complete with --allow-incomplete."
+    )
+
+
+def _process_frame(
+    run: Run, frame: RadarFrame, folder: Path, options: ProcessOptions
+) -> Iterator[str | FrameResult]:
+    window_m = check_window(options.window_m or run.window_m)
+    synthesizer = EchoSynthesizer(
+        run.radar,
+        window_m,
+        weighting=options.weighting,
+        receiver_gain=options.receiver_gain,
+        method=options.method,
+    )
+    accumulator = ProfileAccumulator(
+        run.radar,
+        window_m,
+        window=options.window,
+        weighting=options.weighting,
+        receiver_gain=options.receiver_gain,
+        method=options.method,
+    )
+    total = _StatisticsSum(run.radar, options.receiver_gain)
+    for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
+        synthesizer.add(paths)
+        accumulator.add(paths)
+        total.add(paths)
+        yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
+    echoes = synthesizer.result()
+    compressed = compress(echoes, options.window)
+    rd_map = range_doppler(compressed, options.doppler_window)
+    profile = accumulator.result()
+    statistics = total.result(echoes.outside)
+    # windows are at most three cells wide to each side: what is slower hides in the stripe
+    slowest_mps = 3 * run.radar.velocity_resolution_mps
+    result = FrameResult(
+        frame=frame.number,
+        time_s=frame.time_s,
+        statistics=statistics,
+        echoes=echoes,
+        compressed=compressed,
+        profile=profile,
+        rd_map=rd_map,
+        edges=leading_edges(profile, 5, by="prominence"),
+        movers=_movers(rd_map, slowest_mps),
+        warnings=statistics_warnings(statistics, run.radar),
+        files=[],
+    )
+    yield f"frame {frame.number}: echoes, map"
+    result.files.extend(_write_results(result, folder, options))
+    if options.products:
+        result.files.extend(write_products(frame, folder))
+    yield f"frame {frame.number}: products"
+    if plots.has_matplotlib() if options.plots is None else options.plots:
+        result.files.extend(_draw(frame, result, folder))
+    yield f"frame {frame.number}: pictures"
+    yield result
+
+
+def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
+    """Peaks off the 0 Hz stripe; none where there are too few pulses to tell."""
+    if rd_map.radar.burst.pulses < 16:
+        return []
+    return find_peaks(rd_map, 5, min_speed_mps=slowest_mps, min_above_db=10.0)
+
+
+def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:
+    stem = folder / f"frame_{result.frame:04d}"
+    profile, rd_map = result.profile, result.rd_map
+    names = [stem.with_name(stem.name + s) for s in ("_profile.npz", "_map.npz", "_summary.json")]
+    write_arrays(
+        names[0],
+        {
+            "range_m": profile.range_m,
+            "expected_power": profile.power,
+            "coherent_range_m": result.compressed.range_m,
+            "coherent_power": np.mean(np.abs(result.compressed.values) ** 2, axis=0),
+        },
+    )
+    write_arrays(
+        names[1],
+        {
+            "doppler_hz": rd_map.doppler_hz,
+            "velocity_mps": rd_map.velocity_mps,
+            "range_m": rd_map.range_m,
+            "power": rd_map.power,
+        },
+    )
+    write_json(
+        names[2],
+        {
+            "frame": result.frame,
+            "time_s": result.time_s,
+            "options": dataclasses.asdict(options),
+            "waveform": dataclasses.asdict(rd_map.radar.waveform),
+            "burst": dataclasses.asdict(rd_map.radar.burst),
+            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "statistics": dataclasses.asdict(result.statistics),
+            "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
+            "movers": [dataclasses.asdict(peak) for peak in result.movers],
+            "warnings": result.warnings,
+        },
+    )
+    return names
+
+
+def _draw(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
+    def name(what: str) -> Path:
+        return folder / f"frame_{result.frame:04d}_{what}.png"
+
+    title = f"frame {result.frame}"
+    return [
+        plots.save(plots.plot_rings(frame), name("rings")),
+        plots.save(plots.plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
+        plots.save(
+            plots.plot_matched_filter(
+                result.compressed, result.profile, result.edges, f"Matched filter, {title}"
+            ),
+            name("matched_filter"),
+        ),
+        plots.save(
+            plots.plot_range_doppler(
+                result.rd_map, result.movers[:1], f"Range-Doppler map, {title}"
+            ),
+            name("range_doppler"),
+        ),
+    ]

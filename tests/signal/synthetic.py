@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs without Blender: folders as the Blender half writes them, from ranges that a test chose."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radarsim_addon import contract, sidecar
+from radarsim_addon.signal.config import Burst, Radar, Waveform
+from radarsim_addon.signal.exr import write_exr
+
+#: The paper's radar (Table I), 128 pulses.
+PAPER_RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 128))
+
+IDENTITY = [[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]
+
+#: (frame, ring, pass) -> one-way range [m] and radiance [W m^-2 sr^-1], (height, width) each; 0
+#: where there is no echo.
+Picture = Callable[[int, int, int], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclasses.dataclass
+class Setup:
+    """Numbers of a synthetic run."""
+
+    radar: Radar = PAPER_RADAR
+    frames: tuple[int, ...] = (1,)
+    rings: int = 4
+    ring_step_m: float = 250.0
+    passes: int = 2
+    delta_t_s: float = 0.01
+    width_px: int = 16
+    height_px: int = 12
+    metres_per_unit: float = 100.0
+    code_length_m: float = 1000.0
+    near_clip_m: float = 1e-4
+    half_width: float = 0.4
+    half_height: float = 0.3
+
+    def camera(self) -> contract.CameraRecord:
+        """The receiver: looks along -z from the origin."""
+        return contract.CameraRecord(
+            kind="perspective",
+            matrix_world=IDENTITY,
+            left=-self.half_width,
+            right=self.half_width,
+            bottom=-self.half_height,
+            top=self.half_height,
+            near_clip_m=self.near_clip_m,
+        )
+
+    def frame_time_s(self, frame: int) -> float:
+        """Scene time of a frame, at 24 frames a second."""
+        return frame / 24
+
+
+def empty(setup: Setup) -> tuple[np.ndarray, np.ndarray]:
+    """No echo."""
+    return tuple(np.zeros((2, setup.height_px, setup.width_px)))  # type: ignore[return-value]
+
+
+def points(setup: Setup, echoes: list[tuple[int, int, float, float, float]]) -> Picture:
+    """Echoes (row, col, range_m at t, range rate, radiance), each in the ring where it belongs."""
+
+    def picture(frame: int, ring: int, pass_index: int) -> tuple[np.ndarray, np.ndarray]:
+        range_m, radiance = empty(setup)
+        for row, col, start_m, rate_mps, strength in echoes:
+            now_m = start_m + rate_mps * setup.delta_t_s * pass_index
+            if ring * setup.ring_step_m <= now_m < (ring + 1) * setup.ring_step_m:
+                range_m[row, col], radiance[row, col] = now_m, strength
+        return range_m, radiance
+
+    return picture
+
+
+def encode(setup: Setup, range_m: np.ndarray, radiance: np.ndarray) -> dict[str, np.ndarray]:
+    """Colours that Cycles would render (Eq. 2-3), near clip included, rounded to float32."""
+    camera = setup.camera()
+    u = camera.left + (np.arange(setup.width_px) + 0.5) * (2 * setup.half_width / setup.width_px)
+    v = camera.top - (np.arange(setup.height_px) + 0.5) * (2 * setup.half_height / setup.height_px)
+    cut_m = setup.near_clip_m * np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2)
+    code = np.where(radiance > 0, np.exp(-(2 * range_m - cut_m) / setup.code_length_m), 0.0)
+    blue = radiance * setup.metres_per_unit**2
+    planes = {"R": blue * code, "G": blue * code**2, "B": blue}
+    return {name: plane.astype(np.float32) for name, plane in planes.items()}
+
+
+def render_record(setup: Setup, frame: int, ring: int, pass_index: int) -> contract.RenderRecord:
+    """Sidecar of one render; its checksum is still to be filled in."""
+    return contract.RenderRecord(
+        acquisition="rings",
+        frame=frame,
+        pass_index=pass_index,
+        time_s=setup.frame_time_s(frame) + pass_index * setup.delta_t_s,
+        ring=ring,
+        ring_min_m=ring * setup.ring_step_m,
+        ring_max_m=(ring + 1) * setup.ring_step_m,
+        width_px=setup.width_px,
+        height_px=setup.height_px,
+        metres_per_unit=setup.metres_per_unit,
+        code_length_m=setup.code_length_m,
+        extinction_length_m=setup.metres_per_unit,
+        camera=setup.camera(),
+        emitter=contract.EmitterRecord(matrix_world=IDENTITY, eirp_w=1.0),
+        samples=1,
+        seed=0,
+        max_bounces=1,
+        exr_file=f"{contract.render_stem(ring, pass_index)}.exr",
+        exr_sha256="",
+    )
+
+
+def run_record(setup: Setup) -> contract.RunRecord:
+    """Plan of the run."""
+    return contract.RunRecord(
+        acquisition="rings",
+        frames=list(setup.frames),
+        frame_times_s=[setup.frame_time_s(f) for f in setup.frames],
+        rings=setup.rings,
+        ring_step_m=setup.ring_step_m,
+        passes=setup.passes,
+        delta_t_s=setup.delta_t_s,
+        width_px=setup.width_px,
+        height_px=setup.height_px,
+        samples=1,
+        seed=0,
+        max_bounces=1,
+        metres_per_unit=setup.metres_per_unit,
+        code_length_m=setup.code_length_m,
+        extinction_length_m=setup.metres_per_unit,
+        waveform=dataclasses.asdict(setup.radar.waveform),
+        burst=dataclasses.asdict(setup.radar.burst),
+        blend_file="synthetic.blend",
+        fingerprint="synthetic",
+    )
+
+
+def write_render(
+    folder: Path,
+    setup: Setup,
+    frame: int,
+    ring: int,
+    pass_index: int,
+    channels: dict[str, np.ndarray],
+    **changes: Any,
+) -> Path:
+    """Write one EXR and its sidecar, with fields of the sidecar changed at will."""
+    place = folder / contract.frame_dir(frame)
+    place.mkdir(parents=True, exist_ok=True)
+    path = place / f"{contract.render_stem(ring, pass_index)}.exr"
+    write_exr(path, channels)
+    record = dataclasses.replace(
+        render_record(setup, frame, ring, pass_index), exr_sha256=sidecar.file_sha256(path)
+    )
+    sidecar.write_record(path.with_suffix(".json"), dataclasses.replace(record, **changes))
+    return path
+
+
+def write_run(folder: Path, setup: Setup, picture: Picture) -> Path:
+    """Write a whole run; returns its folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sidecar.write_record(folder / contract.RUN_FILE, run_record(setup))
+    for frame in setup.frames:
+        for pass_index in range(setup.passes):
+            for ring in range(setup.rings):
+                channels = encode(setup, *picture(frame, ring, pass_index))
+                write_render(folder, setup, frame, ring, pass_index, channels)
+    return folder
