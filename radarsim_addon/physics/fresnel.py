@@ -22,9 +22,7 @@ def _terms(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, C
     return eps, cosine, np.sqrt((eps - 1) + cosine**2)
 
 
-def reflection_coefficients(
-    index: ArrayLike, cos_incidence: ArrayLike
-) -> tuple[Complex, Complex]:
+def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Complex]:
     """Amplitude reflection coefficients from vacuum onto a medium.
 
     Parameters
@@ -65,4 +63,4 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
     """(|r_s|^2 + |r_p|^2)/2: what the Radar Material's nodes evaluate."""
     r_s, r_p = reflection_coefficients(index, cos_incidence)
-    return (np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2
+    return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)

@@ -50,7 +50,8 @@ def monostatic_power_w(
 def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: ArrayLike) -> Real:
     """Monostatic radar cross section of a rough (Lambert) plate, 4 rho A cos^2(theta) [m^2]."""
     cosine = np.asarray(cos_incidence, dtype=np.float64)
-    return 4 * np.asarray(albedo, dtype=np.float64) * np.asarray(area_m2) * cosine**2
+    area = np.asarray(area_m2, dtype=np.float64)
+    return np.asarray(4 * np.asarray(albedo, dtype=np.float64) * area * cosine**2)
 
 
 def lambert_radiance(

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks of numbers that come from users, and a reader of small CSV tables with named errors."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ConfigError
+
+Real = NDArray[np.float64]
+
+#: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
+EDGE_SLACK = 1e-6
+
+
+def real_array(
+    name: str,
+    value: ArrayLike,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    above: float | None = None,
+) -> Real:
+    """`value` as float64 array: finite, >= `minimum`, <= `maximum`, > `above`.
+
+    Values that pass a bound by no more than `EDGE_SLACK` of it are set to the bound.
+
+    Raises
+    ------
+    ConfigError
+        With the first offending value and what was expected.
+    """
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{name} is {value!r}; expected {_expected(unit)}.") from None
+    suffix = f" {unit}" if unit else ""
+    interval = f"{_interval(minimum, maximum)}{suffix}"
+    if not np.all(np.isfinite(array)):
+        bad = array[~np.isfinite(array)].flat[0]
+        raise ConfigError(f"{name} holds {bad}; expected finite {_expected(unit, number=False)}.")
+    if above is not None and np.any(array <= above):
+        raise ConfigError(
+            f"{name} is {array.min():g}{suffix}; expected more than {above:g}{suffix}."
+        )
+    if minimum is not None:
+        if np.any(array < minimum - EDGE_SLACK * abs(minimum)):
+            raise ConfigError(f"{name} is {array.min():g}{suffix}; expected {interval}.")
+        array = np.maximum(array, minimum)
+    if maximum is not None:
+        if np.any(array > maximum + EDGE_SLACK * abs(maximum)):
+            raise ConfigError(f"{name} is {array.max():g}{suffix}; expected {interval}.")
+        array = np.minimum(array, maximum)
+    return array
+
+
+def _expected(unit: str, number: bool = True) -> str:
+    if number:
+        return f"a number of {unit}" if unit else "a number"
+    return f"numbers of {unit}" if unit else "numbers"
+
+
+def _interval(minimum: float | None, maximum: float | None) -> str:
+    if minimum is None and maximum is None:
+        return "any number"
+    if minimum is None:
+        return f"at most {maximum:g}"
+    if maximum is None:
+        return f"at least {minimum:g}"
+    return f"{minimum:g} to {maximum:g}"
+
+
+def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
+    """`index` as complex array: finite, not zero, Im >= 0.
+
+    Raises
+    ------
+    ConfigError
+        For NaN or Inf, for zero, and for gain; the last is nearly always the sign convention.
+    """
+    array = np.array(index, dtype=np.complex128)
+    if not np.all(np.isfinite(array)):
+        raise ConfigError(
+            f"Index of refraction holds {array[~np.isfinite(array)].flat[0]}; "
+            "expected finite numbers."
+        )
+    if np.any(array == 0):
+        raise ConfigError(
+            "Index of refraction is 0; expected n + jk other than zero (vacuum is 1)."
+        )
+    if np.any(array.imag < 0):
+        bad = array[array.imag < 0].flat[0]
+        raise ConfigError(
+            f"Index of refraction is {bad:g}: it amplifies. With the convention exp(-jwt) a lossy "
+            "medium has Im >= 0; take the complex conjugate of an index written n - jk."
+        )
+    return array
+
+
+def direction_cosine(cos_incidence: ArrayLike) -> Real:
+    """Cosine of the angle of incidence as float64 array in [0, 1]."""
+    return real_array("Cosine of the angle of incidence", cos_incidence, "", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """Cells of a CSV file by column name (lower case), with the line each row came from."""
+
+    path: Path
+    columns: dict[str, list[str]]
+    lines: list[int]
+
+    def numbers(self, column: str) -> Real:
+        """One column as float64.
+
+        Raises
+        ------
+        ConfigError
+            For a cell that is not a finite number, with file and line.
+        """
+        values = []
+        for cell, line in zip(self.columns[column], self.lines, strict=True):
+            try:
+                value = float(cell)
+            except ValueError:
+                value = np.nan
+            if not np.isfinite(value):
+                raise ConfigError(
+                    f"{self.path.name}, line {line}: {column} is {cell!r}; "
+                    "expected a finite number."
+                )
+            values.append(value)
+        return np.array(values, dtype=np.float64)
+
+
+def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
+    """Read a CSV file whose header holds all columns of one of `choices`.
+
+    Comma-separated, UTF-8 with or without byte-order mark; blank lines and lines that start with
+    # are skipped; columns in any order, names in any case.
+
+    Raises
+    ------
+    ConfigError
+        File missing or unreadable, not text, without a suitable header, or with ragged rows.
+    """
+    path = Path(path)
+    wanted = " or ".join(", ".join(choice) for choice in choices)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ConfigError(f"Table {path} does not exist; check the path.") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"Table {path} is not UTF-8 text; save it as CSV (UTF-8).") from None
+    except OSError as error:
+        raise ConfigError(f"Table {path} cannot be read: {error.strerror}.") from error
+    rows = [
+        (number, row)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+        for row in csv.reader([line])
+    ]
+    if not rows:
+        raise ConfigError(f"{path.name} is empty; expected a header line: {wanted}.")
+    header = [cell.strip().lower() for cell in rows[0][1]]
+    if not any(set(choice) <= set(header) for choice in choices):
+        raise ConfigError(
+            f"{path.name}, line {rows[0][0]}: the columns are {', '.join(header)}; "
+            f"expected {wanted}. Add a header line with these names, separated by commas."
+        )
+    if len(set(header)) != len(header):
+        raise ConfigError(f"{path.name}, line {rows[0][0]}: a column name stands twice.")
+    for number, row in rows[1:]:
+        if len(row) != len(header):
+            raise ConfigError(
+                f"{path.name}, line {number}: {len(row)} cells; expected {len(header)} "
+                f"({', '.join(header)})."
+            )
+    if len(rows) == 1:
+        raise ConfigError(f"{path.name} has a header and no rows; expected at least one row.")
+    columns = {
+        name: [row[position].strip() for _, row in rows[1:]] for position, name in enumerate(header)
+    }
+    return CsvTable(path, columns, [number for number, _ in rows[1:]])

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The library of materials: complex index of refraction by name and frequency.
+
+>>> material("concrete", 5.3e9)                               # ITU-R P.2040-3
+>>> material("sea_water", 5.3e9, temperature_c=10, salinity_psu=35)
+>>> material("table", 5.3e9, path="my_measurement.csv")
+
+Convention exp(-j w t): Im >= 0.
+"""
+
+from __future__ import annotations
+
+import difflib
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+
+from numpy.typing import ArrayLike
+
+from ..errors import ConfigError
+from .material_model import Complex, MaterialModel
+from .materials_general import general_models, table_model
+from .materials_itu import itu_models
+from .materials_soil import soil_models
+from .materials_water import water_models
+
+TABLE = "table"
+"""Name under which a CSV file is read; it takes the one parameter ``path``."""
+
+
+@lru_cache(maxsize=1)
+def models() -> MappingProxyType[str, MaterialModel]:
+    """Every model of the library by name (read only)."""
+    everything = (*general_models(), *itu_models(), *water_models(), *soil_models())
+    return MappingProxyType({model.name: model for model in everything})
+
+
+def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
+    """The model called `name`: its source, edition, band and parameters.
+
+    Raises
+    ------
+    ConfigError
+        For a name that is not in the library, with the nearest ones; for 'table' without `path`.
+    """
+    if name == TABLE:
+        if path is None:
+            raise ConfigError("Material 'table' needs path: a CSV file over frequency.")
+        return table_model(path)
+    if path is not None:
+        raise ConfigError(f"Material {name!r} takes no path; only 'table' reads a file.")
+    found = models().get(name)
+    if found is None:
+        near = difflib.get_close_matches(name, [*models(), TABLE], n=3)
+        hint = f"did you mean {', '.join(near)}? " if near else ""
+        raise ConfigError(
+            f"There is no material {name!r}: {hint}Known: {', '.join(sorted([*models(), TABLE]))}."
+        )
+    return found
+
+
+def material(
+    name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
+) -> Complex:
+    """Complex index of refraction n + jk of a material of the library, Im >= 0.
+
+    Parameters
+    ----------
+    name
+        Key of `models`, or 'table' together with `path`.
+    frequency_hz
+        Frequency [Hz], any shape.
+    path
+        CSV file, for 'table' only.
+    **parameters
+        As the model's ``parameters`` name them; they broadcast with `frequency_hz`.
+
+    Returns
+    -------
+    Index, of the broadcast shape.
+
+    Raises
+    ------
+    ConfigError
+        Unknown name, frequency outside the band of validity, parameter out of range or NaN.
+    """
+    return material_model(name, path).index(frequency_hz, **parameters)
+
+
+def permittivity(
+    name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
+) -> Complex:
+    """Complex relative permittivity of a material of the library; as `material`."""
+    return material_model(name, path).permittivity(frequency_hz, **parameters)

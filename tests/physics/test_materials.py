@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Permittivities against independent values, and what happens outside the models' bands."""
+
+import csv
+import itertools
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics import materials
+from radarsim_addon.physics.material_model import MaterialModel
+from radarsim_addon.physics.materials_itu import ITU_NEW_ROWS, ITU_ROWS
+from radarsim_addon.physics.materials_soil import soil_permittivity
+from radarsim_addon.physics.materials_water import (
+    ice_permittivity,
+    kaatze_permittivity,
+    klein_swift_permittivity,
+    liebe_permittivity,
+)
+
+DATA = Path(__file__).parents[1] / "data" / "material_spot_values.csv"
+ALL_NAMES = sorted(materials.models())
+EXAMPLES: dict[str, dict[str, Any]] = {
+    "permittivity": {"eps_real": 4.0, "eps_imag": 0.1},
+    "index": {"n": 2.0, "k": 0.1},
+    "debye": {
+        "static_permittivity": 80.0,
+        "infinite_permittivity": 5.0,
+        "relaxation_frequency_hz": 17e9,
+    },
+    "conductor": {"conductivity_s_per_m": 5.8e7},
+    "soil": {"moisture": 0.2},
+}
+
+
+def spot_rows() -> list[dict[str, str]]:
+    with open(DATA, encoding="utf-8") as stream:
+        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    # Not offered: Stogryn's sea water and the P.527 soil.
+    return [row for row in rows if not re.match("sea Stogryn|soil P.527", row["model"])]
+
+
+def number(text: str, name: str) -> float:
+    found = re.search(rf"{name}=(-?[\d.]+)", text)
+    assert found
+    return float(found[1])
+
+
+def evaluate(model: str, params: str, frequency_hz: float) -> complex:
+    """The equation itself: the table also holds values outside some bands."""
+    if model.startswith("P.2040"):
+        return complex(materials.permittivity(model.split()[1], frequency_hz))
+    if model.startswith("sea Klein-Swift"):
+        temperature_c, salinity_psu = number(params, "T"), number(params, "S")
+        return complex(klein_swift_permittivity(frequency_hz, temperature_c, salinity_psu))
+    if model.startswith("soil"):
+        return complex(soil_permittivity(frequency_hz, number(params, "mv"), 0.4, 0.2, 1.3, 20.0))
+    equation = {
+        "water Liebe91=P.527-4": liebe_permittivity,
+        "water Kaatze89": kaatze_permittivity,
+        "ice Maetzler06": ice_permittivity,
+    }[model]
+    return complex(equation(frequency_hz, number(params, "T")))
+
+
+@pytest.mark.parametrize(
+    "row", spot_rows(), ids=lambda r: f"{r['model']}-{r['freq_GHz']}-{r['params']}"
+)
+def test_spot_values(row: dict[str, str]) -> None:
+    got = evaluate(row["model"], row["params"], float(row["freq_GHz"]) * 1e9)
+    # Half a unit of the last digit printed (6, for ice 8), and 1e-7 for the electric constant.
+    digit = 0.6e-8 if row["model"].startswith("ice") else 0.6e-6
+    assert got.real == pytest.approx(float(row["eps_re"]), rel=2e-7, abs=0.6e-6)
+    assert got.imag == pytest.approx(float(row["eps_im"]), rel=2e-7, abs=digit)
+
+
+@pytest.mark.parametrize("name", ALL_NAMES)
+def test_every_model_is_passive_over_its_band_and_names_its_source(name: str) -> None:
+    model = materials.models()[name]
+    assert model.source and model.edition and model.band_text
+    for low, high in model.bands_hz:
+        frequency = np.geomspace(max(low, 1e6), min(high, 1e13), 200).reshape(20, 10)
+        index = model.index(frequency, **EXAMPLES.get(name, {}))
+        assert index.shape == frequency.shape
+        assert np.all(index.imag >= 0) and np.all(index.real > 0)
+        eps = model.permittivity(frequency, **EXAMPLES.get(name, {}))
+        np.testing.assert_allclose(index**2, eps, rtol=1e-13)
+
+
+@pytest.mark.parametrize("name", ALL_NAMES)
+def test_outside_the_band_is_a_named_error(name: str) -> None:
+    model = materials.models()[name]
+    for low, high in model.bands_hz:
+        for frequency in (low * 0.99, high * 1.01):
+            if frequency <= 0 or not np.isfinite(frequency):
+                continue
+            with pytest.raises(ConfigError) as caught:
+                materials.material(name, frequency, **EXAMPLES.get(name, {}))
+            message = str(caught.value)
+            assert repr(name) in message
+            assert f"{frequency / 1e9:g} GHz" in message
+            assert model.band_text in message
+            assert model.remedy in message
+
+
+def test_band_edges_are_inside_even_after_float32() -> None:
+    for edge in (np.float32(1.0), np.float32(100.0) * np.float32(1 + 6e-8)):
+        assert np.isfinite(materials.material("concrete", float(edge) * 1e9))
+    inside_one = materials.permittivity("concrete", 1e9)
+    assert complex(inside_one) == pytest.approx(5.24 + 1j * 17.9751036 * 0.0462, rel=1e-7)
+
+
+def test_itu_bands_of_one_material_do_not_overlap() -> None:
+    for rows in (*ITU_ROWS.values(), *ITU_NEW_ROWS.values()):
+        for below, above in itertools.pairwise(rows):
+            assert below.high_ghz < above.low_ghz
+
+
+def test_editions_are_told_apart() -> None:
+    assert "P.2040-3" in materials.material_model("concrete").edition
+    assert "P.2040-4" in materials.material_model("asphalt_concrete").edition
+
+
+def test_gap_between_two_bands_is_outside() -> None:
+    with pytest.raises(ConfigError, match=r"0\.3 to 1\.3 GHz and 1\.4 to 18 GHz"):
+        materials.material("soil", 1.35e9, moisture=0.2)
+    with pytest.raises(ConfigError, match=r"0\.1 to 100 GHz and 220 to 450 GHz"):
+        materials.material("glass", np.array([5e9, 150e9]))
+
+
+def test_peplinski_low_band_correction() -> None:
+    """eps' -> 1.15 eps' - 0.68 below 1.3 GHz (Peplinski 1995, eq. (2) with (8)).
+
+    The uncorrected eps' is smooth in frequency, so the step at the divide is the correction.
+    """
+    below = complex(soil_permittivity(1.3499e9, 0.2, 0.4, 0.2, 1.3, 20.0))
+    above = complex(soil_permittivity(1.3501e9, 0.2, 0.4, 0.2, 1.3, 20.0))
+    assert below.real == pytest.approx(1.15 * above.real - 0.68, rel=1e-4)
+
+
+def test_soil_whose_fit_amplifies_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no passive permittivity"):
+        materials.material("soil", 1.4e9, moisture=0.02, sand=1.0, clay=0.0)
+    with pytest.raises(ConfigError, match=r"add up to 1\.2"):
+        materials.material("soil", 5e9, moisture=0.2, sand=0.7, clay=0.5)
+    with pytest.raises(ConfigError, match="moisture"):
+        materials.material("soil", 5e9)
+
+
+def test_debye_maximum_loss_and_limits() -> None:
+    numbers: dict[str, Any] = {
+        "static_permittivity": 80.0,
+        "infinite_permittivity": 5.0,
+        "relaxation_frequency_hz": 17e9,
+    }
+    at_peak = complex(materials.permittivity("debye", 17e9, **numbers))
+    assert at_peak == pytest.approx((80 + 5) / 2 + 1j * (80 - 5) / 2, rel=1e-14)
+    assert complex(materials.permittivity("debye", 1e3, **numbers)).real == pytest.approx(80)
+    assert complex(materials.permittivity("debye", 1e16, **numbers)).real == pytest.approx(5)
+    lossy = complex(materials.permittivity("debye", 1e9, conductivity_s_per_m=2.0, **numbers))
+    dry = complex(materials.permittivity("debye", 1e9, **numbers))
+    assert (lossy - dry).imag == pytest.approx(17.97510 * 2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("conductivity", [5.8e7, 1e20])
+def test_conductor_skin_depth(conductivity: float) -> None:
+    """k0 Im(n) is one over the skin depth sqrt(2/(w mu0 sigma)) of a good conductor."""
+    frequency = 10e9
+    index = complex(materials.material("conductor", frequency, conductivity_s_per_m=conductivity))
+    omega = 2 * np.pi * frequency
+    skin_depth = np.sqrt(2 / (omega * 4e-7 * np.pi * conductivity))
+    assert omega / 299_792_458 * index.imag * skin_depth == pytest.approx(1, rel=1e-8)
+
+
+def test_zero_loss_stays_zero() -> None:
+    assert materials.material("vacuum", 5e9) == 1
+    assert materials.material("permittivity", 5e9, eps_real=4.0) == 2
+    assert materials.material("index", 5e9, n=1.5).imag == 0
+    plasma = complex(materials.material("permittivity", 5e9, eps_real=-4.0))
+    assert plasma == 2j
+
+
+def test_parameters_broadcast_with_frequency() -> None:
+    frequency = np.array([1.4e9, 5.3e9, 10e9])
+    temperature = np.array([0.0, 10.0, 25.0, 30.0])[:, None]
+    index = materials.material("water", frequency, temperature_c=temperature)
+    assert index.shape == (4, 3)
+    alone = materials.material("water", 5.3e9, temperature_c=25.0)
+    assert complex(index[2, 1]) == complex(alone)
+
+
+@pytest.mark.parametrize(
+    ("name", "frequency", "parameters", "message"),
+    [
+        ("concrete", np.nan, {}, "Frequency holds nan"),
+        ("concrete", [5e9, np.inf], {}, "Frequency holds inf"),
+        ("concrete", -5e9, {}, "more than 0 Hz"),
+        ("concrete", "fast", {}, "expected a number of Hz"),
+        ("concret", 5e9, {}, "did you mean concrete"),
+        ("concrete", 5e9, {"moisture": 0.1}, "does not know the parameter 'moisture'"),
+        ("water", 5e9, {"temperature_c": np.nan}, "temperature_c of material 'water' holds nan"),
+        ("water", 5e9, {"temperature_c": 290.0}, "expected -4 to 40 degC"),
+        ("conductor", 5e9, {}, "needs conductivity_s_per_m"),
+        ("conductor", 5e9, {"conductivity_s_per_m": np.inf}, "holds inf"),
+        ("permittivity", 5e9, {"eps_real": 4.0, "eps_imag": -0.1}, "eps_imag"),
+        ("table", 5e9, {}, "needs path"),
+    ],
+)
+def test_bad_input(name: str, frequency: object, parameters: dict[str, Any], message: str):
+    with pytest.raises(ConfigError, match=message):
+        materials.material(name, frequency, **parameters)  # type: ignore[arg-type]
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+def table(folder: Path, text: str) -> Path:
+    path = folder / "mätt wood.csv"
+    path.write_text(text, encoding="utf-8-sig")
+    return path
+
+
+def test_table_is_exact_at_its_rows_and_log_linear_between(tmp_path: Path) -> None:
+    path = table(
+        tmp_path,
+        "# measured\nEps_Imag, frequency_GHz, eps_real\n0.4,10,4\n\n0.2,1,2.0\n0.3,100,5\n",
+    )
+    got = materials.permittivity("table", np.array([1e9, 10e9, 100e9]), path=path)
+    np.testing.assert_allclose(got, [2 + 0.2j, 4 + 0.4j, 5 + 0.3j], rtol=1e-14)
+    middle = complex(materials.permittivity("table", np.sqrt(10) * 1e9, path=path))
+    assert middle == pytest.approx(3 + 0.3j, rel=1e-14)
+    with pytest.raises(ConfigError, match=r"1 to 100 GHz\. Change the carrier, or add rows"):
+        materials.material("table", 101e9, path=path)
+
+
+def test_table_by_index_and_in_hertz(tmp_path: Path) -> None:
+    path = table(tmp_path, "frequency_hz,n,k\n5.3e9,1.4,1.0\n")
+    assert complex(materials.material("table", 5.3e9, path=path)) == pytest.approx(1.4 + 1j)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("frequency_ghz,eps_real,eps_imag\n", "no rows"),
+        ("f,eps\n1,2\n", "expected frequency_ghz, eps_real, eps_imag or"),
+        ("frequency_ghz,eps_real,eps_imag\n1,2\n", "line 2: 2 cells; expected 3"),
+        ("frequency_ghz,eps_real,eps_imag\n1,x,0\n", "line 2: eps_real is 'x'"),
+        ("frequency_ghz,eps_real,eps_imag\n1,nan,0\n", "line 2: eps_real is 'nan'"),
+        ("frequency_ghz,eps_real,eps_imag\n0,2,0\n", "line 2: frequency 0 Hz"),
+        ("# c\nfrequency_ghz,n,k\n1,2,-0.1\n", "line 3: imaginary part -0.1 means gain"),
+        ("frequency_ghz,n,k\n1,2,0\n1,2,0\n", "1 GHz twice"),
+        ("frequency_ghz,n,n,k\n1,2,0,0\n", "stands twice"),
+    ],
+)
+def test_bad_tables(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        materials.material("table", 1e9, path=table(tmp_path, text))
+
+
+def test_missing_or_binary_table(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="does not exist"):
+        materials.material("table", 1e9, path=tmp_path / "none.csv")
+    binary = tmp_path / "photo.csv"
+    binary.write_bytes(b"\xff\xfe\x00\x9f")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        materials.material("table", 1e9, path=binary)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        materials.material("table", 1e9, path=tmp_path)
+
+
+def test_models_are_frozen() -> None:
+    model = materials.material_model("concrete")
+    assert isinstance(model, MaterialModel)
+    with pytest.raises(AttributeError):
+        model.name = "other"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        materials.models()["concrete"] = model  # type: ignore[index]
