@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A plane-parallel slab in vacuum: what passes, what returns, how late, closed form.
+
+exp(-j w t). With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the
+wave vector inside over k0, and delta = k0 q d the complex phase of one passage.
+
+Three descriptions, all power per incident power:
+
+- ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4). What a
+  monochromatic wave on a perfect sheet does.
+- ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
+  or weakly lossy slab that is many wavelengths thick.
+- ``single-pass``: the straight path alone. What a range gate sees when the internal echoes
+  fall into other range cells, and what straight-through ray tracing models.
+
+The last two speak of separate passages, which an absorbing sheet thinner than its penetration
+depth, or a wave that tunnels through beyond total reflection, does not have: there the first term
+of the series can exceed the power that enters. It is capped so that energy is conserved; use
+'coherent' for such sheets.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ConfigError
+from .checks import Real, direction_cosine, passive_index, real_array
+
+Complex = NDArray[np.complex128]
+Model = Literal["coherent", "incoherent", "single-pass"]
+MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
+
+
+class SlabPower(NamedTuple):
+    """Shares of the incident power for the two polarisations and their mean."""
+
+    transmitted_s: Real
+    transmitted_p: Real
+    reflected_s: Real
+    reflected_p: Real
+
+    @property
+    def transmitted(self) -> Real:
+        """Unpolarised wave, one passage. Two passages: mean of the squares, not its square."""
+        return (self.transmitted_s + self.transmitted_p) / 2
+
+    @property
+    def reflected(self) -> Real:
+        """Unpolarised wave."""
+        return (self.reflected_s + self.reflected_p) / 2
+
+    @property
+    def absorbed_s(self) -> Real:
+        """1 - T - R; for 'single-pass' it holds the internal echoes too."""
+        return 1 - self.transmitted_s - self.reflected_s
+
+    @property
+    def absorbed_p(self) -> Real:
+        """1 - T - R; for 'single-pass' it holds the internal echoes too."""
+        return 1 - self.transmitted_p - self.reflected_p
+
+
+class _Faces(NamedTuple):
+    """One polarisation: r of the front face, tt = t_in t_out = 1 - r^2, entering = 1 - |r|^2."""
+
+    r: Complex
+    tt: Complex
+    entering: Real
+
+
+def _arguments(
+    index: ArrayLike, thickness_m: ArrayLike, wavelength_m: ArrayLike, cos_incidence: ArrayLike
+) -> tuple[Complex, Real, Complex, Complex]:
+    """eps, c, q and delta, checked."""
+    n = passive_index(index)
+    thickness = real_array("Thickness", thickness_m, "m", above=0.0)
+    wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
+    cosine = direction_cosine(cos_incidence)
+    eps = n**2
+    q = np.asarray(np.sqrt((eps - 1) + cosine**2), dtype=np.complex128)
+    delta = np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)
+    return np.asarray(eps, dtype=np.complex128), cosine, q, delta
+
+
+def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_Faces, _Faces]:
+    """s and p, formed without subtracting near-equal numbers (see fresnel.py)."""
+    sum_s, sum_p = cosine + q, eps * cosine + q
+    # q = c = 0 is vacuum at exactly grazing incidence: nothing reflects.
+    none = (sum_s == 0) | (sum_p == 0)
+    sum_s, sum_p = np.where(none, 1, sum_s), np.where(none, 1, sum_p)
+    r_s = np.where(none, 0, (1 - eps) / sum_s**2)
+    r_p = np.where(none, 0, (eps - 1) * ((eps + 1) * cosine**2 - 1) / sum_p**2)
+    tt_s = np.where(none, 1, 4 * cosine * q / sum_s**2)
+    tt_p = np.where(none, 1, 4 * eps * cosine * q / sum_p**2)
+    enter_s = np.where(none, 1, 4 * cosine * q.real / np.abs(sum_s) ** 2)
+    enter_p = np.where(none, 1, 4 * cosine * (eps * np.conj(q)).real / np.abs(sum_p) ** 2)
+    return _Faces(r_s, tt_s, enter_s), _Faces(r_p, tt_p, enter_p)
+
+
+def _coherent(face: _Faces, delta: Complex) -> tuple[Complex, Complex]:
+    """Amplitude transmission and reflection of the slab."""
+    passage = np.exp(1j * delta)
+    # 1 - exp(2 j delta) by expm1: a sheet much thinner than the wave keeps its digits.
+    contrast = -np.expm1(2j * delta)
+    # 1 - r^2 e^2 = (1 - r^2) + r^2 (1 - e^2)
+    denominator = face.tt + face.r**2 * contrast
+    grazing = denominator == 0
+    denominator = np.where(grazing, 1, denominator)
+    transmission = np.where(grazing, 0, face.tt * passage / denominator)
+    reflection = np.where(grazing, -1, face.r * contrast / denominator)
+    return transmission, reflection
+
+
+def amplitude_coefficients(
+    index: ArrayLike,
+    thickness_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    cos_incidence: ArrayLike = 1.0,
+) -> tuple[Complex, Complex, Complex, Complex]:
+    """t_s, t_p, r_s, r_p of the slab with interference.
+
+    The phase of t is that from front face to back face along the normal; a vacuum slab gives
+    exp(j k0 c d).
+    """
+    eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
+    s, p = _faces(eps, cosine, q)
+    t_s, r_s = _coherent(s, delta)
+    t_p, r_p = _coherent(p, delta)
+    return t_s, t_p, r_s, r_p
+
+
+def slab_power(
+    index: ArrayLike,
+    thickness_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    cos_incidence: ArrayLike = 1.0,
+    model: Model = "coherent",
+) -> SlabPower:
+    """Transmitted and reflected power of a slab, both polarisations.
+
+    Parameters
+    ----------
+    index
+        Complex index n + jk, Im >= 0. All arguments broadcast.
+    thickness_m, wavelength_m
+        Thickness and vacuum wavelength [m], more than 0.
+    cos_incidence
+        Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
+    model
+        'coherent', 'incoherent' or 'single-pass'; see the module's docstring.
+
+    Raises
+    ------
+    ConfigError
+        NaN, thickness or wavelength not positive, amplifying index, unknown model.
+    """
+    if model not in MODELS:
+        raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
+    eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
+    shares = []
+    for face in _faces(eps, cosine, q):
+        if model == "coherent":
+            transmission, reflection = _coherent(face, delta)
+            shares.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
+            continue
+        attenuation = np.exp(-2 * delta.imag)
+        reflectance = np.abs(face.r) ** 2
+        # |1 - r^2|^2 and not (1 - |r|^2)^2: they differ in a lossy medium, and this is the first
+        # term of the interference series.
+        entering = np.maximum(face.entering, 0.0)
+        passing = np.minimum(
+            np.abs(face.tt) ** 2 * attenuation, entering * (1 - reflectance * attenuation)
+        )
+        if model == "single-pass":
+            shares.append((passing, reflectance))
+            continue
+        rest = 1 - (reflectance * attenuation) ** 2
+        safe = np.where(rest > 0, rest, 1.0)
+        transmitted = np.where(rest > 0, passing / safe, 0.0)
+        back = np.where(rest > 0, passing * reflectance * attenuation / safe, 0.0)
+        shares.append((transmitted, reflectance + back))
+    (t_s, r_s), (t_p, r_p) = shares
+    return SlabPower(t_s, t_p, r_s, r_p)
+
+
+def straight_through_power(
+    index: ArrayLike,
+    thickness_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    cos_incidence: ArrayLike = 1.0,
+) -> Real:
+    """One passage as shader nodes evaluate it: (1 - F)^2 exp(-2 k0 Im(q) d), F unpolarised.
+
+    It differs from the mean of 'single-pass' because F is averaged before squaring, and in
+    lossy media because (1 - |r|^2)^2 is not |1 - r^2|^2. docs/physics.md tells by how much.
+    """
+    eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
+    s, p = _faces(eps, cosine, q)
+    reflectance = (np.abs(s.r) ** 2 + np.abs(p.r) ** 2) / 2
+    return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag), dtype=np.float64)
+
+
+def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: ArrayLike = 1.0) -> Real:
+    """How much longer, optically, the straight path is through the slab than through vacuum [m].
+
+    d (Re q - c), one way; (n - 1) d at normal incidence only. It follows from the phase of one
+    passage; for a medium whose index changes with frequency the group delay is another.
+    """
+    n = passive_index(index)
+    thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
+    cosine = direction_cosine(cos_incidence)
+    eps = n**2
+    q = np.sqrt((eps - 1) + cosine**2)
+    # Lossless: q - c = (n^2 - 1)/(q + c) keeps its digits for n near 1. Lossy: Re q directly.
+    total = q + cosine
+    safe = np.where(total == 0, 1, total)
+    difference = np.where(total == 0, 0, (eps - 1) / safe)
+    return np.asarray(thickness * difference.real, dtype=np.float64)
+
+
+def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
+    """Angle of the planes of constant phase inside [rad]: tan psi = sin(theta) / Re q.
+
+    Snell's law for real n; Born and Wolf 14.2 for complex n. pi/2 beyond total reflection.
+    """
+    n = passive_index(index)
+    cosine = direction_cosine(cos_incidence)
+    q = np.sqrt((n**2 - 1) + cosine**2)
+    sine = np.sqrt((1 - cosine) * (1 + cosine))
+    return np.asarray(np.arctan2(sine, q.real), dtype=np.float64)
