@@ -80,7 +80,11 @@ def nufft1(
                 "numpy backend, which has the same accuracy."
             )
         finufft = importlib.import_module("finufft")
-        result: Complex = finufft.nufft1d1(wrapped, values, size, eps=tolerance, isign=-1)
+        # One thread: starting a team costs more than a ring's transform (40 ms against 1.5 ms on
+        # a busy machine, still 97 against 24 ms for 300 000 points), and sums stay repeatable.
+        result: Complex = finufft.nufft1d1(
+            wrapped, values, size, eps=tolerance, isign=-1, nthreads=1
+        )
         return result
     return _gridding(wrapped, values, size, tolerance)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..contract import PRODUCTS_DIR
 from ..errors import FrameFileError
+from ..physics.constants import SPEED_OF_LIGHT_MPS
 from . import plots
 from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
 from .config import Radar
@@ -340,10 +341,26 @@ def _process_frame(
 
 
 def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
-    """Peaks off the 0 Hz stripe; none where there are too few pulses to tell."""
+    """Peaks off the 0 Hz stripe; none where there are too few pulses to tell.
+
+    A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
+    down whatever the window (the Fresnel ripple of its spectrum): peaks 30 dB below a stronger
+    one at the same speed within that distance are taken for these.
+    """
     if rd_map.radar.burst.pulses < 16:
         return []
-    return find_peaks(rd_map, 5, min_speed_mps=slowest_mps, min_above_db=10.0)
+    reach_m = SPEED_OF_LIGHT_MPS * rd_map.radar.waveform.chirp_length_s / 2
+    same_mps = 2 * rd_map.radar.velocity_resolution_mps
+    kept: list[Peak] = []
+    for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
+        if not any(
+            abs(peak.range_m - other.range_m) < reach_m
+            and abs(peak.velocity_mps - other.velocity_mps) < same_mps
+            and peak.level_db < other.level_db - 30
+            for other in kept
+        ):
+            kept.append(peak)
+    return kept[:5]
 
 
 def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:

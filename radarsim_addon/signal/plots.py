@@ -109,9 +109,9 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
     picture = first.imshow(level, vmin=-60, vmax=0, cmap="viridis", **common)
     figure.colorbar(picture, ax=first, label="|s| [dB re strongest]")
     # echoes fall with the square of range: scale the real part so that far ones show too
-    limit = float(np.quantile(magnitude, 0.99)) or top or 1.0
+    limit = float(np.quantile(magnitude, 0.95)) or top or 1.0
     picture = second.imshow(echoes.samples.real, vmin=-limit, vmax=limit, cmap="RdBu_r", **common)
-    figure.colorbar(picture, ax=second, label=f"Re s [{unit}], clipped at 99 %")
+    figure.colorbar(picture, ax=second, label=f"Re s [{unit}], clipped at 95 %")
     for axis in (first, second):
         axis.set_ylabel(f"pulse (PRF {echoes.radar.burst.prf_hz:g} Hz)")
     second.set_xlabel("fast time since the middle of the pulse [µs]")
