@@ -124,3 +124,36 @@ def test_absorption_is_felt_at_any_scale() -> None:
     hit = through > 0
     assert hit.mean() > 0.5
     assert np.abs((through / bare / expected)[hit] - 1).max() < 1e-4
+
+
+def test_open_plane_is_a_half_space() -> None:
+    """Ground as a single face: what lies under it is attenuated, what stands above is not."""
+    n, kappa, code_length = 1.4, 0.01, 10.0
+    images = {}
+    for with_ground in (False, True):
+        scene = rh.new_scene(size=32, fov_deg=30)
+        rh.add_emitter()
+        metal = nodes.make_material("metal", 1e4, 1e4, 0.0, penetrable=False)
+        rh.add_plate(30, Matrix.Translation((0, 0, -8)), metal, name="Bedrock")
+        rh.add_plate(0.4, Matrix.Translation((0.7, 0.3, -4)), metal, name="Drone")
+        if with_ground:
+            ground = nodes.make_material("ground", n, kappa, 0.0, 0.5)
+            rh.add_plate(50, Matrix.Translation((1.7, 0.9, -6)), ground, name="Ground")
+        # The ground's own echo, 6 and more, is gated out.
+        above = rh.render(scene, code_length, (3.0, 5.0))
+        below = rh.render(scene, code_length, (8.0, 20.0))
+        images[with_ground] = above, below
+    rays = rh.pixel_directions(scene)
+    assert images[True][0].max() > 0
+    assert np.array_equal(images[True][0], images[False][0])
+
+    bare, buried = images[False][1], images[True][1]
+    hit = buried[..., 2] > 0
+    assert hit.mean() > 0.5
+    expected = (2 * 8 + 2 * (n - 1) * 2) / -rays[..., 2]
+    measured = rh.decode_length(buried, code_length) + rh.near_clip_length(scene)
+    assert np.abs(measured / expected - 1)[hit].max() < 1e-5
+    # On average: (1 - F)^2 exp(-4 pi kappa 2 d); 1024 trials that pass with 97 %.
+    passed = 1 - unpolarised_reflectance(complex(n, kappa), -rays[..., 2])
+    closed = passed**2 * np.exp(-4 * math.pi * kappa * 4 / -rays[..., 2])
+    assert buried[..., 2].sum() / (bare[..., 2] * closed).sum() == pytest.approx(1, abs=0.03)

@@ -99,7 +99,7 @@ class TreeBuilder:
         self,
         idname: str,
         label: str,
-        inputs: Mapping[str | int, Source] | None = None,
+        inputs: Mapping[Any, Source] | None = None,
         **properties: Any,
     ) -> Any:
         """Add a node.
