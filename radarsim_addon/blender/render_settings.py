@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that a measurement needs of the user's scene, set for the time of a run and restored after it.
+"""All that a measurement needs of the user's scene, set for a run and restored after it.
 
 Each setting here spoils the measurement without a word when it is wrong: see the reasons beside
 them. What is not ours to change (device, threads, geometry) stays as the user has it.
@@ -125,13 +125,17 @@ class MeasurementSettings:
         put(render, "use_stamp", False)
         # The scene stays in Cycles between rings: milliseconds instead of a new build each time.
         put(render, "use_persistent_data", True)
-        for name in render.bl_rna.properties.keys():  # noqa: SIM118 (an RNA collection)
+        for name in render.bl_rna.properties.keys():
             # Date, host and paths do not belong into every EXR file.
             if name.startswith("use_stamp_") and name != "use_stamp_labels":
                 put(render, name, False)
 
     def _set_cycles(self) -> None:
-        cycles, put, put_some = self._scene.cycles, self._recorder.set, self._recorder.set_if_present
+        cycles, put, put_some = (
+            self._scene.cycles,
+            self._recorder.set,
+            self._recorder.set_if_present,
+        )
         measurement = self._plan.measurement
         put(cycles, "samples", measurement.samples)
         put(cycles, "seed", measurement.seed)
@@ -169,7 +173,8 @@ class MeasurementSettings:
         put(cycles, "use_auto_tile", False)
         # 5.x tracks densities that depend on position or direction at random unless told not to.
         put_some(cycles, "volume_biased", True)
-        put_some(cycles, "use_pixel_jitter", True)
+        # It moves the grid of pixels by another amount in each render.
+        put_some(cycles, "use_pixel_jitter", False)
         if measurement.samples == 1:
             # One path through the pixel's centre.
             put(cycles, "pixel_filter_type", "BLACKMAN_HARRIS")
