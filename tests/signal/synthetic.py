@@ -147,6 +147,7 @@ def write_render(
     ring: int,
     pass_index: int,
     channels: dict[str, np.ndarray],
+    /,
     **changes: Any,
 ) -> Path:
     """Write one EXR and its sidecar, with fields of the sidecar changed at will."""
