@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
+import traceback
 import types
 from pathlib import Path
 from typing import Any
@@ -107,6 +109,7 @@ def run(arguments: argparse.Namespace, inside_blender: bool) -> int:
 def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
     """Everything that needs the package."""
     import bpy
+
     from radarsim_addon.blender import properties
     from radarsim_addon.blender.console import ProgressLine, quiet_blender
     from radarsim_addon.blender.render_job import RenderJob
@@ -249,9 +252,25 @@ def main() -> None:
         code = run(parse_arguments(words, needs_blend=not inside_blender), inside_blender)
     except SystemExit as stop:  # argparse: 0 after --help, 2 after bad arguments
         code = stop.code if isinstance(stop.code, int) else 2
+    except Exception:
+        if not inside_blender:
+            raise
+        traceback.print_exc()  # a defect; Blender would print it and quit with 0
+        code = 1
     if not inside_blender:
         sys.exit(code)
-    # Blender goes on to quit with 0 whatever a script's end was; so leave from here.
+    leave_blender(code)
+
+
+def leave_blender(code: int) -> None:
+    """Quit Blender at once with this exit code.
+
+    sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
+    would replace the exit code.
+    """
+    session_folder = Path(sys.modules["bpy"].app.tempdir)
+    if session_folder.name.startswith("blender_"):
+        shutil.rmtree(session_folder, ignore_errors=True)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

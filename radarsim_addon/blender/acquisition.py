@@ -106,9 +106,7 @@ class Plan:
         for frame in self.measurement.frames:
             for pass_index, instant in enumerate(self.instants(frame)):
                 for ring in range(self.rings):
-                    yield Task(
-                        frame, pass_index, ring, instant, ring * step_m, (ring + 1) * step_m
-                    )
+                    yield Task(frame, pass_index, ring, instant, ring * step_m, (ring + 1) * step_m)
 
     def instants(self, frame: int) -> list[Instant]:
         """Moments of the passes of a radar frame: t, and t + delta t where there are two."""
@@ -147,9 +145,7 @@ def code_length_m(measurement: Measurement, rings: int, extent: Extent) -> float
     return longest_m / LENGTHS_PER_CODE
 
 
-def make_plan(
-    measurement: Measurement, metres_per_unit: float, fps: float, extent: Extent
-) -> Plan:
+def make_plan(measurement: Measurement, metres_per_unit: float, fps: float, extent: Extent) -> Plan:
     """Plan of a run.
 
     Raises

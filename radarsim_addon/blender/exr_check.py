@@ -64,7 +64,7 @@ def _verify(data: bytes, width_px: int, height_px: int) -> bool:
         raise ValueError("not a plain single-part EXR")
     attributes, offset = _header(data)
     channels = _channels(attributes["channels"])
-    expected = {name: _FLOAT for name in CHANNELS}
+    expected = dict.fromkeys(CHANNELS, _FLOAT)
     if channels != expected:
         raise ValueError(f"channels {channels}, expected float32 {sorted(expected)}")
     if attributes["compression"] != bytes([_ZIP]):

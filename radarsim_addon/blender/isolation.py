@@ -180,9 +180,7 @@ def _absorb_bare_objects(recorder: Recorder, scene: Any) -> None:
     tree.nodes.clear()
     black = tree.nodes.new("ShaderNodeEmission")
     black.inputs["Strength"].default_value = 0.0
-    tree.links.new(
-        black.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"]
-    )
+    tree.links.new(black.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
     for data in dict.fromkeys(bare):
         if len(data.materials) == 0:
             data.materials.append(absorber)

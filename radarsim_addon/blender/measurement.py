@@ -109,7 +109,7 @@ class Measurement:
         if not (math.isfinite(self.ring_step_m) and self.ring_step_m > 0):
             raise ConfigError(
                 f"Ring step is {self.ring_step_m!r} m; expected a positive number of metres. "
-                "250 m is what the paper uses; the rings' width does not limit the range resolution."
+                "250 m is what the paper uses; the range resolution does not depend on it."
             )
         if not 0 <= self.rings <= MAX_RINGS:
             raise ConfigError(
@@ -119,8 +119,8 @@ class Measurement:
             raise ConfigError(f"Number of passes is {self.passes}; expected 1 or 2.")
         if self.passes == 2 and not (math.isfinite(self.delta_t_s) and self.delta_t_s > 0):
             raise ConfigError(
-                f"Delta t is {self.delta_t_s!r} s; expected a positive time between the two passes. "
-                "10 ms is a good value; one pass alone needs none."
+                f"Delta t is {self.delta_t_s!r} s; expected a positive time between the "
+                "two passes. 10 ms is a good value; one pass alone needs none."
             )
         for name, value, least in (
             ("Width", self.width_px, 1),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -149,7 +150,5 @@ def _frame_files(folder: Path, pattern: str) -> list[Path]:
 
 
 def _remove(path: Path) -> None:
-    try:
+    with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
         path.unlink(missing_ok=True)
-    except OSError:
-        pass  # a leftover that cannot be removed harms nobody: it is never read

@@ -18,6 +18,7 @@ from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
 
 SCENE_PROPERTY = "radarsim"
+PROGRESS_PROPERTY = "radarsim"
 
 
 def _is_camera(_: Any, item: Any) -> bool:
@@ -35,7 +36,7 @@ class RadarSettings(bpy.types.PropertyGroup):
         name="Receiver",
         type=bpy.types.Object,
         poll=_is_camera,
-        description="Camera that receives. Empty: the one on the emitter's parent, else the scene's",
+        description="Camera that receives. Empty: that of the emitter's parent, else the scene's",
     )
     emitter: bpy.props.PointerProperty(  # type: ignore[valid-type]
         name="Emitter",
@@ -203,8 +204,8 @@ class RadarSettings(bpy.types.PropertyGroup):
         default=16,
         min=1,
         max=1 << 20,
-        description="Paths a pixel. 1: exactly through the pixel's centre, one range a pixel; more: "
-        "less noise, but pixels at edges mix ranges",
+        description="Paths a pixel. 1: exactly through the pixel's centre, one range a pixel. "
+        "More: less noise, but pixels at edges mix ranges",
     )
     seed: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Seed", default=0, min=0, description="Of Cycles' random numbers, for all renders"
@@ -220,6 +221,29 @@ class RadarSettings(bpy.types.PropertyGroup):
         default=False,
         description="Remove the frames of another run from the output folder. Off: a run that was "
         "stopped goes on, another one is refused",
+    )
+
+
+class RadarProgress(bpy.types.PropertyGroup):
+    """What the panel shows of a running job; lives in the window manager, in no file."""
+
+    running: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
+    )
+    fraction: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Progress",
+        min=0.0,
+        max=1.0,
+        options={"SKIP_SAVE"},
+        description="Share of the job that is done",
+    )
+    text: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Status", options={"SKIP_SAVE"}, description="State of the last job"
+    )
+    warnings: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Warnings",
+        options={"SKIP_SAVE"},
+        description="Warnings of the last job, one a line",
     )
 
 
@@ -332,21 +356,24 @@ def output_folder(scene: Any) -> Path:
     return Path(bpy.path.abspath(text))
 
 
+#: Settings by the Blender type they hang on.
+_GROUPS = (
+    (RadarSettings, bpy.types.Scene, SCENE_PROPERTY, "Radar"),
+    (RadarProgress, bpy.types.WindowManager, PROGRESS_PROPERTY, "Radar progress"),
+)
+
+
 def register() -> None:
-    """Add ``Scene.radarsim``; a second call changes nothing."""
-    if RadarSettings.is_registered:
-        return
-    bpy.utils.register_class(RadarSettings)
-    setattr(
-        bpy.types.Scene,
-        SCENE_PROPERTY,
-        bpy.props.PointerProperty(type=RadarSettings, name="Radar"),
-    )
+    """Add ``Scene.radarsim`` and ``WindowManager.radarsim``; a second call changes nothing."""
+    for group, owner, name, label in _GROUPS:
+        if not group.is_registered:
+            bpy.utils.register_class(group)
+            setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
 
 
 def unregister() -> None:
-    """Remove ``Scene.radarsim``."""
-    if not RadarSettings.is_registered:
-        return
-    delattr(bpy.types.Scene, SCENE_PROPERTY)
-    bpy.utils.unregister_class(RadarSettings)
+    """Remove both."""
+    for group, owner, name, _ in reversed(_GROUPS):
+        if group.is_registered:
+            delattr(owner, name)
+            bpy.utils.unregister_class(group)

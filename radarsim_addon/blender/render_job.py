@@ -15,6 +15,7 @@ moment a run is killed at, a file with a sidecar is whole, and the next run goes
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -118,15 +119,11 @@ class RenderJob:
             extent, geometry_digest = self._survey()
         finally:
             self.unrestored += survey.restore()
-        self.plan: Plan = make_plan(
-            self._measurement, self._metres_per_unit(), self._fps(), extent
-        )
+        self.plan: Plan = make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
         digests = [file_digest] if file_digest else []
         digests.append(geometry_digest)
         self._open_folder(digests)
-        self._settings = MeasurementSettings(
-            self._scene, self._view_layer, self.rig, self.plan
-        )
+        self._settings = MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
         self._settings.apply()
         try:
             self._write_plan(digests)
@@ -204,9 +201,7 @@ class RenderJob:
         interval_s = None
         frames = self._measurement.frames
         if len(frames) > 1:
-            interval_s = (
-                min(abs(b - a) for a, b in zip(frames, frames[1:], strict=False)) / self.plan.fps
-            )
+            interval_s = min(abs(b - a) for a, b in itertools.pairwise(frames)) / self.plan.fps
         self.warnings = self._settings.warnings + warnings_for(
             self._measurement,
             self.plan.rings,
@@ -373,6 +368,11 @@ class RenderJob:
         )
 
     # -- afterwards --------------------------------------------------------------------------------
+
+    @property
+    def scene_name(self) -> str:
+        """Name of the scene that is rendered."""
+        return str(self._scene.name)
 
     @property
     def fraction(self) -> float:

@@ -47,8 +47,8 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Add a radar to a scene: an empty with camera and emitter at its origin.
 
     The empty moves both and can be animated; like every camera it looks along its own -Z, with its
-    +Y up, and starts out level, looking along the world's +Y. The camera becomes the scene's one where there is
-    none yet.
+    +Y up, and starts out level, looking along the world's +Y. The camera becomes
+    the scene's one where there is none yet.
 
     Parameters
     ----------

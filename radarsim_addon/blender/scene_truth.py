@@ -86,7 +86,7 @@ def _origin(item: Any, depsgraph: Any) -> Array:
     return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
 
 
-# -- labels of a radar frame ---------------------------------------------------------------------------
+# -- labels of a radar frame -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def _mesh_arrays(mesh: Any) -> tuple[Array, NDArray[np.int32]]:
     return vertices.astype(np.float64).reshape(-1, 3), triangles.reshape(-1, 3)
 
 
-# -- what the scene is, for the fingerprint ------------------------------------------------------------
+# -- what the scene is, for the fingerprint --------------------------------------------------------
 
 
 def file_digest() -> str | None:

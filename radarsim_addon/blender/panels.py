@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sidebar tab "Radar" of the 3D view. Panels draw; they change nothing."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+
+from ..errors import RadarSimError
+from . import properties
+from .acquisition import Extent, automatic_rings
+from .advice import derive, warnings_for
+from .isolation import echoes
+from .measurement import Measurement, typed
+from .properties import PROGRESS_PROPERTY, SCENE_PROPERTY
+from .rig import find_rig
+from .scene_truth import scene_extent
+
+#: Instances looked at while drawing; larger scenes show their number of rings when rendering.
+_DRAWN_INSTANCES = 2000
+
+
+class _RadarPanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Radar"
+
+
+class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
+    bl_label = "Rig"
+    bl_idname = "RADARSIM_PT_rig"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        layout.operator("radarsim.setup_rig", icon="OUTLINER_OB_CAMERA")
+        column = layout.column(align=True)
+        column.prop(settings, "camera")
+        column.prop(settings, "emitter")
+        try:
+            rig = find_rig(context.scene, settings.camera, settings.emitter)
+        except RadarSimError as error:
+            wrapped(context, layout, str(error), "INFO")
+            return
+        layout.label(text=f"{rig.camera.name} and {rig.emitter.name}", icon="CHECKMARK")
+        layout.prop(rig.emitter.data, "energy", text="EIRP")
+
+
+class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
+    bl_label = "Material"
+    bl_idname = "RADARSIM_PT_material"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        layout.prop(settings, "preset", text="")
+        layout.operator("radarsim.assign_material", icon="MATERIAL")
+        item = context.active_object
+        if item is not None and item.type == "MESH":
+            known = echoes(item)
+            layout.label(
+                text=f"{item.name}: " + ("Radar Material" if known else "no Radar Material"),
+                icon="CHECKMARK" if known else "INFO",
+            )
+        layout.prop(settings, "extinction")
+        if settings.extinction == "LENGTH":
+            layout.prop(settings, "extinction_length_m")
+
+
+class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
+    bl_label = "Waveform"
+    bl_idname = "RADARSIM_PT_waveform"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        column = layout.column(align=True)
+        column.prop(settings, "carrier_ghz")
+        column.row().prop(settings, "sweep_by", expand=True)
+        if settings.sweep_by == "BANDWIDTH":
+            column.prop(settings, "bandwidth_mhz")
+        else:
+            column.prop(settings, "fm_rate_mhz_per_us")
+        column.prop(settings, "chirp_length_us")
+        column.prop(settings, "sampling_rate_mhz")
+        column.prop(settings, "prf_hz")
+        column.prop(settings, "pulses")
+        measurement = _measurement(context, layout)
+        if measurement is None:
+            return
+        numbers = derive(measurement, max(measurement.rings, 1))
+        box = layout.box().column(align=True)
+        box.label(text=f"Range resolution: {numbers.range_resolution_m:.4g} m")
+        box.label(text=f"Unambiguous range: {distance(numbers.unambiguous_range_m)}")
+        box.label(text=f"Max. velocity: {numbers.max_velocity_mps:.4g} m/s")
+        box.label(text=f"Velocity resolution: {numbers.velocity_resolution_mps:.4g} m/s")
+        box.label(text=f"Burst: {numbers.burst_s * 1e3:.4g} ms")
+
+
+class RADARSIM_PT_rings(_RadarPanel, bpy.types.Panel):
+    bl_label = "Rings"
+    bl_idname = "RADARSIM_PT_rings"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        column = layout.column(align=True)
+        column.row().prop(settings, "ring_mode", expand=True)
+        column.prop(settings, "ring_step_m")
+        if settings.ring_mode == "COUNT":
+            column.prop(settings, "ring_count")
+
+
+class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
+    bl_label = "Passes"
+    bl_idname = "RADARSIM_PT_passes"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        column = layout.column(align=True)
+        column.row().prop(settings, "passes", expand=True)
+        if settings.passes == "2":
+            column.prop(settings, "delta_t_ms")
+        column.prop(settings, "max_bounces")
+
+
+class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
+    bl_label = "Render"
+    bl_idname = "RADARSIM_PT_render"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        settings = getattr(context.scene, SCENE_PROPERTY)
+        column = layout.column(align=True)
+        column.prop(settings, "frame_mode")
+        if settings.frame_mode == "RANGE":
+            column.prop(settings, "frame_start")
+            column.prop(settings, "frame_end")
+            column.prop(settings, "frame_step")
+        row = layout.row(align=True)
+        row.prop(settings, "width_px")
+        row.prop(settings, "height_px")
+        row = layout.row(align=True)
+        row.prop(settings, "samples")
+        row.prop(settings, "seed")
+        layout.prop(settings, "output_dir", text="")
+        layout.prop(settings, "overwrite")
+        _draw_plan(context, layout)
+        layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
+        _draw_progress(context, layout)
+
+
+class RADARSIM_PT_results(_RadarPanel, bpy.types.Panel):
+    bl_label = "Results"
+    bl_idname = "RADARSIM_PT_results"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.operator("radarsim.process_last_run", icon="GRAPH")
+        layout.operator("radarsim.open_output", icon="FILE_FOLDER")
+
+
+def _draw_plan(context: Any, layout: Any) -> None:
+    """Number of renders, and warnings where numbers do not fit together."""
+    measurement = _measurement(context, layout)
+    if measurement is None:
+        return
+    extent = _extent(context)
+    farthest_m = extent.from_emitter_m or None if extent is not None else None
+    rings = measurement.rings
+    try:
+        if not rings and extent is not None:
+            rings = automatic_rings(measurement.ring_step_m, extent)
+    except RadarSimError as error:
+        wrapped(context, layout, str(error), "ERROR")
+        return
+    if not rings:
+        layout.label(text=f"{measurement.renders(1)} renders for each ring")
+        return
+    numbers = derive(measurement, rings)
+    box = layout.box().column(align=True)
+    box.label(text=f"{numbers.renders} renders")
+    box.label(text=f"{rings} rings to {distance(numbers.covered_range_m)}")
+    if farthest_m is not None:
+        box.label(text=f"Scene reaches {distance(farthest_m)}")
+    interval_s = None
+    if len(measurement.frames) > 1:
+        render = context.scene.render
+        step = measurement.frames[1] - measurement.frames[0]
+        interval_s = step * typed(render.fps_base) / render.fps
+    for warning in warnings_for(measurement, rings, farthest_m, interval_s):
+        wrapped(context, layout, warning, "ERROR")
+
+
+def _draw_progress(context: Any, layout: Any) -> None:
+    progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+    if progress.running:
+        layout.progress(factor=progress.fraction, text=f"{progress.fraction * 100:.0f} %")
+        layout.label(text=progress.text)
+        layout.label(text="Esc stops", icon="EVENT_ESC")
+    elif progress.text:
+        wrapped(context, layout, progress.text, "INFO")
+    for warning in progress.warnings.splitlines():
+        wrapped(context, layout, warning, "ERROR")
+
+
+def _measurement(context: Any, layout: Any) -> Measurement | None:
+    """The scene's settings, or their error drawn."""
+    try:
+        return properties.read_measurement(context.scene)
+    except RadarSimError as error:
+        wrapped(context, layout, str(error), "ERROR")
+        return None
+
+
+def _extent(context: Any) -> Extent | None:
+    """How far the scene reaches now; None without a radar, or in a scene too large to look at."""
+    settings = getattr(context.scene, SCENE_PROPERTY)
+    try:
+        rig = find_rig(context.scene, settings.camera, settings.emitter)
+    except RadarSimError:
+        return None
+    depsgraph = context.evaluated_depsgraph_get()
+    if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
+        return None
+    return scene_extent(depsgraph, rig, typed(context.scene.unit_settings.scale_length))
+
+
+def distance(metres: float) -> str:
+    """A length with a unit that suits it."""
+    return f"{metres / 1e3:.5g} km" if metres >= 1e4 else f"{metres:.5g} m"
+
+
+def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:
+    """A sentence over as many lines as the sidebar's width needs."""
+    letters = max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
+    column = layout.column(align=True)
+    for index, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+
+
+CLASSES: tuple[type, ...] = (
+    RADARSIM_PT_rig,
+    RADARSIM_PT_material,
+    RADARSIM_PT_waveform,
+    RADARSIM_PT_rings,
+    RADARSIM_PT_passes,
+    RADARSIM_PT_render,
+    RADARSIM_PT_results,
+)

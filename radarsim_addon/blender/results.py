@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processing a run inside Blender, and its pictures as Blender images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import contract
+from ..errors import OutputError
+from .pictures import Picture, draw_map, draw_profile
+
+MAP_IMAGE = "Radar range-Doppler map"
+PROFILE_IMAGE = "Radar range profile"
+
+
+class ProcessingJob:
+    """The companion module over a run's folder, step by step.
+
+    Parameters
+    ----------
+    folder
+        The run's folder.
+
+    Raises
+    ------
+    OutputError
+        There is no run in it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        if not (folder / contract.RUN_FILE).is_file():
+            raise OutputError(
+                f"{folder} holds no run ({contract.RUN_FILE} is missing). "
+                "Press Render Radar Frames first, or choose the folder of a run."
+            )
+        # The companion module is loaded only here: enabling the add-on stays quick.
+        from ..signal.pipeline import ProcessOptions, process_run
+
+        self._events = process_run(folder, ProcessOptions(plots=False))
+        self.fraction = 0.0
+        self.text = "Processing"
+        self.warnings: list[str] = []
+        self.images: list[Any] = []
+
+    def step(self) -> bool:
+        """One step. Returns whether all is done; then `images` are there.
+
+        Raises
+        ------
+        RadarSimError
+            The run is incomplete or damaged.
+        """
+        event = next(self._events, None)
+        if event is None:
+            return True
+        if hasattr(event, "rd_map"):
+            self._take(event)
+        else:
+            self.fraction = event.done / max(event.total, 1)
+            self.text = event.text
+        return False
+
+    def _take(self, result: Any) -> None:
+        """Keep one frame's pictures; those of the last frame stay."""
+        title = f"frame {result.frame}, t = {result.time_s:.4g} s"
+        self.warnings += [f"Frame {result.frame}: {warning}" for warning in result.warnings]
+        self.images = [
+            as_image(
+                MAP_IMAGE,
+                draw_map(
+                    result.rd_map.range_m,
+                    result.rd_map.doppler_hz,
+                    result.rd_map.power_db,
+                    result.rd_map.radar.waveform.wavelength_m,
+                    f"Range-Doppler map, {title}",
+                ),
+            ),
+            as_image(
+                PROFILE_IMAGE,
+                draw_profile(
+                    result.profile.range_m, result.profile.power, f"Range profile, {title}"
+                ),
+            ),
+        ]
+        self.text = f"Frame {result.frame}: {len(result.files)} files"
+        if result.files:
+            self.text += f" in {result.files[0].parent}"
+
+
+def as_image(name: str, picture: Picture) -> Any:
+    """A Blender image with these pixels; one of the same name is reused.
+
+    Parameters
+    ----------
+    name
+        Name of the data-block.
+    picture
+        sRGB values in 0 to 1, shape (height, width, 3), top row first.
+
+    Returns
+    -------
+    bpy.types.Image
+        Packed into the file, so that it is kept when the file is saved.
+    """
+    height, width = picture.shape[:2]
+    image = bpy.data.images.get(name)
+    if image is not None and tuple(image.size) != (width, height):
+        bpy.data.images.remove(image)
+        image = None
+    if image is None:
+        image = bpy.data.images.new(name, width, height, alpha=False)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[:, :, :3] = picture[::-1]  # Blender's rows go up
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+    return image
+
+
+def show_images(context: Any, images: list[Any]) -> None:
+    """Show images in Image Editors that are open; if there is none, in a new window."""
+    editors = [
+        area
+        for window in context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR"
+    ]
+    if not editors and images:
+        before = list(context.window_manager.windows)
+        bpy.ops.wm.window_new()
+        new = [window for window in context.window_manager.windows if window not in before]
+        if new:
+            area = max(new[0].screen.areas, key=lambda item: item.width * item.height)
+            area.type = "IMAGE_EDITOR"
+            editors = [area]
+    for area, image in zip(editors, images, strict=False):
+        area.spaces.active.image = image
