@@ -33,8 +33,8 @@ ANIMATION_S = 10
 
 # name, near face range, azimuth (left positive), width, height, depth: units and degrees
 BLOCKS = (
-    ("Block 1 km", 10.0, -9.0, 2.8, 2.0, 1.5),
-    ("Block 2.5 km", 25.0, 4.5, 9.0, 2.0, 2.0),
+    ("Block 1 km", 10.0, -9.0, 2.8, 2.0, 3.0),
+    ("Block 2.5 km", 25.0, 4.5, 9.0, 2.0, 3.0),
 )
 TARGET_RANGE = 17.5
 TARGET_AZIMUTH_DEG = 1.5
@@ -74,7 +74,7 @@ def add_box(name, near_range, azimuth_deg, width, height, depth, bottom):
 def build() -> None:
     """Build the scene in the current, empty file."""
     from radarsim_addon.blender import rig
-    from radarsim_addon.blender.nodes import radar_material
+    from radarsim_addon.blender.nodes import make_material
 
     scene = bpy.context.scene
     scene.unit_settings.system = "METRIC"
@@ -82,10 +82,10 @@ def build() -> None:
     scene.render.fps, scene.render.fps_base = FRAMES_PER_SECOND, 1.0
     scene.frame_start, scene.frame_end = 1, 1
 
-    reflective = radar_material.make_material(
+    reflective = make_material(
         "Highly reflective", n=1e4, kappa=1e4, specularity=0.5, roughness=0.6
     )
-    lossy = radar_material.make_material(
+    lossy = make_material(
         "Partly transparent 1.4 + j1.0", n=1.4, kappa=1.0, specularity=0.5, roughness=0.6
     )
 
@@ -135,27 +135,37 @@ def build() -> None:
     settings.passes = "2"
     settings.delta_t_ms = 10.0
     settings.extinction_length_m = 21 * 250.0
+    settings.width_px, settings.height_px, settings.samples = 960, 540, 1
 
 
 def animate(target) -> None:
     """Straight motion away from the radar at constant speed over the animation."""
-    edit = bpy.context.preferences.edit
-    interpolation = edit.keyframe_new_interpolation_type
-    edit.keyframe_new_interpolation_type = "LINEAR"
-    try:
-        azimuth = math.radians(TARGET_AZIMUTH_DEG)
-        start = target.location.copy()
-        target.keyframe_insert("location", frame=1)
-        travel = TARGET_SPEED * ANIMATION_S
-        target.location = (
-            start.x + travel * math.cos(azimuth),
-            start.y + travel * math.sin(azimuth),
-            start.z,
-        )
-        target.keyframe_insert("location", frame=1 + ANIMATION_S * FRAMES_PER_SECOND)
-    finally:
-        edit.keyframe_new_interpolation_type = interpolation
+    azimuth = math.radians(TARGET_AZIMUTH_DEG)
+    start = target.location.copy()
+    target.keyframe_insert("location", frame=1)
+    travel = TARGET_SPEED * ANIMATION_S
+    target.location = (
+        start.x + travel * math.cos(azimuth),
+        start.y + travel * math.sin(azimuth),
+        start.z,
+    )
+    target.keyframe_insert("location", frame=1 + ANIMATION_S * FRAMES_PER_SECOND)
+    for curve in _curves(target.animation_data.action):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
     bpy.context.scene.frame_set(1)
+
+
+def _curves(action):
+    if hasattr(action, "fcurves"):  # up to 4.5
+        return list(action.fcurves)
+    return [
+        curve
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        for curve in bag.fcurves
+    ]
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -164,17 +174,17 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("output", nargs="?", type=Path, default=default)
     output = parser.parse_args(argv).output
 
-    import radarsim_addon
+    from radarsim_addon.blender import properties
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    radarsim_addon.register()
+    properties.register()
     try:
         build()
         # Compressed, and without the preview picture, which would differ from machine to machine.
         bpy.context.preferences.filepaths.file_preview_type = "NONE"
         bpy.ops.wm.save_as_mainfile(filepath=str(output.resolve()), compress=True)
     finally:
-        radarsim_addon.unregister()
+        properties.unregister()
     print(f"wrote {output}")
     return 0
 

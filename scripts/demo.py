@@ -1,0 +1,194 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's experiment, end to end: build the scene, render the rings, process, draw, report.
+
+    python scripts/demo.py [--out out/paper]
+
+Writes fig6_rings.png, fig7_echo.png, fig8_matched_filter.png, fig9_range_doppler.png and
+summary.json into the folder, the run itself into its subfolder ``run``. Every number of the
+summary is measured from the run's own output; where the objects truly are is read from the scene's
+geometry, which the run keeps in scene.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from radarsim_addon.contract import RUN_FILE, SCENE_FILE, SceneRecord, frame_dir  # noqa: E402
+from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
+from radarsim_addon.sidecar import read_record  # noqa: E402
+from radarsim_addon.signal import plots  # noqa: E402
+from radarsim_addon.signal.files import write_json  # noqa: E402
+from radarsim_addon.signal.frames import open_run  # noqa: E402
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run  # noqa: E402
+
+#: An edge this far from an object's near face is of something else [range resolutions].
+EDGE_SEARCH = 3
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "paper", metavar="DIR")
+    out = parser.parse_args(argv).out.resolve()
+    try:
+        summary = run_demo(out)
+    except RadarSimError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return error.exit_code
+    print_table(summary, out)
+    return 0
+
+
+def run_demo(out: Path) -> dict[str, Any]:
+    """Build, render and process; returns what summary.json holds."""
+    run_folder = out / "run"
+    out.mkdir(parents=True, exist_ok=True)
+    # A demonstration shows how long a whole run takes: nothing of an earlier one is used.
+    shutil.rmtree(run_folder, ignore_errors=True)
+    scene_file = out / "paper_scene.blend"
+
+    start = time.perf_counter()
+    call("building the scene", "make_paper_scene.py", str(scene_file), quiet=True)
+    built = time.perf_counter()
+    call("rendering", "render_radar.py", str(scene_file), "--out", str(run_folder))
+    rendered = time.perf_counter()
+    print("radarsim: processing", flush=True)
+    result = process(run_folder)
+    frame = open_run(run_folder).frame(result.frame)
+    for name, figure in (
+        ("fig6_rings", plots.plot_rings(frame)),
+        ("fig7_echo", plots.plot_echo(result.echoes)),
+        ("fig8_matched_filter", plots.plot_matched_filter(
+            result.compressed, result.profile, result.edges)),
+        ("fig9_range_doppler", plots.plot_range_doppler(result.rd_map, result.movers[:1])),
+    ):
+        plots.save(figure, out / f"{name}.png")
+    done = time.perf_counter()
+
+    summary = summarise(run_folder, result)
+    summary["time_s"] = {
+        "build": round(built - start, 2),
+        "render": round(rendered - built, 2),
+        "process": round(done - rendered, 2),
+        "total": round(done - start, 2),
+    }
+    summary["peak_memory_mib"] = {
+        "render": round(peak_mib(resource.RUSAGE_CHILDREN), 1),
+        "process": round(peak_mib(resource.RUSAGE_SELF), 1),
+    }
+    write_json(out / "summary.json", summary)
+    return summary
+
+
+def call(what: str, script: str, *arguments: str, quiet: bool = False) -> None:
+    """Run one of the scripts beside this one in a Python of its own."""
+    print(f"radarsim: {what}", flush=True)
+    command = [sys.executable, str(ROOT / "scripts" / script), *arguments]
+    result = subprocess.run(
+        command, capture_output=quiet, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}
+    )
+    if result.returncode:
+        detail = (result.stderr or "").strip() if quiet else "see above"
+        raise RenderError(f"{script} ended with exit code {result.returncode}: {detail}")
+
+
+def process(run_folder: Path) -> FrameResult:
+    """Process the one frame of the run."""
+    for event in process_run(run_folder, ProcessOptions(plots=False)):
+        if isinstance(event, FrameResult):
+            return event
+    raise RenderError(f"{run_folder} holds no radar frame.")
+
+
+def peak_mib(who: int) -> float:
+    """Peak resident memory [MiB] of this process or of the largest child."""
+    peak = resource.getrusage(who).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
+    """What was measured, beside where things truly are."""
+    record = open_run(run_folder).record
+    truth = read_record(run_folder / frame_dir(result.frame) / SCENE_FILE, SceneRecord)
+    radar = result.rd_map.radar
+    slow = radar.velocity_resolution_mps / 2
+    reach_m = EDGE_SEARCH * radar.waveform.range_resolution_m
+    still = []
+    for item in truth.objects:
+        if abs(item.range_rate_mps or 0.0) > slow or not result.edges:
+            continue
+        edge = min(result.edges, key=lambda e: abs(e.range_m - item.nearest_range_m))
+        # The plane's nearest point is below the radar, out of its view: no edge belongs to it.
+        if abs(edge.range_m - item.nearest_range_m) <= reach_m:
+            still.append(
+                {
+                    "name": item.name,
+                    "near_face_m": item.nearest_range_m,
+                    "leading_edge_m": edge.range_m,
+                    "level_db": edge.level_db,
+                }
+            )
+    target: dict[str, Any] = {}
+    if result.movers:
+        peak = result.movers[0]
+        moving = [i for i in truth.objects if abs(i.range_rate_mps or 0.0) > slow]
+        true_m = min((i.nearest_range_m for i in moving), key=lambda r: abs(r - peak.range_m))
+        target = {
+            "range_m": peak.range_m,
+            "true_range_m": true_m,
+            "velocity_mps": peak.velocity_mps,
+            "doppler_hz": peak.doppler_hz,
+            "level_above_background_db": peak.above_db,
+        }
+    return {
+        "static_objects": sorted(still, key=lambda s: s["near_face_m"]),
+        "target": target,
+        "rings": record.rings,
+        "ring_step_m": record.ring_step_m,
+        "passes": record.passes,
+        "pulses": radar.burst.pulses,
+        "mixed_power_share": result.statistics.mixed_power_share,
+        "versions": record.versions,
+    }
+
+
+def print_table(summary: dict[str, Any], out: Path) -> None:
+    """The short table at the end of ``make demo``."""
+    print(f"\n{'':16}{'true':>12}{'measured':>12}")
+    for item in summary["static_objects"]:
+        print(f"{item['name']:16}{item['near_face_m']:>10.2f} m{item['leading_edge_m']:>10.2f} m"
+              "   half-power leading edge")
+    target = summary["target"]
+    if target:
+        print(f"{'Target':16}{target['true_range_m']:>10.2f} m{target['range_m']:>10.2f} m"
+              f"   {target['velocity_mps']:+.3f} m/s (receding is +), "
+              f"{target['doppler_hz']:.1f} Hz, {target['level_above_background_db']:.0f} dB above "
+              "its surroundings")
+    else:
+        print("Target: nothing moves in the map")
+    times = summary["time_s"]
+    print(f"\n{summary['rings']} rings x {summary['passes']} passes: {times['render']:.1f} s, "
+          f"processing {times['process']:.1f} s, all {times['total']:.1f} s, "
+          f"Blender {summary['versions'].get('blender', '?')}")
+    print(f"pictures and summary.json in {shown(out)}, the run in {shown(out / 'run' / RUN_FILE)}")
+
+
+def shown(path: Path) -> str:
+    """A path relative to the checkout where it lies in it."""
+    return str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
