@@ -6,7 +6,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .checks import real_array
+
 Real = NDArray[np.float64]
+
+
+def to_db(ratio: ArrayLike) -> Real:
+    """10 log10 of a power ratio; zero gives -inf.
+
+    Raises
+    ------
+    ConfigError
+        For a negative ratio or NaN.
+    """
+    value = real_array("Power ratio", ratio, "", minimum=0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(10 * np.log10(value), dtype=np.float64)
+
+
+def from_db(decibels: ArrayLike) -> Real:
+    """Power ratio of decibels, 10^(dB/10)."""
+    value = np.asarray(decibels, dtype=np.float64)
+    return np.asarray(10 ** (value / 10), dtype=np.float64)
 
 
 def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
@@ -45,6 +66,49 @@ def monostatic_power_w(
         * np.asarray(rcs_m2, dtype=np.float64)
     )
     return numerator / ((4 * np.pi) ** 3 * np.asarray(range_m, dtype=np.float64) ** 4)
+
+
+def bistatic_power_w(
+    eirp_w: ArrayLike,
+    rcs_m2: ArrayLike,
+    transmitter_range_m: ArrayLike,
+    receiver_range_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    gain: ArrayLike = 1.0,
+    loss_db: ArrayLike = 0.0,
+) -> Real:
+    """Bistatic radar equation [W] (Skolnik, eq. 25.1), all losses in one number.
+
+    EIRP G_r lambda^2 sigma / ((4 pi)^3 R_t^2 R_r^2 L); `eirp_w` and `gain` towards the target.
+
+    Raises
+    ------
+    ConfigError
+        NaN, a range or wavelength that is not positive, a negative power, gain or cross section.
+    """
+    eirp = real_array("EIRP", eirp_w, "W", minimum=0.0)
+    rcs = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
+    there = real_array("Transmitter range", transmitter_range_m, "m", above=0.0)
+    back = real_array("Receiver range", receiver_range_m, "m", above=0.0)
+    wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
+    received = eirp * real_array("Gain", gain, "", minimum=0.0) * wavelength**2 * rcs
+    loss = from_db(real_array("Loss", loss_db, "dB"))
+    return np.asarray(received / ((4 * np.pi) ** 3 * there**2 * back**2 * loss), dtype=np.float64)
+
+
+def rcs_from_power_m2(
+    power_w: ArrayLike,
+    eirp_w: ArrayLike,
+    transmitter_range_m: ArrayLike,
+    receiver_range_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    gain: ArrayLike = 1.0,
+) -> Real:
+    """Radar cross section [m^2] of what returns `power_w`: `bistatic_power_w` solved for sigma."""
+    power = real_array("Received power", power_w, "W", minimum=0.0)
+    eirp = real_array("EIRP", eirp_w, "W", above=0.0)
+    unit = bistatic_power_w(eirp, 1.0, transmitter_range_m, receiver_range_m, wavelength_m, gain)
+    return np.asarray(power / unit, dtype=np.float64)
 
 
 def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: ArrayLike) -> Real:

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar cross sections in closed form [m^2], conducting bodies, backscatter.
+
+Optical limit or physical optics: good where the body measures several wavelengths. Physical optics
+of a sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of
+dB near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer,
+Tuley, Radar Cross Section, table 6-1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .checks import Real, direction_cosine, real_array
+
+
+def _length(name: str, value: ArrayLike) -> Real:
+    return real_array(name, value, "m", above=0.0)
+
+
+def dbsm(rcs_m2: ArrayLike) -> Real:
+    """dB over one square metre; zero gives -inf."""
+    value = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(10 * np.log10(value), dtype=np.float64)
+
+
+def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
+    """4 pi A^2 / lambda^2: what returns in phase from an effective area A."""
+    area = real_array("Area", area_m2, "m^2", minimum=0.0)
+    return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
+
+
+def sphere_optical(radius_m: ArrayLike) -> Real:
+    """pi a^2, the limit of large ka."""
+    return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
+
+
+def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
+    """pi a^2 (1 - sin(2x)/x + sin^2(x)/x^2), x = ka (Ruck, 3.3; Bowman 10.2)."""
+    radius = _length("Radius", radius_m)
+    x = 2 * np.pi * radius / _length("Wavelength", wavelength_m)
+    # |1 - exp(jx) sinc|^2 written as a sum of squares keeps its digits for small spheres.
+    ratio = np.sin(x) / x
+    value = (1 - ratio * np.cos(x)) ** 2 + (ratio * np.sin(x)) ** 2
+    return np.asarray(np.pi * radius**2 * value, dtype=np.float64)
+
+
+def plate(
+    width_m: ArrayLike,
+    height_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    tilt_rad: ArrayLike = 0.0,
+) -> Real:
+    """Rectangular plate, physical optics, tilted so that `width_m` recedes.
+
+    4 pi A^2/lambda^2 cos^2 sinc^2(2 W sin/lambda), np.sinc (Ruck, 7.1).
+    """
+    width, wavelength = _length("Width", width_m), _length("Wavelength", wavelength_m)
+    tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
+    phase = np.sinc(2 * width / wavelength * np.sin(tilt))
+    peak = area_rcs_m2(width * _length("Height", height_m), wavelength)
+    return np.asarray(peak * (np.cos(tilt) * phase) ** 2, dtype=np.float64)
+
+
+def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0) -> Real:
+    """Circular plate, physical optics: 4 pi A^2/lambda^2 cos^2 (2 J1(x)/x)^2, x = 2 k a sin."""
+    radius, wavelength = _length("Radius", radius_m), _length("Wavelength", wavelength_m)
+    tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
+    x = 4 * np.pi * radius / wavelength * np.sin(np.abs(tilt))
+    peak = area_rcs_m2(np.pi * radius**2, wavelength)
+    return np.asarray(peak * (np.cos(tilt) * _jinc(x)) ** 2, dtype=np.float64)
+
+
+def _jinc(x: Real) -> Real:
+    """2 J1(x)/x = (4/pi) int_0^1 sqrt(1 - t^2) cos(x t) dt, t = sin b: smooth and periodic in b."""
+    # The midpoint rule converges exponentially once there are more nodes than x has radians.
+    count = 32 + 2 * int(np.ceil(np.max(x)))
+    angle = np.pi / 2 * (np.arange(count) + 0.5) / count
+    flat = np.atleast_1d(x)
+    mean = np.array([np.mean(np.cos(angle) ** 2 * np.cos(at * np.sin(angle))) for at in flat.flat])
+    return np.asarray(2 * mean.reshape(x.shape), dtype=np.float64)
+
+
+def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
+    """2 pi a L^2 / lambda, optical, seen across its axis."""
+    radius, length = _length("Radius", radius_m), _length("Length", length_m)
+    return np.asarray(2 * np.pi * radius * length**2 / _length("Wavelength", wavelength_m))
+
+
+def dihedral(
+    width_m: ArrayLike,
+    height_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    angle_rad: ArrayLike = np.pi / 4,
+) -> Real:
+    """Double bounce of two equal plates at a right angle, across the edge.
+
+    The edge measures `height_m`; `angle_rad` from the normal of one plate, pi/4 on axis. Effective
+    area 2 W H min(sin, cos): both plates are `width_m` wide, the less lit one limits. On axis
+    8 pi W^2 H^2/lambda^2.
+    """
+    angle = real_array("Angle", angle_rad, "rad", 0.0, np.pi / 2)
+    lit = np.minimum(np.sin(angle), np.cos(angle))
+    area = 2 * _length("Width", width_m) * _length("Height", height_m) * lit
+    return area_rcs_m2(area, wavelength_m)
+
+
+def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
+    """Direction cosines to the three edges in rising order; the vector is normalised."""
+    vector = real_array("Direction", directions, "", minimum=0.0)
+    norm = np.linalg.norm(vector, axis=-1, keepdims=True)
+    low, middle, high = np.moveaxis(np.sort(vector / np.where(norm == 0, 1, norm), axis=-1), -1, 0)
+    return low, middle, high
+
+
+def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
+    """Effective area of the triple bounce in a triangular trihedral (Siegel et al. 1955; Ruck 8.3).
+
+    `directions` [..., 3] towards the radar along the three edges, components >= 0; on axis
+    a^2/sqrt(3), so 4 pi a^4/(3 lambda^2).
+    """
+    low, middle, high = _sorted_cosines(directions)
+    total = low + middle + high
+    # The aperture meets its own point reflection in a hexagon, or beyond low + middle = high in a
+    # parallelogram; both expressions agree there.
+    area = np.where(low + middle <= high, 4 * low * middle / total, total - 2 / total)
+    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+
+
+def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
+    """Effective area of the triple bounce in a square trihedral (Siegel et al. 1955; Ruck 8.3).
+
+    On axis sqrt(3) a^2, so 12 pi a^4/lambda^2.
+    """
+    low, middle, high = _sorted_cosines(directions)
+    area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
+    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+
+
+def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
+    """Rough (Lambert) sphere: (8/3) albedo pi a^2, the integral of 4 albedo cos^2 dA over it."""
+    share = real_array("Albedo", albedo, "", 0.0, 1.0)
+    return np.asarray(8 / 3 * share * sphere_optical(radius_m), dtype=np.float64)
+
+
+def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
+    """sigma_0 A: a surface of area A (its own, not its projection) [m^2]."""
+    return np.asarray(
+        real_array("sigma_0", sigma0, "", minimum=0.0)
+        * real_array("Area", area_m2, "m^2", minimum=0.0)
+    )
+
+
+def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
+    """Backscatter coefficient of a Lambert surface, 4 albedo cos^2."""
+    share = real_array("Albedo", albedo, "", 0.0, 1.0)
+    return np.asarray(4 * share * direction_cosine(cos_incidence) ** 2, dtype=np.float64)
