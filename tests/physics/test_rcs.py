@@ -126,8 +126,8 @@ def test_trihedrals_against_angle() -> None:
             "triangular": rcs.trihedral_triangular_area_m2,
             "square": rcs.trihedral_square_area_m2,
         }[row["kind"]](float(row["a_m"]), direction)
-        # The table traces rays: 2e-4.
-        assert float(area) == pytest.approx(float(row["GO_area_m2"]), rel=4e-4, abs=1e-5)
+
+        assert float(area) == pytest.approx(float(row["GO_area_m2"]), rel=2e-8)
 
 
 def test_trihedral_forms_meet_where_they_change() -> None:
