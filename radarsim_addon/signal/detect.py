@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ConfigError
 from .compress import PowerProfile
 from .rangedoppler import RangeDopplerMap, decibels
+from .windows import slow_time_window
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -77,6 +78,7 @@ def find_peaks(
     -----
     The interpolation is trigonometric, so exact for one path away from the edges of the range
     window: along Doppler from the pulses themselves, along range from the band-limited response.
+    For peaks away from 0 Hz, what stands still is subtracted first.
     """
     power = rd_map.power
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
@@ -84,7 +86,7 @@ def find_peaks(
     if range_m is not None:
         wanted &= (rd_map.range_m >= range_m[0]) & (rd_map.range_m <= range_m[1])
     candidates = np.where(wanted & _local_maxima(power), power, 0.0)
-    spectrum: Complex | None = None
+    spectra: dict[bool, Complex] = {}
     peaks: list[Peak] = []
     while len(peaks) < count:
         row, col = divmod(int(np.argmax(candidates)), power.shape[1])
@@ -94,8 +96,10 @@ def find_peaks(
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
         above_db = level_above(power, row, col, guard, reach)
         if above_db >= min_above_db:
-            spectrum = _pulse_spectra(rd_map) if spectrum is None else spectrum
-            peaks.append(_refine(rd_map, spectrum, row, col, above_db))
+            moves = abs(row - power.shape[0] // 2) > guard[0]
+            if moves not in spectra:
+                spectra[moves] = _pulse_spectra(rd_map, moves)
+            peaks.append(_refine(rd_map, spectra[moves], row, col, above_db))
     return peaks
 
 
@@ -139,9 +143,18 @@ def level_above(
     return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
 
 
-def _pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
-    """Fourier coefficients over range of the windowed pulses that the map was made of."""
+def _pulse_spectra(rd_map: RangeDopplerMap, without_static: bool) -> Complex:
+    """Fourier coefficients over range of the windowed pulses that the map was made of.
+
+    Echoes that stand still have zeros on all other rows of the map, but sidelobes between these
+    rows; `without_static` takes out what the 0 Hz row holds, so that they do not pull at a weak
+    moving echo.
+    """
     trains = np.fft.ifft(np.fft.ifftshift(rd_map.values, axes=0), axis=0)
+    if without_static:
+        pulses = trains.shape[0]
+        weight = slow_time_window(rd_map.doppler_window, pulses)
+        trains -= (weight / weight.sum())[:, None] * rd_map.values[pulses // 2]
     return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
 
 
@@ -205,6 +218,7 @@ def leading_edges(
     separation_m: float | None = None,
     by: Literal["power", "prominence"] = "power",
     range_m: tuple[float, float] | None = None,
+    min_prominence_db: float = 0.5,
 ) -> list[LeadingEdge]:
     """Half-power leading edges of the strongest separated peaks of a profile.
 
@@ -221,6 +235,8 @@ def leading_edges(
         the saddle to any higher one: faint far objects before near clutter.
     range_m
         Look at these ranges only (start, stop).
+    min_prominence_db
+        Leave out peaks that stand out less than this: ripple on a flank.
 
     Returns
     -------
@@ -246,6 +262,8 @@ def leading_edges(
     edges: list[LeadingEdge] = []
     for index in order:
         place = int(places[index])
+        if prominence_db[index] < min_prominence_db:
+            continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
         if far and len(edges) < count:
             edges.append(

@@ -80,6 +80,11 @@ def matched_filter(waveform: Waveform, size: int, window: str = "none") -> Compl
         (size,), in FFT order: the inverse FFT of W times this peaks at exactly 1.
     """
     spectrum = replica_spectrum(waveform, size)
-    weight = window_at(window, frequencies_hz(waveform, size) / waveform.bandwidth_hz)
+    position = frequencies_hz(waveform, size) / waveform.bandwidth_hz
+    # A bin that the band's edge cuts counts with its share inside; else the width of the response
+    # would hang on where the bins of a transform happen to lie.
+    bin_width = waveform.sampling_rate_hz / size / waveform.bandwidth_hz
+    share = np.clip((0.5 - np.abs(position)) / bin_width + 0.5, 0.0, 1.0)
+    weight = window_at(window, np.clip(position, -0.5, 0.5)) * share
     gain = float(np.mean(np.abs(spectrum) ** 2 * weight))
     return np.asarray(np.conj(spectrum) * (weight / gain), dtype=np.complex128)
