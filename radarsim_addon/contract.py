@@ -45,6 +45,28 @@ ATTR_RING_MAX = "radarsim_ring_max"
 ATTR_EXTINCTION_LENGTH = "radarsim_extinction_length"
 """Normalising length of the extinction coefficient, Blender units. 0 means: one Blender unit."""
 
+# Gates of the acquisition "paths" (absent: no gate). Half-integers, so that no comparison in a shader
+# depends on rounding.
+ATTR_ORDER_MIN = "radarsim_order_min"
+"""Fewest reflections of a path that the emitter lights, minus 1/2."""
+ATTR_ORDER_MAX = "radarsim_order_max"
+"""Most reflections, plus 1/2. 0 means: no limit."""
+ATTR_DEPTH_MIN = "radarsim_depth_min"
+"""Fewest transparent surfaces passed on the camera's side, plus 1/2."""
+ATTR_DEPTH_MAX = "radarsim_depth_max"
+"""Most transparent surfaces passed, plus 3/2. 0 means: no limit."""
+ATTR_SURFACE_DEPTH = "radarsim_surface_depth"
+"""Transparent surfaces that camera rays pass without choosing a lobe, plus 1/2. 0 means: none."""
+ATTR_SURFACE_STOP = "radarsim_surface_stop"
+"""Transparent surfaces after which camera rays end at a Radar Material, plus 1/2. 0: they go on."""
+ATTR_VERTEX_SCALE = "radarsim_vertex_scale"
+"""The emitter multiplies its colour by 1 + scale * (last vertex - origin), per axis. 0: it does not."""
+ATTR_VERTEX_ORIGIN = "radarsim_vertex_origin"
+"""Origin of the above, Blender units, three components."""
+ATTR_WORLD_CODE = "radarsim_world_code"
+"""1/k of the world volume, where it carries the code for materials of any kind, for the interior of
+Radar Materials to add its delay. 0: materials carry the code."""
+
 # -- names of files --------------------------------------------------------------------------------
 RUN_FILE = "run.json"
 SCENE_FILE = "scene.json"

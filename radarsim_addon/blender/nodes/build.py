@@ -157,11 +157,21 @@ class TreeBuilder:
 
         The Vector output is taken: Fac is the mean of three channels, which rounds.
         """
+        split = self.node(
+            "ShaderNodeSeparateXYZ", f"{name} value", {0: self.scene_vector_attribute(name)}
+        )
+        return split.outputs["X"]
+
+    def scene_vector_attribute(self, name: str) -> Any:
+        """Value of a custom property of the scene that holds three numbers."""
         node = self.node(
             "ShaderNodeAttribute", name, attribute_type="VIEW_LAYER", attribute_name=name
         )
-        split = self.node("ShaderNodeSeparateXYZ", f"{name} value", {0: node.outputs["Vector"]})
-        return split.outputs["X"]
+        return node.outputs["Vector"]
+
+    def vector_math(self, operation: str, label: str, inputs: Mapping[Any, Source]) -> Any:
+        """Vector Math node with a vector result."""
+        return self.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[0]
 
     def group_input(self, name: str) -> Any:
         """Output socket of the Group Input node."""

@@ -49,14 +49,17 @@ def _draw_surface(
     power = reflectance(build, n, kappa, cos_incidence(build))
     code = range_code(build, ray_length(build), inverse_k)
 
-    specular = math("MULTIPLY", "F s", power, specularity)
-    diffuse = math("SUBTRACT", "F (1 - s)", power, specular)
+    reflects, transmits = _camera_lobes(build)
+    scattered = math("MULTIPLY", "F, or 0 before the gate", power, reflects)
+    specular = math("MULTIPLY", "F s", scattered, specularity)
+    diffuse = math("SUBTRACT", "F (1 - s)", scattered, specular)
     lobes = []
     for label, weight in (("Specular colour", specular), ("Diffuse colour", diffuse)):
         scaled = build.node(
             "ShaderNodeVectorMath", label, {0: code, "Scale": weight}, operation="SCALE"
         )
         lobes.append(scaled.outputs[0])
+    passed = transmittance(build, n, kappa, power)
     glossy = build.node(
         "ShaderNodeBsdfAnisotropic",
         "Specular lobe",
@@ -67,7 +70,7 @@ def _draw_surface(
     through = build.node(
         "ShaderNodeBsdfTransparent",
         "Transmission",
-        {"Color": transmittance(build, n, kappa, power)},
+        {"Color": math("MULTIPLY", "1 - F, or 0 at it", passed, transmits)},
     )
     reflected = build.node(
         "ShaderNodeAddShader", "Reflection", {0: glossy.outputs[0], 1: lambert.outputs[0]}
@@ -76,6 +79,31 @@ def _draw_surface(
         "ShaderNodeAddShader", "Surface", {0: reflected.outputs[0], 1: through.outputs[0]}
     )
     build.group_output("Surface", total.outputs[0])
+
+
+def _camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
+    """Factors of reflection and transmission on camera rays when a gate asks for certainty.
+
+    With both lobes, Cycles follows one of them at random. Before the gate there is transmission
+    alone (reflection 0), at the gate reflection alone (transmission 0): the gate is reached in every
+    pixel, with 1 - F per surface as its weight. Other rays, and ungated renders, have both.
+    """
+    math = build.math
+    light_path = build.node("ShaderNodeLightPath", "Path so far")
+    camera = light_path.outputs["Is Camera Ray"]
+    depth = math("ADD", "depth + 1", light_path.outputs["Transparent Depth"], 1.0)
+    before = math(
+        "LESS_THAN", "before the gate", depth, build.scene_attribute(contract.ATTR_SURFACE_DEPTH)
+    )
+    stop = build.scene_attribute(contract.ATTR_SURFACE_STOP)
+    asked = math("GREATER_THAN", "stop asked for", stop, 0.0)
+    at_gate = math("GREATER_THAN", "at the gate", depth, stop)
+    stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", asked, at_gate), camera)
+    passing = math("MULTIPLY", "passing", before, camera)
+    return (
+        math("SUBTRACT", "reflects", 1.0, passing),
+        math("SUBTRACT", "transmits", 1.0, stopping),
+    )
 
 
 def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
@@ -87,7 +115,9 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     alpha = math("DIVIDE", "alpha = 4 pi kappa / Lambda", four_pi_kappa, length)
     above_vacuum = math("SUBTRACT", "n - 1 (delay)", n, 1.0)
     excess = math("MAXIMUM", "n - 1, from 0 up", above_vacuum, 0.0)
-    delay = math("MULTIPLY", "(n - 1) / k", excess, inverse_k)
+    world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
+    any_inverse_k = math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
+    delay = math("MULTIPLY", "(n - 1) / k", excess, any_inverse_k)
     double_delay = math("MULTIPLY", "2 (n - 1) / k", delay, 2.0)
     # Absorption is Density x (1 - Color). One node and not two: Cycles counts 32 closures for each
     # and warns above 64 in a material. What rounding costs is 1e-7 of 2 (n - 1) d / k.
@@ -106,7 +136,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_MATERIAL = GroupDefinition(
     kind=KIND,
     name="Radar Material",
-    version=1,
+    version=2,
     description=(
         "Reflection, transmission and absorption of radar power by a medium of complex index "
         "n + j kappa, with the range code of the running measurement"

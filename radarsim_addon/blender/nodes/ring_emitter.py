@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ring Emitter: a point lamp's emission, gated to one ring of ranges (Eq. 5 of Costa et al.)."""
+"""Ring Emitter: a point lamp's emission, gated to one ring of ranges (Eq. 5 of Costa et al.).
+
+The same lamp serves the acquisition "paths": gates on the number of reflections and of transparent
+surfaces passed leave one path in a pixel, and the emitter can tell where that path last scattered.
+"""
 
 from __future__ import annotations
 
@@ -25,22 +29,63 @@ def _draw(build: TreeBuilder) -> None:
     below_min = math("LESS_THAN", "r < ring min", length, ring_min)
     inside = math("SUBTRACT", "ring min <= r < ring max", below_max, below_min)
     gated = math("GREATER_THAN", "gated", ring_max, 0.0)
-    gate = build.select("Gate", gated, 1.0, inside)
+    ring = build.select("Ring gate", gated, 1.0, inside)
+    gate = math("MULTIPLY", "Gate", ring, _path_gate(build))
 
     code = range_code(build, length, inverse_code_length(build))
-    colour = build.node(
-        "ShaderNodeVectorMath", "Gate x code", {0: code, "Scale": gate}, operation="SCALE"
-    )
-    emission = build.node(
-        "ShaderNodeEmission", "Emission", {"Color": colour.outputs[0], "Strength": 1.0}
-    )
+    coded = build.vector_math("SCALE", "Gate x code", {0: code, "Scale": gate})
+    colour = build.vector_math("MULTIPLY", "x vertex", {0: coded, 1: _vertex_colour(build, length)})
+    emission = build.node("ShaderNodeEmission", "Emission", {"Color": colour, "Strength": 1.0})
     build.group_output("Emission", emission.outputs[0])
+
+
+def _path_gate(build: TreeBuilder) -> Any:
+    """1 for paths within the limits of order and transparent depth, else 0.
+
+    Read by next-event estimation, Ray Depth is the number of reflections of the path so far, and
+    Transparent Depth the number of transparent surfaces on the camera's side.
+    """
+    math = build.math
+    light_path = build.node("ShaderNodeLightPath", "Path so far")
+    order = light_path.outputs["Ray Depth"]
+    depth = math("ADD", "depth + 1", light_path.outputs["Transparent Depth"], 1.0)
+    gate: Any = None
+    for label, value, low, high in (
+        ("order", order, contract.ATTR_ORDER_MIN, contract.ATTR_ORDER_MAX),
+        ("depth", depth, contract.ATTR_DEPTH_MIN, contract.ATTR_DEPTH_MAX),
+    ):
+        least = build.scene_attribute(low)
+        most = build.scene_attribute(high)
+        above = math("GREATER_THAN", f"{label} > min", value, least)
+        limited = math("GREATER_THAN", f"{label} limited", most, 0.0)
+        below = math("LESS_THAN", f"{label} < max", value, most)
+        inside = build.select(f"{label} below max", limited, 1.0, below)
+        both = math("MULTIPLY", f"{label} gate", above, inside)
+        gate = both if gate is None else math("MULTIPLY", "Path gate", gate, both)
+    return gate
+
+
+def _vertex_colour(build: TreeBuilder, length: Any) -> Any:
+    """1 + scale (X - origin) per channel, X the point that is lit; exactly 1 where scale is 0.
+
+    Divided, channel by channel, by a render without it, it gives the last vertex of each path.
+    """
+    geometry = build.node("ShaderNodeNewGeometry", "Geometry")
+    way = build.vector_math(
+        "SCALE", "To the lit point", {0: geometry.outputs["Incoming"], "Scale": length}
+    )
+    point = build.vector_math("ADD", "Lit point", {0: geometry.outputs["Position"], 1: way})
+    origin = build.scene_vector_attribute(contract.ATTR_VERTEX_ORIGIN)
+    offset = build.vector_math("SUBTRACT", "From origin", {0: point, 1: origin})
+    scale = build.scene_attribute(contract.ATTR_VERTEX_SCALE)
+    mapped = build.vector_math("SCALE", "Mapped", {0: offset, "Scale": scale})
+    return build.vector_math("ADD", "1 + mapped", {0: mapped, 1: (1.0, 1.0, 1.0)})
 
 
 RING_EMITTER = GroupDefinition(
     kind=KIND,
     name="Ring Emitter",
-    version=1,
+    version=2,
     description=(
         "Transmitter of the radar, for a point lamp: the lamp's power is the EIRP in watts. "
         "While a ring is rendered it shines only where ring min <= ray length < ring max"
