@@ -15,11 +15,13 @@ receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
 Radar
     Waveform, Burst, Radar
 Files
-    open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; read_exr, write_exr
+    open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; Run.missing -> MissingRender;
+    read_exr, write_exr
 Pixels
     decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
 Paths
-    iter_paths, frame_paths, join_paths, make_paths -> Paths; path_power_w, path_amplitude;
+    iter_paths, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
+    path_amplitude;
     FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer; nufft1; replica, replica_spectrum, matched_filter
@@ -32,7 +34,8 @@ Detection
 Products and pictures
     write_products; plot_rings, plot_echo, plot_matched_filter, plot_range_doppler, save
 A whole run
-    process_run(path, ProcessOptions(...)) yields Progress and FrameResult; frame_statistics
+    process_run(path, ProcessOptions(...)) yields Progress and FrameResult;
+    frame_statistics -> FrameStatistics
 """
 
 from .compress import Compressed, PowerProfile, compress, expected_power_profile

@@ -34,7 +34,8 @@ def inside_blender_program() -> bool:
     return bool(getattr(app, "binary_path", ""))
 
 
-def _backend() -> tuple[str, ModuleType]:
+def exr_backend() -> tuple[str, ModuleType]:
+    """Name and module of the library that reads EXR files here: OpenEXR or OpenImageIO."""
     names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
     for name in names:
         if importlib.util.find_spec(name) is not None:
@@ -87,7 +88,7 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
                 f"{path}: channel {name} is {header.channels[name]}; expected 32 bit float. "
                 "Half float makes metres of range error: set Color Depth to Float (Full)."
             )
-    kind, module = _backend()
+    kind, module = exr_backend()
     shape = (header.height_px, header.width_px)
     try:
         read = _read_openexr if kind == "OpenEXR" else _read_openimageio
@@ -165,7 +166,7 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
     shapes = {plane.shape for plane in planes.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2 or 0 in next(iter(shapes)):
         raise ValueError(f"Channels of one shape (height, width) are needed; got {shapes}.")
-    kind, module = _backend()
+    kind, module = exr_backend()
     write = _write_openexr if kind == "OpenEXR" else _write_openimageio
     temporary = path.with_name(path.name + ".part.exr")  # OpenImageIO goes by the suffix
     try:

@@ -169,7 +169,8 @@ def test_echoes_from_outside_do_not_wrap_into_the_window() -> None:
 
 
 def test_no_paths_give_zeros() -> None:
-    for nothing in (make_paths(np.empty(0), np.empty(0)), []):
+    none: list[Paths] = []
+    for nothing in (make_paths(np.empty(0), np.empty(0)), none):
         echoes = synthesize(nothing, RADAR, window_m=WINDOW_M)
         assert echoes.samples.shape[0] == 5
         assert not echoes.samples.any()

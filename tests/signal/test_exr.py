@@ -181,11 +181,11 @@ def test_inside_blender_only_its_own_library_is_tried(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("importlib.util.find_spec", find_spec)
     with pytest.raises(MissingDependencyError, match="OpenImageIO"):
-        exr._backend()
+        exr.exr_backend()
     assert asked == ["OpenImageIO"]
     app.binary_path = ""  # a bpy wheel in a plain Python
     with pytest.raises(MissingDependencyError, match="pip install OpenEXR"):
-        exr._backend()
+        exr.exr_backend()
     assert asked == ["OpenImageIO", "OpenEXR", "OpenImageIO"]
 
 
@@ -196,7 +196,7 @@ sys.path += glob.glob(bpy.utils.resource_path("LOCAL") + "/python/lib/python3*/s
 import numpy as np
 from radarsim_addon.signal import exr
 exr.inside_blender_program = lambda: True
-assert exr._backend()[0] == "OpenImageIO"
+assert exr.exr_backend()[0] == "OpenImageIO"
 found = exr.read_exr(sys.argv[1])
 exr.write_exr(sys.argv[2], found)
 assert "OpenEXR" not in sys.modules
