@@ -27,7 +27,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radarsim_addon"
 #: What an extension carries; anything else in the package's folder is not the extension's.
-SUFFIXES = {".py", ".toml", ".json", ".osl", ".png", ".svg", ".blend", ".csv", ".typed"}
+SUFFIXES = {".py", ".toml", ".json", ".txt", ".csv", ".npz", ".png", ".blend", ".osl", ".typed"}
 _EPOCH_1980 = 315532800
 
 

@@ -73,7 +73,8 @@ def test_managed_interpreters_off_path_are_found(
     root: Path, tmp_path: Path, variable: str, below: str
 ):
     real = fake_python(tmp_path / below / "python3.99", "3.99")
-    done = find(root, "3.99", **{variable: str(tmp_path)})
+    environment: dict[str, str] = {variable: str(tmp_path)}
+    done = find(root, "3.99", path=None, **environment)
     assert (done.returncode, done.stdout.strip()) == (0, str(real))
 
 

@@ -153,6 +153,8 @@ class Robot:
 
         The sidebar is scrolled by the wheel where the button lies below its edge.
         """
+        # Away from the sidebar first: a busy Blender still shows the button of a while ago.
+        yield from self._leave_sidebar()
         for _ in range(8):
             region = self.sidebar
             x = region.x + region.width // 2
@@ -162,10 +164,22 @@ class Robot:
                 self.move(x, y)
                 yield 0.06
                 if wanted in self.under_mouse():
-                    return x, y
+                    self.move(x - 1, y)
+                    yield 0.3
+                    if wanted in self.under_mouse():
+                        return x, y
             subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
             yield 0.4
         raise LookupError(f"no button of the sidebar is {wanted!r}")
+
+    def _leave_sidebar(self) -> Steps:
+        view = self.view
+        for number in range(100):
+            self.move(view.x + view.width // 3 + number % 2, view.y + view.height // 2)
+            yield 0.1
+            if not self.under_mouse():
+                return
+        raise TimeoutError("Blender took no notice of the mouse for 10 s")
 
     def click(self, wanted: str) -> Steps:
         """Find a button and click it with the left mouse button."""

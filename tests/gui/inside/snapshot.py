@@ -41,6 +41,9 @@ def snapshot(scene: Any) -> dict[str, Any]:
         "preferences": values(bpy.context.preferences.view),
         "frame": [scene.frame_current, round(scene.frame_subframe, 7)],
     }
+    # Unset in a new file; Blender fills it in whenever a file format is set, and takes no "" back.
+    if not found["image"].get("linear_colorspace_settings", True):
+        found["image"]["linear_colorspace_settings"] = "sRGB"
     for layer in scene.view_layers:
         found[f"layer {layer.name}"] = values(layer)
         found[f"layer {layer.name} cycles"] = values(layer.cycles)
