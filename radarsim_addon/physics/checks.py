@@ -7,6 +7,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +38,8 @@ def real_array(
         With the first offending value and what was expected.
     """
     try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ConfigError(f"{name} is {value!r}; expected {_expected(unit)}.") from None
@@ -74,6 +77,23 @@ def _interval(minimum: float | None, maximum: float | None) -> str:
     if maximum is None:
         return f"at least {minimum:g}"
     return f"{minimum:g} to {maximum:g}"
+
+
+def require_one_shape(**arrays: NDArray[Any]) -> None:
+    """Check that the arguments broadcast against each other.
+
+    Raises
+    ------
+    ConfigError
+        With the name and shape of each.
+    """
+    try:
+        np.broadcast_shapes(*(array.shape for array in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise ConfigError(
+            f"The shapes do not fit together: {shapes}. Expected equal lengths, or single numbers."
+        ) from None
 
 
 def passive_index(index: ArrayLike) -> NDArray[np.complex128]:

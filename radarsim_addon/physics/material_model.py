@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ConfigError
-from .checks import EDGE_SLACK, Real, real_array
+from .checks import EDGE_SLACK, Real, real_array, require_one_shape
 
 Complex = NDArray[np.complex128]
 
@@ -92,6 +92,7 @@ class MaterialModel:
         """
         frequency = real_array("Frequency", frequency_hz, "Hz", above=0.0)
         values = self._values(parameters)
+        require_one_shape(frequency_hz=frequency, **values)
         frequency = self._within_band(frequency)
         eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
         if not np.all(np.isfinite(eps)) or np.any(eps.imag < 0):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ConfigError
-from .checks import Real, direction_cosine, passive_index, real_array
+from .checks import Real, direction_cosine, passive_index, real_array, require_one_shape
 from .fresnel import unpolarised_reflectance
 
 Masking = Literal["none", "smith", "cycles"]
@@ -147,6 +147,7 @@ def sigma0(
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
+    require_one_shape(index=np.asarray(index), slope=alpha, cos_incidence=cosine)
     reflectance = unpolarised_reflectance(passive_index(index), 1.0)
     # The floor keeps tan^2 finite; the value there is zero anyway.
     safe = np.maximum(cosine, 1e-100)

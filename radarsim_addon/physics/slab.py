@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ConfigError
-from .checks import Real, direction_cosine, passive_index, real_array
+from .checks import Real, direction_cosine, passive_index, real_array, require_one_shape
 
 Complex = NDArray[np.complex128]
 Model = Literal["coherent", "incoherent", "single-pass"]
@@ -79,6 +79,7 @@ def _arguments(
     thickness = real_array("Thickness", thickness_m, "m", above=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     cosine = direction_cosine(cos_incidence)
+    require_one_shape(index=n, thickness_m=thickness, wavelength_m=wavelength, cos_incidence=cosine)
     eps = n**2
     q = np.asarray(np.sqrt((eps - 1) + cosine**2), dtype=np.complex128)
     delta = np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)

@@ -208,6 +208,7 @@ def test_parameters_broadcast_with_frequency() -> None:
         ("conductor", 5e9, {"conductivity_s_per_m": np.inf}, "holds inf"),
         ("permittivity", 5e9, {"eps_real": 4.0, "eps_imag": -0.1}, "eps_imag"),
         ("table", 5e9, {}, "needs path"),
+        ("water", [1e9, 2e9], {"temperature_c": [1.0, 2.0, 3.0]}, "shapes do not fit together"),
     ],
 )
 def test_bad_input(name: str, frequency: object, parameters: dict[str, Any], message: str):

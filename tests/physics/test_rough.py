@@ -145,6 +145,7 @@ def test_limits_of_kirchhoff() -> None:
         (lambda: rough.sigma0(3.0, 0.0, 1.0), "Rms slope is 0; expected more than 0"),
         (lambda: rough.sigma0(3.0, 0.2, np.nan), "holds nan"),
         (lambda: rough.sigma0(3.0, 0.2, 1.0, "some"), "none, smith, cycles"),  # type: ignore[arg-type]
+        (lambda: rough.sigma0(3.0, [0.1, 0.2], [1.0, 0.9, 0.8]), "shapes do not fit together"),
         (lambda: rough.albedo(0.2, 0.0), "more than 0"),
         (lambda: rough.albedo(0.2, 1.0, masking="none"), "needs masking"),
         (lambda: rough.rms_slope(0.1, 0.0), "Correlation length is 0 m"),

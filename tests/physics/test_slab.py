@@ -198,6 +198,8 @@ def test_huge_loss_underflows_to_zero_without_warning() -> None:
         ((2.0, np.nan, 0.05, 1.0), "Thickness holds nan"),
         ((2.0, 0.1, -1.0, 1.0), "Wavelength is -1 m"),
         ((2.0, 0.1, 0.05, 1.5), "expected 0 to 1"),
+        ((2.0, 0.1, 0.05, np.array([1j])), "expected a number"),
+        (([2.0, 3.0], [0.1, 0.2, 0.3], 0.05), r"index \(2,\), thickness_m \(3,\)"),
         ((2.0, 0.1, 0.05, 1.0, "magic"), "expected one of coherent, incoherent, single-pass"),
     ],
 )
