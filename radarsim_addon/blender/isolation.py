@@ -93,12 +93,12 @@ def _hide(recorder: Recorder, item: Any) -> None:
 
 def _mute_animation(recorder: Recorder, item: Any, data_path: str) -> None:
     """Keep animation from overriding a setting at the next frame."""
-    for curve in _curves(item.animation_data):
+    for curve in animation_curves(item.animation_data):
         if curve.data_path == data_path:
             recorder.set(curve, "mute", True)
 
 
-def _curves(animation: Any) -> Iterator[Any]:
+def animation_curves(animation: Any) -> Iterator[Any]:
     """F-curves and drivers of a data-block: layered actions (4.4 and later) and older ones."""
     if animation is None:
         return
@@ -120,8 +120,8 @@ def _absorb_other_materials(recorder: Recorder) -> None:
     for material in bpy.data.materials:
         if material.is_grease_pencil or is_radar_material(material):
             continue
-        if not material.use_nodes or material.node_tree is None:
-            recorder.set(material, "use_nodes", True)  # up to 4.5; always on later
+        if bpy.app.version < (5, 0, 0):  # always on later
+            recorder.set(material, "use_nodes", True)
         if material.node_tree is not None:
             _absorb(recorder, material)
 

@@ -149,19 +149,19 @@ class RenderJob:
         recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
 
     def _survey(self) -> tuple[Extent, str]:
-        """Extent over all frames, and a digest of the scene at the first and the last of them."""
+        """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent = Extent()
-        digests = []
-        frames = self._measurement.frames
-        for frame in frames:
+        for frame in self._measurement.frames:
             depsgraph = self._show(instant_at(float(frame), self._fps()))
             for item in (self.rig.camera, self.rig.emitter):
                 check_scale(item, item.evaluated_get(depsgraph).matrix_world)
             extent = extent.union(
                 scene_truth.scene_extent(depsgraph, self.rig, self._metres_per_unit())
             )
-            if frame in (frames[0], frames[-1]):
-                digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
+        digests = [scene_truth.animation_digest()]
+        for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
+            depsgraph = self._show(instant_at(float(frame), self._fps()))
+            digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
         self._shown = None
         return extent, "+".join(digests)
 
@@ -187,8 +187,8 @@ class RenderJob:
         """Whether an earlier run's frames are frames of this one.
 
         A saved file is compared as a file. Where one of the two runs was made with unsaved
-        changes only the geometry can be compared; it is not enough where both are files, because
-        it looks at the first and the last frame alone.
+        changes only geometry and animation can be compared; that is not enough where both are
+        files, because it looks at two frames alone and at no simulation.
         """
         mine = [fingerprint(self.plan, digest, self.versions) for digest in digests]
         if earlier.fingerprint == mine[0]:
@@ -282,6 +282,10 @@ class RenderJob:
         assert self._records is not None
         final = self.folder / task.exr_path
         temporary = final.with_name(final.name + ".part")
+        if not final.parent.is_dir():  # Blender would make it anew, without the rest of the run
+            raise OutputError(
+                f"The folder {final.parent} was removed while the run was going on. Start again."
+            )
         try:
             self._save(temporary)
             verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)

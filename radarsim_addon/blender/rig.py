@@ -33,7 +33,9 @@ class Rig:
 
 def is_ring_emitter(light: Any) -> bool:
     """Whether a lamp's active node tree holds the Ring Emitter group."""
-    if light is None or light.type != "POINT" or light.node_tree is None or not light.use_nodes:
+    if light is None or light.type != "POINT" or light.node_tree is None:
+        return False
+    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # lamps without nodes are of the past
         return False
     return any(
         node.bl_idname == "ShaderNodeGroup"

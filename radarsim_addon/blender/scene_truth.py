@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import contract
 from ..sidecar import file_sha256
 from .acquisition import Extent
-from .isolation import ABSORBER_NAME, SURFACE_TYPES, echoes
+from .isolation import ABSORBER_NAME, SURFACE_TYPES, animation_curves, echoes
 from .nearest import nearest_distance
 
 Array = NDArray[np.float64]
@@ -207,6 +207,18 @@ def file_digest() -> str | None:
         except OSError:
             return None
     return "file:" + digest.hexdigest()
+
+
+def animation_digest() -> str:
+    """Hash of all key frames in the file."""
+    digest = hashlib.sha256()
+    for item in bpy.data.objects:
+        for curve in animation_curves(item.animation_data):
+            digest.update(f"{item.name}.{curve.data_path}[{curve.array_index}]".encode())
+            for point in curve.keyframe_points:
+                numbers = (*point.co, *point.handle_left, *point.handle_right)
+                digest.update(f"{numbers}{point.interpolation}".encode())
+    return "keys:" + digest.hexdigest()
 
 
 def geometry_digest(depsgraph: Any, rig: Any) -> str:
