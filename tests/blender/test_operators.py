@@ -214,8 +214,9 @@ def interactive_run(scene: Any, tmp_path: Path) -> Any:
     assert job.unrestored == []
     assert handler_counts() == handlers
     assert bpy.context.preferences.view.render_display_type == display
+    scene = bpy.context.scene  # a test may have loaded a file
     assert contract.ATTR_RING_MAX not in scene
-    assert scene.world is None and scene.render.resolution_x == 1920
+    assert scene.render.resolution_x == 1920
 
 
 def test_ticks_render_everything(interactive_run: Any, tmp_path: Path) -> None:
@@ -275,8 +276,6 @@ def test_saving_in_the_middle_saves_the_users_settings(
     scene = bpy.context.scene
     assert scene.render.resolution_x == 1920
     assert contract.ATTR_RING_MAX not in scene
-    # The fixture looks at the scene again: it is gone with the file that was loaded.
-    interactive_run.job.unrestored.clear()
 
 
 def test_processing_needs_a_whole_run(scene: Any, tmp_path: Path) -> None:
@@ -323,9 +322,10 @@ def test_map_shows_a_dot_where_it_is() -> None:
     picture = pictures.draw_map(range_m, doppler_hz, power_db, 0.05657, "Map")
     assert picture.shape == (pictures.HEIGHT, pictures.WIDTH, 3)
     area = picture[pictures.TOP + 1 : -pictures.BOTTOM - 1, pictures.LEFT + 1 : -pictures.RIGHT - 1]
-    brightest = np.argwhere(np.all(np.abs(area - area[..., :].reshape(-1, 3).max(0)) < 0.3, axis=2))
-    assert len(brightest)
-    y, x = brightest.mean(axis=0)
+    yellow = np.array([0.993, 0.906, 0.144])  # the upper end of viridis
+    places = np.argwhere(np.abs(area - yellow).max(axis=2) < 0.01)
+    assert 0 < len(places) < 50
+    y, x = places.mean(axis=0)
     assert x / area.shape[1] == pytest.approx((row + 0.5) / 128, abs=0.01)
     assert 1 - y / area.shape[0] == pytest.approx(range_m[column] / 5250, abs=0.01)
     # Axes have numbers: ink in the margins.
