@@ -153,9 +153,13 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
 
 def process(folder: Path, stream: Any) -> None:
     """Run the companion module over the run's folder."""
-    from radarsim_addon.signal.pipeline import process_run
+    from radarsim_addon.signal.pipeline import FrameResult, process_run
 
-    process_run(folder)
+    for event in process_run(folder):
+        if isinstance(event, FrameResult):
+            print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
+            for warning in event.warnings:
+                print(f"radarsim: warning: {warning}", file=stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
 
 
