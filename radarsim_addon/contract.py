@@ -14,6 +14,11 @@ Layout of a run's folder::
     frames/frame_0001/ring_000_t0.json    its sidecar                              (RenderRecord)
     frames/frame_0001/ring_000_t1.exr     ring 0 at t + delta t
     products/                             what ``radarsim process`` makes of them
+
+and, instead of the rings, for the acquisition "paths"::
+
+    frames/frame_0001/paths.npy           one row a path                        (signal.pathtable)
+    frames/frame_0001/paths.json          its sidecar                           (PathsRecord)
 """
 
 from __future__ import annotations
@@ -45,8 +50,8 @@ ATTR_RING_MAX = "radarsim_ring_max"
 ATTR_EXTINCTION_LENGTH = "radarsim_extinction_length"
 """Normalising length of the extinction coefficient, Blender units. 0 means: one Blender unit."""
 
-# Gates of the acquisition "paths" (absent: no gate). Half-integers, so that no comparison in a shader
-# depends on rounding.
+# Gates of the acquisition "paths" (absent: no gate). Half-integers, so that no comparison in a
+# shader depends on rounding.
 ATTR_ORDER_MIN = "radarsim_order_min"
 """Fewest reflections of a path that the emitter lights, minus 1/2."""
 ATTR_ORDER_MAX = "radarsim_order_max"
@@ -60,7 +65,7 @@ ATTR_SURFACE_DEPTH = "radarsim_surface_depth"
 ATTR_SURFACE_STOP = "radarsim_surface_stop"
 """Transparent surfaces after which camera rays end at a Radar Material, plus 1/2. 0: they go on."""
 ATTR_VERTEX_SCALE = "radarsim_vertex_scale"
-"""The emitter multiplies its colour by 1 + scale * (last vertex - origin), per axis. 0: it does not."""
+"""The emitter multiplies its colour by 1 + scale * (last vertex - origin), per axis. 0: no."""
 ATTR_VERTEX_ORIGIN = "radarsim_vertex_origin"
 """Origin of the above, Blender units, three components."""
 ATTR_WORLD_CODE = "radarsim_world_code"
@@ -72,6 +77,8 @@ RUN_FILE = "run.json"
 SCENE_FILE = "scene.json"
 FRAMES_DIR = "frames"
 PRODUCTS_DIR = "products"
+PATHS_TABLE = "paths.npy"
+PATHS_FILE = "paths.json"
 
 
 def frame_dir(frame: int) -> str:
@@ -140,6 +147,57 @@ class RenderRecord:
     exr_sha256: str
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/render"
+    schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class PathsRecord:
+    """Sidecar of one radar frame's table of paths (acquisition "paths").
+
+    objects names the numbers in the table's object columns, from 1. Shares are of total_power_w:
+    left_order_share lies in orders above max_order, left_depth_share in gates that were not
+    rendered, mixed_share in rows whose pixel held several paths even so, no_code_share in rows
+    without a usable range. reached says which limit ended the refinement.
+    """
+
+    frame: int
+    time_s: float
+    metres_per_unit: float
+    code_length_m: float
+    extinction_length_m: float
+    code: str  # "materials" or "world"
+    coloured: bool
+    amplitude_channel: str
+    carrier_hz: float
+    camera: CameraRecord
+    emitter: EmitterRecord
+    width_px: int
+    height_px: int
+    max_order: int
+    residual: float
+    seed: int
+    tiles: int
+    shifts: int
+    finest_level: int
+    renders: int
+    render_time_s: float
+    rows: int
+    objects: list[str]
+    total_power_w: float
+    left_order_share: float
+    left_depth_share: float
+    mixed_share: float
+    no_code_share: float
+    mixed_bias_bound_m: float
+    length_sigma_m: float
+    length_sigma_wavelengths: float
+    relative_error: float
+    reached: str
+    table_file: str
+    table_sha256: str
+    warnings: list[str] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    schema: str = "radarsim/paths"
     schema_version: int = SCHEMA_VERSION
 
 

@@ -13,7 +13,7 @@ class RadarSimError(Exception):
 
 
 class ConfigError(RadarSimError):
-    """Numbers that do not fit together: ring step zero, a chirp longer than the pulse interval..."""
+    """Numbers that do not fit together: ring step zero, a chirp longer than its interval..."""
 
     exit_code = 2
 

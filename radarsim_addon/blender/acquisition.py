@@ -91,6 +91,8 @@ class Plan:
     code_length_m: float
     extinction_length_m: float
     extent: Extent
+    acquisition: str = "rings"
+    options: str = ""
 
     @property
     def total(self) -> int:
@@ -145,7 +147,14 @@ def code_length_m(measurement: Measurement, rings: int, extent: Extent) -> float
     return longest_m / LENGTHS_PER_CODE
 
 
-def make_plan(measurement: Measurement, metres_per_unit: float, fps: float, extent: Extent) -> Plan:
+def make_plan(
+    measurement: Measurement,
+    metres_per_unit: float,
+    fps: float,
+    extent: Extent,
+    acquisition: str = "rings",
+    options: str = "",
+) -> Plan:
     """Plan of a run.
 
     Raises
@@ -172,6 +181,8 @@ def make_plan(measurement: Measurement, metres_per_unit: float, fps: float, exte
         code_length_m=metres_per_unit / float(inverse_k),
         extinction_length_m=measurement.extinction_length_m or metres_per_unit,
         extent=extent,
+        acquisition=acquisition,
+        options=options,
     )
 
 
@@ -208,6 +219,8 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
         "fps": plan.fps,
         "code_length_m": plan.code_length_m,
         "extinction_length_m": plan.extinction_length_m,
+        "acquisition": plan.acquisition,
+        "options": plan.options,
         "scene": scene_digest,
         "versions": versions,
     }
@@ -224,7 +237,7 @@ def run_record(
     """The record that ``run.json`` holds."""
     measurement = plan.measurement
     return contract.RunRecord(
-        acquisition="rings",
+        acquisition=plan.acquisition,
         frames=list(measurement.frames),
         frame_times_s=[plan.instants(frame)[0].time_s for frame in measurement.frames],
         rings=plan.rings,

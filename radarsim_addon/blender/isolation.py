@@ -24,8 +24,13 @@ ABSORBER_NAME = "radarsim absorber (temporary)"
 _NAMES_SHOWN = 5
 
 
-def isolate(recorder: Recorder, scene: Any, emitter: Any) -> list[str]:
-    """Leave one lamp and the Radar Materials in the measurement.
+def isolate(
+    recorder: Recorder, scene: Any, emitter: Any, any_material: bool = False
+) -> list[str]:
+    """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
+
+    With `any_material` a world volume carries the code: surfaces of any kind echo, and only what
+    scatters inside a volume is left out (its paths have no vertex on a surface).
 
     Returns
     -------
@@ -33,6 +38,8 @@ def isolate(recorder: Recorder, scene: Any, emitter: Any) -> list[str]:
         Warnings about objects that give no echo.
     """
     _hide_other_lamps(recorder, emitter)
+    if any_material:
+        return _isolate_any_material(recorder, scene)
     silent = [item.name for item in scene.objects if _is_silent(item)]
     unsupported = [
         item.name
@@ -56,6 +63,62 @@ def isolate(recorder: Recorder, scene: Any, emitter: Any) -> list[str]:
             "no radar model). Convert to a mesh to measure it."
         )
     return warnings
+
+
+def _isolate_any_material(recorder: Recorder, scene: Any) -> list[str]:
+    fog = [
+        item
+        for item in scene.objects
+        if not item.hide_render
+        and (
+            item.type in UNSUPPORTED_TYPES
+            or (item.material_slots and all(_is_fog(s.material) for s in item.material_slots))
+        )
+    ]
+    for item in fog:
+        _hide(recorder, item)
+    scattering = []
+    for material in bpy.data.materials:
+        if material.is_grease_pencil or material.node_tree is None:
+            continue
+        # Emissive surfaces are sampled like lamps and would take samples from ours.
+        recorder.set(material.cycles, "emission_sampling", "NONE")
+        if not is_radar_material(material) and _scatters_inside(material):
+            scattering.append(material.name)
+    warnings = []
+    if fog:
+        warnings.append(
+            f"Left out of the measurement: {_names([item.name for item in fog])} (fog, volumes and "
+            "grease pencil have no single point of reflection)."
+        )
+    if scattering:
+        warnings.append(
+            f"Materials {_names(scattering)} scatter below their surface: ranges of these echoes "
+            "are smeared. Set Subsurface to 0 to be rid of it."
+        )
+    return warnings
+
+
+def _is_fog(material: Any) -> bool:
+    """Whether a material has a volume and no surface."""
+    if material is None or material.node_tree is None:
+        return False
+    output = material.node_tree.get_output_node("CYCLES")
+    return output is not None and (
+        output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
+    )
+
+
+def _scatters_inside(material: Any) -> bool:
+    for node in material.node_tree.nodes:
+        if node.bl_idname in {"ShaderNodeSubsurfaceScattering", "ShaderNodeVolumeScatter"}:
+            return True
+        if node.bl_idname == "ShaderNodeVolumePrincipled":
+            return True
+        weight = node.inputs.get("Subsurface Weight")
+        if weight is not None and (weight.is_linked or weight.default_value > 0):
+            return True
+    return False
 
 
 def echoes(item: Any) -> bool:

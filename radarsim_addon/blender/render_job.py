@@ -119,11 +119,11 @@ class RenderJob:
             extent, geometry_digest = self._survey()
         finally:
             self.unrestored += survey.restore()
-        self.plan: Plan = make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
+        self.plan: Plan = self._make_plan(extent)
         digests = [file_digest] if file_digest else []
         digests.append(geometry_digest)
         self._open_folder(digests)
-        self._settings = MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
+        self._settings = self._make_settings()
         self._settings.apply()
         try:
             self._write_plan(digests)
@@ -136,6 +136,12 @@ class RenderJob:
         self.total = self.plan.total
         self.done = self.total - len(self._pending)
         self._started_s = time.monotonic()
+
+    def _make_plan(self, extent: Extent) -> Plan:
+        return make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
+
+    def _make_settings(self) -> MeasurementSettings:
+        return MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
 
     def _metres_per_unit(self) -> float:
         return typed(self._scene.unit_settings.scale_length)

@@ -35,6 +35,8 @@ class MeasurementSettings:
         Receiver and transmitter.
     plan
         What is measured.
+    any_material
+        Materials of other kinds than Radar Material echo too (a world volume carries the code).
 
     Raises
     ------
@@ -42,11 +44,14 @@ class MeasurementSettings:
         Cycles is not available. Nothing is changed then.
     """
 
-    def __init__(self, scene: Any, view_layer: Any, rig: Rig, plan: Plan) -> None:
+    def __init__(
+        self, scene: Any, view_layer: Any, rig: Rig, plan: Plan, any_material: bool = False
+    ) -> None:
         self._scene = scene
         self._view_layer = view_layer
         self._rig = rig
         self._plan = plan
+        self._any_material = any_material
         self._recorder = Recorder()
         self.warnings: list[str] = []
 
@@ -77,7 +82,9 @@ class MeasurementSettings:
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            self.warnings = isolate(self._recorder, self._scene, self._rig.emitter)
+            self.warnings = isolate(
+                self._recorder, self._scene, self._rig.emitter, self._any_material
+            )
         except BaseException:
             self.restore()
             raise

@@ -59,14 +59,20 @@ def _corners(shown: _Shown) -> Array:
     return np.asarray(box @ shown.matrix[:3, :3].T + shown.matrix[:3, 3])
 
 
-def scene_extent(depsgraph: Any, rig: Any, metres_per_unit: float) -> Extent:
+def scene_extent(
+    depsgraph: Any, rig: Any, metres_per_unit: float, any_material: bool = False
+) -> Extent:
     """How far what can echo reaches at the depsgraph's time, through instances.
 
     Bounding boxes are used: never too small, at most a little too large.
     """
     receiver = _origin(rig.camera, depsgraph)
     transmitter = _origin(rig.emitter, depsgraph)
-    boxes = [_corners(s) for s in _shown_surfaces(depsgraph) if echoes(s.evaluated.original)]
+    boxes = [
+        _corners(s)
+        for s in _shown_surfaces(depsgraph)
+        if any_material or echoes(s.evaluated.original)
+    ]
     if not boxes:
         return Extent(baseline_m=float(np.linalg.norm(receiver - transmitter)) * metres_per_unit)
     corners = np.concatenate(boxes)

@@ -47,8 +47,11 @@ class GatePixels:
         First surface seen, from the Position pass [m], (n, 3); NaN where unknown.
     vertex_m
         Last vertex from the emitter's colours [m], (n, 3); NaN where unknown.
-    object
-        Number of the object at the last vertex, (n,).
+    object, first_object
+        Numbers of the objects at the last and at the first vertex, (n,); 0 where unknown.
+    position_is_first
+        Whether position_m is the first scatterer: nothing transparent lies before it, or what
+        does was passed with certainty.
     """
 
     order: int
@@ -59,6 +62,8 @@ class GatePixels:
     position_m: Real
     vertex_m: Real
     object: NDArray[np.int32]
+    first_object: NDArray[np.int32]
+    position_is_first: bool
 
 
 @dataclass(frozen=True)
@@ -176,7 +181,7 @@ def assemble_rows(
                 coded_m,
             )
             first[~(conditioning > _LEAST_DENOMINATOR)] = np.nan
-        if pixels.depth == 0:
+        if pixels.position_is_first:
             seen = np.isfinite(pixels.position_m).all(axis=-1)
             first = np.where(seen[:, None], pixels.position_m, first)
         flags[~np.isfinite(first).all(axis=-1)] |= FLAG_NO_FIRST
@@ -189,7 +194,7 @@ def assemble_rows(
     rows["first_m"], rows["last_m"] = first, last
     rows["direction"] = direction
     rows["solid_angle_sr"] = solid
-    rows["object"] = pixels.object
+    rows["object"], rows["first_object"] = pixels.object, pixels.first_object
     rows["tile"], rows["shift"] = tile, shift
     rows["flags"] = flags
     return rows
@@ -206,18 +211,20 @@ def _first_order(
     """Scatterer of order 1, and whether its length must come from the code."""
     along = _range_of_length(origin, direction, geometry.emitter_m, coded_m)
     coded_point = origin + along[:, None] * direction
-    if pixels.depth > 0:
+    if not pixels.position_is_first:
         return coded_point, np.ones(coded_m.size, dtype=bool)
     position = pixels.position_m
     geometric = np.linalg.norm(position - origin, axis=-1) + np.linalg.norm(
         position - geometry.emitter_m, axis=-1
     )
-    # A dielectric on the way back (bistatic) delays what geometry cannot see; the code does.
+    # A dielectric on the way delays what geometry cannot see; the code does.
     allowed = 20 * sigma + 1e-5 * np.abs(coded_m)
+    uncoded = ~np.isfinite(pixels.log_ratio)
     with np.errstate(invalid="ignore"):
         agrees = np.abs(geometric - coded_m) <= allowed
-    seen = np.isfinite(geometric) & (agrees | ~np.isfinite(pixels.log_ratio))
-    return np.where(seen[:, None], position, coded_point), ~seen
+    seen = np.isfinite(geometric)
+    point = np.where(seen[:, None], position, coded_point)
+    return point, ~(seen & (agrees | (uncoded & (pixels.depth == 0))))
 
 
 def _range_of_length(origin: Real, direction: Real, emitter_m: Real, length_m: Real) -> Real:

@@ -41,8 +41,9 @@ PATH_DTYPE = np.dtype(
         ("direction", "<f8", (3,)),
         # share of the solid angle that the path stands for [sr]
         ("solid_angle_sr", "<f8"),
-        # number of the object at the last scatterer in the run's list of objects; 0: unknown
+        # numbers of the objects at the last and first scatterer in the sidecar's list; 0: unknown
         ("object", "<i4"),
+        ("first_object", "<i4"),
         # view (tile) and sub-pixel shift: shifts of one tile are replicates of one another
         ("tile", "<i4"),
         ("shift", "<i4"),

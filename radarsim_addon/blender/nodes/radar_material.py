@@ -85,8 +85,8 @@ def _camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
     """Factors of reflection and transmission on camera rays when a gate asks for certainty.
 
     With both lobes, Cycles follows one of them at random. Before the gate there is transmission
-    alone (reflection 0), at the gate reflection alone (transmission 0): the gate is reached in every
-    pixel, with 1 - F per surface as its weight. Other rays, and ungated renders, have both.
+    alone (reflection 0), at the gate reflection alone (transmission 0): the gate is reached in
+    every pixel, with 1 - F per surface as its weight. Other rays, and ungated renders, have both.
     """
     math = build.math
     light_path = build.node("ShaderNodeLightPath", "Path so far")

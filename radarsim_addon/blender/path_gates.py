@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which gates to render so that each pixel holds one path, and when nothing is left. No bpy.
+
+A gate (n, t) lets the emitter shine only on paths of n reflections that passed t transparent
+surfaces on the camera's side. At one sample a pixel and gate there is one path, so its range is
+exact; an open gate, rendered with the same paths, says pixel by pixel what the gates must add up
+to. The plan below asks only for gates in which something is left.
+
+:func:`trace_view` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
+made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
+closed form in tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+#: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
+#: over a few reflections stays below it.
+GREY_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the emitter lets through; None is no limit. Both ends are included.
+
+    surface_depth makes the Radar Material deterministic in front of a gate: camera rays pass
+    straight through (with their transmission as weight) while fewer transparent surfaces than
+    this lie behind them. None leaves lobes to chance.
+    """
+
+    order_min: int = 1
+    order_max: int | None = None
+    depth_min: int = 0
+    depth_max: int | None = None
+    surface_depth: int | None = None
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """One render. coded: with the range code; vertex: the emitter also carries where it shines."""
+
+    gate: Gate
+    coded: bool = True
+    vertex: bool = False
+
+
+@dataclass(frozen=True)
+class View:
+    """What came out of one render, arrays of h x w pixels.
+
+    Attributes
+    ----------
+    red, green, blue
+        Light of the radar's emitter, per square Blender unit.
+    position
+        First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
+    object_index
+        Its object's number in the run's list, 0 where there is none.
+    """
+
+    red: Real
+    green: Real
+    blue: Real
+    position: Real | None = None
+    object_index: NDArray[np.int32] | None = None
+
+    def channels(self) -> Real:
+        """(3, h, w) red, green, blue."""
+        return np.stack([self.red, self.green, self.blue])
+
+
+@dataclass(frozen=True)
+class GateLayer:
+    """Paths of one gate, at most one a pixel.
+
+    Attributes
+    ----------
+    order, depth
+        Reflections, and transparent surfaces passed on the camera's side.
+    amplitude
+        Radiance (h, w), 0 where there is no path.
+    coded
+        The coded render, and plain the same paths without code where the scene is coloured.
+    vertex
+        Render with the last vertex in its colours; orders above 1.
+    position_is_first
+        Whether the coded view's position is where the path first scatters.
+    """
+
+    order: int
+    depth: int
+    amplitude: Real
+    coded: View
+    plain: View | None = None
+    vertex: View | None = None
+    position_is_first: bool = True
+
+
+@dataclass
+class TracedView:
+    """All that was found in one view (a tile at one sub-pixel shift).
+
+    left_order and left_depth are the powers (sum of amplitude times weight) in orders above the
+    limit and in gates that were not rendered, total the power of everything.
+    """
+
+    layers: list[GateLayer] = field(default_factory=list)
+    open_view: View | None = None
+    total: float = 0.0
+    left_order: float = 0.0
+    left_depth: float = 0.0
+    renders: int = 0
+    coloured: bool = False
+
+
+@dataclass(frozen=True)
+class TraceLimits:
+    """How far to follow paths.
+
+    Parameters
+    ----------
+    max_order
+        Most reflections.
+    max_depth
+        Most transparent surfaces on the camera's side.
+    residual
+        Share of the total power below which what is left is not followed.
+    lottery_free
+        Radar Materials that let power through are made deterministic at order 1.
+    world_code
+        The code is in the world's volume: materials may be of any kind, coloured ones too.
+    amplitude
+        Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
+    """
+
+    max_order: int = 1
+    max_depth: int = 64
+    residual: float = 1e-4
+    lottery_free: bool = False
+    world_code: bool = False
+    amplitude: str = "mean"
+
+
+def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
+    """Follow all paths of one view.
+
+    Parameters
+    ----------
+    limits
+        How far.
+    weight
+        Weight of each pixel's power (its solid angle), (h, w).
+    """
+    found = TracedView()
+    tracer = _Tracer(limits, weight, found)
+    # In a scene of Radar Materials all renders carry the code: switching it would change the
+    # weights of their lobes and with them the paths. The world's code leaves paths as they are.
+    open_view = yield RenderRequest(Gate(), coded=not limits.world_code)
+    found.renders += 1
+    found.open_view = open_view
+    found.coloured = limits.world_code and _is_coloured(open_view)
+    left = tracer.amplitude(open_view)
+    found.total = tracer.power(left)
+    for order in range(1, limits.max_order + 1):
+        if tracer.power(np.abs(left)) <= limits.residual * found.total:
+            break
+        if order == 1 and limits.lottery_free:
+            yield from tracer.first_order_in_turn()
+            if limits.max_order > 1:
+                later = yield RenderRequest(Gate(order_min=2), coded=not limits.world_code)
+                found.renders += 1
+                left = tracer.amplitude(later)
+            else:
+                left = np.zeros_like(left)
+            continue
+        if order == limits.max_order == 1:
+            base = left
+        else:
+            view = yield RenderRequest(
+                Gate(order_min=order, order_max=order), coded=not limits.world_code
+            )
+            found.renders += 1
+            base = tracer.amplitude(view)
+        if tracer.power(base) > 0:
+            yield from tracer.depths_of(order, base)
+        left = left - base
+    found.left_order = tracer.power(np.maximum(left, 0.0))
+    return found
+
+
+class _Tracer:
+    """The steps of :func:`trace_view` with what they share."""
+
+    def __init__(self, limits: TraceLimits, weight: Real, found: TracedView) -> None:
+        self._limits = limits
+        self._weight = weight
+        self._found = found
+
+    def power(self, amplitude: Real) -> float:
+        return float(np.sum(amplitude * self._weight))
+
+    def amplitude(self, view: View) -> Real:
+        """The channel that is the amplitude; blue, unless the scene is coloured."""
+        if not self._found.coloured:
+            return view.blue
+        if self._limits.amplitude == "mean":
+            return (view.red + view.green + view.blue) / 3
+        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude]
+
+    def depths_of(self, order: int, base: Real) -> Generator[RenderRequest, View, None]:
+        """All depths of one order, until they add up to `base`. Lobes are left to chance.
+
+        An empty gate is no reason to stop (a wholly transparent layer leaves a hole).
+        """
+        left = base.copy()
+        for depth in range(self._limits.max_depth + 1):
+            gate = Gate(order, order, depth, depth)
+            layer = yield from self.layer(order, depth, gate)
+            left -= layer.amplitude
+            if self._spent(left):
+                break
+        self._found.left_depth += self.power(np.maximum(left, 0.0))
+
+    def first_order_in_turn(self) -> Generator[RenderRequest, View, None]:
+        """Order 1, with every Radar Material in front of the gate passed deterministically.
+
+        The tail (this depth and all behind) and the gate differ in the emitter alone, so they are
+        of the same paths: where they agree in every pixel, nothing is behind.
+        """
+        left = 0.0
+        for depth in range(self._limits.max_depth + 1):
+            tail = Gate(1, 1, depth, None, surface_depth=depth)
+            view = yield RenderRequest(tail, coded=not self._limits.world_code)
+            self._found.renders += 1
+            behind = self.amplitude(view)
+            left = self.power(behind)
+            if left <= self._limits.residual * self._found.total:
+                break
+            gate = Gate(1, 1, depth, depth, surface_depth=depth)
+            layer = yield from self.layer(1, depth, gate)
+            rest = behind - layer.amplitude
+            left = self.power(np.maximum(rest, 0.0))
+            if self._spent(rest):
+                break
+        self._found.left_depth += left
+
+    def layer(
+        self, order: int, depth: int, gate: Gate
+    ) -> Generator[RenderRequest, View, GateLayer]:
+        coded = yield RenderRequest(gate)
+        self._found.renders += 1
+        plain = None
+        if self._found.coloured:
+            plain = yield RenderRequest(gate, coded=False)
+            self._found.renders += 1
+        amplitude = self.amplitude(plain or coded)
+        vertex = None
+        if order > 1 and np.any(amplitude > 0):
+            vertex = yield RenderRequest(gate, vertex=True)
+            self._found.renders += 1
+        first = depth == 0 or gate.surface_depth is not None
+        layer = GateLayer(order, depth, amplitude, coded, plain, vertex, first)
+        if np.any(amplitude > 0):
+            self._found.layers.append(layer)
+        return layer
+
+    def _spent(self, left: Real) -> bool:
+        return self.power(np.abs(left)) <= self._limits.residual * self._found.total
+
+
+def _is_coloured(view: View) -> bool:
+    scale = view.channels().max(axis=0)
+    spread = scale - view.channels().min(axis=0)
+    return bool(np.any(spread > GREY_TOLERANCE * scale))

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user asks of the acquisition "paths". Standard library only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..errors import ConfigError
+
+#: Cameras finer than this see float32 of their own directions [rad per pixel].
+FINEST_PITCH = 5e-7
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """How paths are followed, and when it is enough.
+
+    Parameters
+    ----------
+    max_order
+        Most reflections.
+    max_depth
+        Most transparent surfaces on the receiver's side.
+    residual
+        Share of the total power that may stay unfollowed.
+    shifts
+        Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
+    error_target
+        Relative standard error (power-weighted over range bins and objects) at which refinement
+        ends; 0: no refinement.
+    time_budget_s
+        Time per radar frame after which no further tile is refined [s]; 0: no limit.
+    max_level
+        Most halvings of the pixel pitch.
+    tile_px
+        Side of a tile.
+    code
+        "auto", "materials" or "world": what carries the range code.
+    amplitude
+        Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
+    """
+
+    max_order: int = 1
+    max_depth: int = 64
+    residual: float = 1e-4
+    shifts: int = 4
+    error_target: float = 0.0
+    time_budget_s: float = 0.0
+    max_level: int = 12
+    tile_px: int = 256
+    code: str = "auto"
+    amplitude: str = "mean"
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("Reflections", self.max_order, 1, 64),
+            ("Transparent surfaces", self.max_depth, 0, 1000),
+            ("Shifts", self.shifts, 1, 10_000),
+            ("Refinement levels", self.max_level, 0, 40),
+            ("Tile size", self.tile_px, 4, 4096),
+        ):
+            if not (isinstance(value, int) and low <= value <= high):
+                raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
+        for name, number, top in (
+            ("Residual", self.residual, 1.0),
+            ("Error target", self.error_target, 10.0),
+            ("Time budget", self.time_budget_s, 1e9),
+        ):
+            if not (math.isfinite(number) and 0 <= number <= top):
+                raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
+        if self.code not in ("auto", "materials", "world"):
+            raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
+        if self.amplitude not in ("mean", "R", "G", "B"):
+            raise ConfigError(f"Amplitude {self.amplitude!r}; expected 'mean', 'R', 'G' or 'B'.")
+        if self.refines and self.shifts < 2:
+            raise ConfigError(
+                "One shift a tile gives no standard error to refine by; expected at least 2 shifts "
+                "with an error target or a time budget."
+            )
+
+    @property
+    def refines(self) -> bool:
+        """Whether tiles are refined at all."""
+        return self.error_target > 0 or self.time_budget_s > 0

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How good a table of paths is: what was left out, what is mixed, how exact lengths are. No bpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..signal.pathtable import FLAG_CODED_LENGTH, FLAG_MIXED, FLAG_NO_CODE, PathRows
+from .path_gates import TracedView
+
+#: Share of the power that may be in flawed rows before the run warns.
+_WARN_SHARE = 1e-3
+#: A length known worse than this share of a wavelength spoils coherent sums: 2 pi / 20 of phase.
+_WARN_WAVELENGTHS = 0.05
+
+
+class QualitySums:
+    """Sums over views and rows; sums of tiles add up to those of the frame."""
+
+    def __init__(self) -> None:
+        self.total_w = self.left_order_w = self.left_depth_w = 0.0
+        self.mixed_w = self.no_code_w = self._row_w = 0.0
+        self._bias_wm = self._sigma2_wm2 = self._coded_w = 0.0
+        self.coloured = False
+
+    def add_view(self, traced: TracedView, watts_per_unit: float) -> None:
+        """Add what a view found; `watts_per_unit` turns its powers into watts."""
+        self.total_w += traced.total * watts_per_unit
+        self.left_order_w += traced.left_order * watts_per_unit
+        self.left_depth_w += traced.left_depth * watts_per_unit
+        self.coloured |= traced.coloured
+
+    def add_rows(self, rows: PathRows) -> None:
+        """Add the rows of a view."""
+        power = rows["power_w"]
+        flags = rows["flags"]
+        mixed = flags & FLAG_MIXED != 0
+        coded = flags & FLAG_CODED_LENGTH != 0
+        self._row_w += float(power.sum())
+        self.mixed_w += float(power[mixed].sum())
+        self.no_code_w += float(power[flags & FLAG_NO_CODE != 0].sum())
+        # A mixture's range lies between those mixed: it is off by less than the path's own length.
+        self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
+        self._coded_w += float(power[coded].sum())
+        sigma = rows["length_sigma_m"].astype(np.float64)
+        self._sigma2_wm2 += float(np.sum(power * sigma**2))
+
+    @classmethod
+    def joined(cls, parts: Iterable[QualitySums]) -> QualitySums:
+        """Sums of several tiles."""
+        total = cls()
+        for part in parts:
+            for name, value in vars(part).items():
+                setattr(total, name, getattr(total, name) + value)
+        total.coloured = bool(total.coloured)
+        return total
+
+    def share(self, watts: float) -> float:
+        """Part of the total power, 0 where there is none."""
+        return watts / self.total_w if self.total_w > 0 else 0.0
+
+    @property
+    def length_sigma_m(self) -> float:
+        """Power-weighted rms of the standard deviation of a path's length [m]."""
+        return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
+
+    @property
+    def mixed_bias_bound_m(self) -> float:
+        """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
+        return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
+
+    def warnings(self, wavelength_m: float) -> list[str]:
+        """What a user should know of this frame."""
+        found = []
+        for share, text in (
+            (
+                self.share(self.left_order_w),
+                "of the power is in more reflections than were followed. Raise the order.",
+            ),
+            (
+                self.share(self.left_depth_w),
+                "of the power is behind more transparent surfaces, or below the residual.",
+            ),
+            (
+                self.share(self.mixed_w),
+                "of the power is in pixels that hold several paths even so (subsurface, volumes).",
+            ),
+            (
+                self.share(self.no_code_w),
+                "of the power carries no range code; it is in the table without a length.",
+            ),
+        ):
+            if share > _WARN_SHARE:
+                found.append(f"{100 * share:.2g} % {text}")
+        if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
+            found.append(
+                f"Path lengths are known to {self.length_sigma_m:.2g} m, "
+                f"{self.length_sigma_m / wavelength_m:.2g} wavelengths: phase cannot be trusted at "
+                "this carrier, powers and ranges can."
+            )
+        if self.total_w == 0:
+            found.append(
+                "Nothing echoes. A mirror that faces the radar returns nothing either: a point "
+                "lamp is found by scattering surfaces only. Give it some roughness."
+            )
+        return found

@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts a scene into the state for one path per pixel, and makes the renders of that state.
+
+On top of the measuring settings of the rings: a camera of our own that can look at any part of
+the field of view, one sample through the pixel centre, passes for position and object, and, where
+the materials do not carry the range code, a world volume that does.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import contract
+from ..errors import RenderError
+from .isolation import SURFACE_TYPES
+from .pass_files import read_passes
+from .path_gates import Gate, RenderRequest, View
+from .poses import rigid_pose
+from .recorder import Recorder
+from .render_settings import NEAR_CLIP_UNITS
+
+_LIGHT_GROUP = "radarsim"
+_WORLD = "radarsim range code (temporary)"
+_CAMERA = "radarsim view (temporary)"
+
+#: Blender's sensor width that is used for the views; any would do.
+_SENSOR_MM = 32.0
+
+
+@dataclass(frozen=True)
+class ViewWindow:
+    """A part of the field of view: tangents of its edges, and its pixels."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    width_px: int
+    height_px: int
+
+    @property
+    def pitch(self) -> float:
+        """Largest tangent step of a pixel."""
+        return max(
+            (self.right - self.left) / self.width_px, (self.top - self.bottom) / self.height_px
+        )
+
+
+class PathScene:
+    """The scene while paths are measured; :meth:`restore` gives it back.
+
+    Parameters
+    ----------
+    scene, view_layer : bpy types
+    camera, emitter : bpy.types.Object
+    metres_per_unit
+    code_length_m
+        k.
+    world_code
+        The code is carried by a world volume instead of by Radar Materials.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        camera: Any,
+        emitter: Any,
+        metres_per_unit: float,
+        code_length_m: float,
+        world_code: bool,
+    ) -> None:
+        self._scene, self._view_layer = scene, view_layer
+        self._camera, self._emitter = camera, emitter
+        self._units = metres_per_unit
+        self._inverse_k = metres_per_unit / code_length_m
+        self._world_code = world_code
+        self._recorder = Recorder()
+        self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
+        self._recorder.on_restore(
+            "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
+        )
+        self._view: Any = None
+        self._world: Any = None
+        self.objects: list[str] = []
+        self.renders = 0
+
+    def apply(self) -> None:
+        """Set everything; on failure what was set is restored before the error goes on."""
+        try:
+            self._add_camera()
+            self._set_format()
+            self._set_passes()
+            self._number_objects()
+            for name in (
+                contract.ATTR_ORDER_MIN,
+                contract.ATTR_ORDER_MAX,
+                contract.ATTR_DEPTH_MIN,
+                contract.ATTR_DEPTH_MAX,
+                contract.ATTR_SURFACE_DEPTH,
+                contract.ATTR_SURFACE_STOP,
+                contract.ATTR_VERTEX_SCALE,
+                contract.ATTR_WORLD_CODE,
+            ):
+                self._recorder.set_item(self._scene, name, 0.0)
+            self._recorder.set_item(self._scene, contract.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
+            if self._world_code:
+                self._add_world()
+        except BaseException:
+            self.restore()
+            raise
+
+    def restore(self) -> list[str]:
+        """Give the user's scene back; may be called again."""
+        return self._recorder.restore()
+
+    # -- antennas at the scene's present time ------------------------------------------------------
+
+    def place(self, depsgraph: Any) -> None:
+        """Put our camera where the receiver is at the depsgraph's time."""
+        self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
+
+    def look(self, window: ViewWindow, shift_px: tuple[float, float]) -> contract.CameraRecord:
+        """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
+
+        The record is computed from the float32 numbers that Blender really holds.
+        """
+        data, render = self._view.data, self._scene.render
+        width = window.right - window.left
+        pixel_u = width / window.width_px
+        pixel_v = (window.top - window.bottom) / window.height_px
+        data.sensor_fit = "HORIZONTAL"
+        data.sensor_width = _SENSOR_MM
+        data.lens = _SENSOR_MM / width
+        centre_u = (window.left + window.right) / 2 + shift_px[0] * pixel_u
+        centre_v = (window.bottom + window.top) / 2 + shift_px[1] * pixel_v
+        data.shift_x = centre_u / width
+        data.shift_y = centre_v / width
+        render.resolution_x, render.resolution_y = window.width_px, window.height_px
+        size = float(data.sensor_width) / float(data.lens)
+        half_u, half_v = size / 2, size / 2 * window.height_px / window.width_px
+        shift_u, shift_v = float(data.shift_x) * size, float(data.shift_y) * size
+        return contract.CameraRecord(
+            kind="perspective",
+            matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
+            left=shift_u - half_u,
+            right=shift_u + half_u,
+            bottom=shift_v - half_v,
+            top=shift_v + half_v,
+            near_clip_m=NEAR_CLIP_UNITS * self._units,
+        )
+
+    # -- one render --------------------------------------------------------------------------------
+
+    def begin(self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None) -> None:
+        """Set the gates for a render.
+
+        Parameters
+        ----------
+        request
+            What is asked for.
+        vertex
+            Origin and scale for the last vertex, Blender units.
+        """
+        scene, gate = self._scene, request.gate
+        scene[contract.ATTR_ORDER_MIN] = gate.order_min - 0.5
+        scene[contract.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
+        scene[contract.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
+        scene[contract.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
+        self._set_surfaces(gate)
+        scene[contract.ATTR_VERTEX_SCALE] = 0.0
+        if request.vertex and vertex is not None:
+            scene[contract.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
+            scene[contract.ATTR_VERTEX_SCALE] = float(vertex[1])
+        inverse_k = self._inverse_k if request.coded else 0.0
+        if self._world_code:
+            scene[contract.ATTR_INVERSE_CODE_LENGTH] = 0.0
+            scene[contract.ATTR_WORLD_CODE] = inverse_k
+        else:
+            scene[contract.ATTR_INVERSE_CODE_LENGTH] = inverse_k
+        scene.update_tag()
+        scene.render.filepath = str(self._folder / "view")
+
+    def _set_surfaces(self, gate: Gate) -> None:
+        scene = self._scene
+        certain = gate.surface_depth is not None
+        scene[contract.ATTR_SURFACE_DEPTH] = (gate.surface_depth or 0) + 0.5 if certain else 0.0
+        # The gate itself ends camera rays; a tail (no upper limit) lets them go on.
+        stop = certain and gate.depth_max is not None
+        scene[contract.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
+        # With rays that end at the gate, position and object are those of the gate's surface.
+        self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
+
+    def render(self) -> None:
+        """Render and write the passes (not for use in the UI).
+
+        Raises
+        ------
+        RenderError
+            Cycles failed.
+        """
+        try:
+            result = bpy.ops.render.render(write_still=True, scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError("The render was cancelled. Start it again.")
+
+    def end(self) -> View:
+        """Read what was rendered."""
+        self.renders += 1
+        combined = f"Combined_{_LIGHT_GROUP}"
+        path = self._folder / "view.exr"
+        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
+        passes = read_passes(path, (combined, "Position", "Object Index", "IndexOB"))
+        if combined not in passes:
+            raise RenderError(
+                f"The render has no pass {combined}; found {', '.join(passes) or 'none'}."
+            )
+        light = passes[combined]
+        position = None
+        if "Position" in passes:
+            found = passes["Position"]
+            position = np.stack([found[axis] for axis in "XYZ"], axis=-1).astype(np.float64)
+        index = passes.get("Object Index") or passes.get("IndexOB")
+        number = None
+        if index is not None:
+            number = np.rint(next(iter(index.values()))).astype(np.int32)
+            if position is not None:
+                position[number == 0] = np.nan  # nothing was hit
+        red, green, blue = (np.asarray(light[name], dtype=np.float64) for name in "RGB")
+        return View(
+            red,
+            green,
+            blue,
+            position=position,
+            object_index=number,
+        )
+
+    # -- setting up --------------------------------------------------------------------------------
+
+    def _add_camera(self) -> None:
+        data = bpy.data.cameras.new(_CAMERA)
+        self._recorder.on_restore(_CAMERA, lambda: bpy.data.cameras.remove(data))
+        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
+        view = bpy.data.objects.new(_CAMERA, data)
+        self._recorder.on_restore(_CAMERA, lambda: bpy.data.objects.remove(view))
+        self._scene.collection.objects.link(view)
+        self._recorder.set(self._scene, "camera", view)
+        self._view = view
+
+    def _set_format(self) -> None:
+        # The measuring settings remember the user's format; ours replaces theirs within it.
+        image, put = self._scene.render.image_settings, self._recorder.set
+        if hasattr(image, "media_type"):
+            put(image, "media_type", "MULTI_LAYER_IMAGE")
+        put(image, "file_format", "OPEN_EXR_MULTILAYER")
+        image.color_depth = "32"
+        put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
+        put(self._scene.render, "filepath", str(self._folder / "view"))
+        put(self._scene.render, "use_file_extension", True)
+
+    def _set_passes(self) -> None:
+        put, layer = self._recorder.set, self._view_layer
+        put(layer, "use_pass_position", True)
+        put(layer, "use_pass_object_index", True)
+        put(layer, "pass_alpha_threshold", 0.0)
+        with bpy.context.temp_override(scene=self._scene, view_layer=layer):
+            bpy.ops.scene.view_layer_add_lightgroup(name=_LIGHT_GROUP)
+        self._recorder.on_restore("light group", self._remove_lightgroup)
+        put(self._emitter, "lightgroup", _LIGHT_GROUP)
+
+    def _remove_lightgroup(self) -> None:
+        layer = self._view_layer
+        names = [group.name for group in layer.lightgroups]
+        if _LIGHT_GROUP in names:
+            layer.active_lightgroup_index = names.index(_LIGHT_GROUP)
+            with bpy.context.temp_override(scene=self._scene, view_layer=layer):
+                bpy.ops.scene.view_layer_remove_lightgroup()
+
+    def _number_objects(self) -> None:
+        """Object n of the list `objects` gets pass index n, from 1."""
+        self.objects = []
+        for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
+            if item.type in SURFACE_TYPES:
+                self.objects.append(item.name)
+                self._recorder.set(item, "pass_index", len(self.objects))
+
+    def _add_world(self) -> None:
+        """Black world with a volume that attenuates red by 1/k and green by 2/k per unit."""
+        world = bpy.data.worlds.new(_WORLD)
+        self._recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
+        if world.node_tree is None:
+            world.use_nodes = True
+        tree = world.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("ShaderNodeOutputWorld")
+        background = tree.nodes.new("ShaderNodeBackground")
+        background.inputs["Strength"].default_value = 0.0
+        volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+        volume.inputs["Color"].default_value = (0.5, 0.0, 1.0, 1.0)
+        rate = tree.nodes.new("ShaderNodeAttribute")
+        rate.attribute_type, rate.attribute_name = "VIEW_LAYER", contract.ATTR_WORLD_CODE
+        # The Vector output: Fac is the mean of three channels, which rounds.
+        split = tree.nodes.new("ShaderNodeSeparateXYZ")
+        double = tree.nodes.new("ShaderNodeMath")
+        double.operation = "MULTIPLY"
+        double.inputs[1].default_value = 2.0
+        tree.links.new(rate.outputs["Vector"], split.inputs[0])
+        tree.links.new(split.outputs["X"], double.inputs[0])
+        tree.links.new(double.outputs[0], volume.inputs["Density"])
+        tree.links.new(background.outputs[0], output.inputs["Surface"])
+        tree.links.new(volume.outputs[0], output.inputs["Volume"])
+        self._recorder.set(self._scene, "world", world)

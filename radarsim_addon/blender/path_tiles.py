@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where to spend rays: the field of view split into tiles, the uncertain ones into finer ones.
+
+Each tile is measured with several sub-pixel shifts of its grid; they are replicates, so their
+scatter is the tile's own error. What counts is the *relative* error of each range bin and of each
+object's power: a faint far target matters as much as strong near ground. No bpy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..signal.pathtable import FLAG_NO_CODE, PathRows
+from .path_scene import ViewWindow
+
+Real = NDArray[np.float64]
+
+#: Cells this far below the strongest one do not drive refinement [power ratio].
+FAINTEST = 1e-8
+#: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
+_R2 = (0.7548776662466927, 0.5698402909980532)
+
+
+def shift_px(index: int) -> tuple[float, float]:
+    """Sub-pixel shift number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
+    sequence that starts off the pixel centre (a ray exactly on the shared edge of two triangles
+    counts both)."""
+    u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
+    v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
+    return u, v
+
+
+def split_frame(frame: ViewWindow, most_px: int) -> list[ViewWindow]:
+    """The frame in tiles of at most `most_px` pixels a side, without gap or overlap."""
+    tiles = []
+    for top in range(0, frame.height_px, most_px):
+        for left in range(0, frame.width_px, most_px):
+            right = min(left + most_px, frame.width_px)
+            bottom = min(top + most_px, frame.height_px)
+            tiles.append(part_of(frame, left, right, top, bottom))
+    return tiles
+
+
+def part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
+    """Columns left to right and rows top to bottom (exclusive) of a view, same pixels."""
+    du = (frame.right - frame.left) / frame.width_px
+    dv = (frame.top - frame.bottom) / frame.height_px
+    return ViewWindow(
+        frame.left + left * du,
+        frame.left + right * du,
+        frame.top - bottom * dv,
+        frame.top - top * dv,
+        right - left,
+        bottom - top,
+    )
+
+
+def quarters(tile: ViewWindow) -> list[ViewWindow]:
+    """Four tiles that cover the tile with pixels of half the pitch."""
+    double = ViewWindow(
+        tile.left, tile.right, tile.bottom, tile.top, 2 * tile.width_px, 2 * tile.height_px
+    )
+    w, h = tile.width_px, tile.height_px
+    return [part_of(double, left, left + w, top, top + h) for top in (0, h) for left in (0, w)]
+
+
+@dataclass
+class CellPowers:
+    """Powers of one tile by cell (range bins, then objects): mean over the shifts and its variance.
+
+    `cells` are the numbers of those that hold power; `variance` is of the mean.
+    """
+
+    cells: NDArray[np.int64]
+    mean: Real
+    variance: Real
+
+
+@dataclass
+class CellGrid:
+    """Numbers cells: range bins first, then objects."""
+
+    bin_m: float
+    bins: int
+
+    def powers(self, shifts: Sequence[PathRows]) -> CellPowers:
+        """Cell powers of one tile from its shifts (each row's power is already its share)."""
+        count = len(shifts)
+        size = self.bins + 1
+        objects = max((int(rows["object"].max(initial=0)) for rows in shifts), default=0)
+        total = np.zeros((count, size + objects + 1))
+        for number, rows in enumerate(shifts):
+            known = rows["flags"] & FLAG_NO_CODE == 0
+            place = np.clip(rows["length_m"] / 2 / self.bin_m, 0, self.bins).astype(np.int64)
+            power = rows["power_w"] * count
+            total[number, :size] = np.bincount(place[known], power[known], minlength=size)
+            total[number, size:] = np.bincount(rows["object"], power, minlength=objects + 1)
+        mean = total.mean(axis=0)
+        cells = np.flatnonzero(mean)
+        if count > 1:
+            variance = total[:, cells].var(axis=0, ddof=1) / count
+        else:
+            variance = mean[cells] ** 2
+        return CellPowers(cells, mean[cells], variance)
+
+
+@dataclass
+class ErrorBudget:
+    """Sums the cells of all tiles, and says which tiles the error comes from."""
+
+    powers: dict[int, CellPowers] = field(default_factory=dict)
+
+    def totals(self) -> tuple[Real, Real]:
+        """Mean and variance of every cell over all tiles."""
+        size = 1 + max((int(p.cells.max(initial=0)) for p in self.powers.values()), default=0)
+        mean, variance = np.zeros(size), np.zeros(size)
+        for part in self.powers.values():
+            mean[part.cells] += part.mean
+            variance[part.cells] += part.variance
+        return mean, variance
+
+    def relative_error(self) -> float:
+        """Power-weighted relative standard error of the cells.
+
+        The weight is the square root of the power: between all cells alike (noise in empty ranges
+        would rule) and by power (only the strongest would count).
+        """
+        mean, variance = self.totals()
+        used = mean > FAINTEST * mean.max(initial=0.0)
+        if not np.any(used):
+            return 0.0
+        weight = np.sqrt(mean[used])
+        relative = variance[used] / mean[used] ** 2
+        return math.sqrt(float(np.sum(weight * relative) / np.sum(weight)))
+
+    def worst(self, tiles: Iterable[int], share: float) -> list[int]:
+        """Tiles that carry `share` of the squared error, worst first."""
+        mean, _ = self.totals()
+        floor = FAINTEST * mean.max(initial=0.0)
+        weight = np.where(mean > floor, np.sqrt(mean) / np.maximum(mean, 1e-300) ** 2, 0.0)
+        score = {
+            tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
+            for tile in tiles
+            if tile in self.powers
+        }
+        total = sum(score.values())
+        chosen, carried = [], 0.0
+        for tile in sorted(score, key=lambda t: (-score[t], t)):
+            if carried >= share * total or score[tile] <= 0:
+                break
+            chosen.append(tile)
+            carried += score[tile]
+        return chosen
