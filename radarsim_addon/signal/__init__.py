@@ -27,6 +27,8 @@ Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer; nufft1; replica, replica_spectrum, matched_filter
 Compression
     compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
+Standard errors (acquisition "paths")
+    expected_power -> ExpectedPower
 Map
     range_doppler -> RangeDopplerMap; decibels
 Detection
@@ -52,6 +54,7 @@ from .doppler import (
 from .echoes import Echoes, EchoSynthesizer, synthesize
 from .exr import read_exr, write_exr
 from .frames import MissingRender, RadarFrame, Run, open_run
+from .framestats import FrameStatistics, frame_statistics
 from .nufft import nufft1
 from .paths import (
     PathCounts,
@@ -65,15 +68,14 @@ from .paths import (
 )
 from .pipeline import (
     FrameResult,
-    FrameStatistics,
     ProcessOptions,
     Progress,
-    frame_statistics,
     process_run,
 )
 from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, decibels, range_doppler
+from .uncertainty import ExpectedPower, expected_power
 from .waveform import matched_filter, replica, replica_spectrum
 from .windows import slow_time_window, window_at
 
@@ -87,6 +89,7 @@ __all__ = [
     "Decoded",
     "EchoSynthesizer",
     "Echoes",
+    "ExpectedPower",
     "FrameResult",
     "FrameStatistics",
     "LeadingEdge",
@@ -106,6 +109,7 @@ __all__ = [
     "compress",
     "decibels",
     "decode",
+    "expected_power",
     "expected_power_profile",
     "find_peaks",
     "frame_paths",

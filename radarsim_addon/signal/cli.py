@@ -14,16 +14,15 @@ from typing import get_args
 from .. import __version__
 from ..errors import RadarSimError
 from .doppler import MAX_SPEED_MPS
-from .frames import Run, open_run
+from .frames import RadarFrame, Run, open_run
+from .framestats import frame_statistics, statistics_warnings
 from .nufft import Backend
 from .paths import Weighting
 from .pipeline import (
     FrameResult,
     ProcessOptions,
     Progress,
-    frame_statistics,
     process_run,
-    statistics_warnings,
 )
 from .windows import WINDOW_NAMES
 
@@ -165,15 +164,11 @@ def _info(folder: str) -> int:
     record, radar = run.record, run.radar
     waveform, burst = radar.waveform, radar.burst
     gaps = run.missing()
-    start_m, stop_m = run.window_m
     rows = [
         ("run", str(run.path)),
         ("scene", record.blend_file or "(not saved)"),
         ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
-        ("rings", f"{record.rings} of {record.ring_step_m:g} m: {start_m:g} to {stop_m:g} m"),
-        ("passes", f"{record.passes}, {record.delta_t_s:g} s apart"),
-        ("renders", f"{run.renders - len(gaps)} of {run.renders} are there"),
-        ("image", f"{record.width_px} x {record.height_px} px, {record.samples} samples"),
+        *_acquisition_rows(run, len(gaps)),
         ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),
         ("code length k", f"{record.code_length_m:g} m"),
         ("extinction length", f"{record.extinction_length_m:g} m"),
@@ -186,7 +181,8 @@ def _info(folder: str) -> int:
         ("unambiguous speed", f"+-{radar.max_velocity_mps:.4g} m/s"),
         ("speed resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
     ]
-    rows += _noise_rows(run)
+    if record.acquisition == "rings":
+        rows += _noise_rows(run)
     for name, text in rows:
         print(f"{name:18} {text}")
     for warning in record.warnings:
@@ -203,6 +199,9 @@ def _info(folder: str) -> int:
         if statistics.nearest_m is not None and statistics.farthest_m is not None:
             print(f"  ranges           {statistics.nearest_m:g} to {statistics.farthest_m:g} m")
         print(f"  mixed pixels     {100 * statistics.mixed_power_share:.2f} % of the power")
+        if record.acquisition == "paths":
+            _print_quality(whole)
+            return 0
         print(
             f"  between passes   {counts.crossed} crossed a ring, {counts.too_fast} too fast, "
             f"{counts.one_pass} in the first only"
@@ -210,6 +209,50 @@ def _info(folder: str) -> int:
         for warning in statistics_warnings(statistics, radar):
             print(f"  warning: {warning}")
     return 0
+
+
+def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
+    record = run.record
+    start_m, stop_m = run.window_m
+    image = f"{record.width_px} x {record.height_px} px"
+    if record.acquisition == "paths":
+        return [
+            ("acquisition", f"paths, one per pixel; ranges {start_m:g} to {stop_m:g} m"),
+            ("tables", f"{run.renders - gaps} of {run.renders} are there"),
+            ("image", f"{image} before refinement"),
+        ]
+    return [
+        ("rings", f"{record.rings} of {record.ring_step_m:g} m: {start_m:g} to {stop_m:g} m"),
+        ("passes", f"{record.passes}, {record.delta_t_s:g} s apart"),
+        ("renders", f"{run.renders - gaps} of {run.renders} are there"),
+        ("image", f"{image}, {record.samples} samples"),
+    ]
+
+
+def _print_quality(frame: RadarFrame) -> None:
+    """What the table of a frame says of itself."""
+    record = read_paths_record(frame.path, frame.number)
+    print(
+        f"  tiles            {record.tiles}, {record.shifts} shifts each, finest level "
+        f"{record.finest_level}; {record.renders} renders in {record.render_time_s:.1f} s"
+    )
+    print(f"  ended by         {record.reached}")
+    print(f"  standard error   {100 * record.relative_error:.2g} % (over range bins and objects)")
+    print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
+    print(
+        f"  lengths known to {record.length_sigma_m:.2g} m, "
+        f"{record.length_sigma_wavelengths:.2g} wavelengths"
+    )
+    print(
+        f"  power left out   {100 * record.left_order_share:.2g} % in higher orders, "
+        f"{100 * record.left_depth_share:.2g} % behind more transparent surfaces"
+    )
+    print(
+        f"  without a range  {100 * record.no_code_share:.2g} % of the power; mixed "
+        f"{100 * record.mixed_share:.2g} %, range bias at most {record.mixed_bias_bound_m:.2g} m"
+    )
+    for warning in record.warnings:
+        print(f"  warning: {warning}")
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:

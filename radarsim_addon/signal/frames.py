@@ -16,6 +16,8 @@ import numpy as np
 
 from ..contract import (
     CHANNELS,
+    PATHS_FILE,
+    PATHS_TABLE,
     RUN_FILE,
     SCENE_FILE,
     RenderRecord,
@@ -65,6 +67,11 @@ class RadarFrame:
         return self.record.frame_times_s[self.record.frames.index(self.number)]
 
     @property
+    def acquisition(self) -> str:
+        """ "rings" (images) or "paths" (a table)."""
+        return self.record.acquisition
+
+    @property
     def rings(self) -> int:
         """Number of rings."""
         return self.record.rings
@@ -76,6 +83,8 @@ class RadarFrame:
 
     def missing(self) -> list[MissingRender]:
         """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
+        if self.acquisition == "paths":
+            return self._missing_table()
         found = []
         for pass_index in range(self.passes):
             for ring in range(self.rings):
@@ -87,6 +96,13 @@ class RadarFrame:
                         found.append(MissingRender(self.number, ring, pass_index, reason))
                         break
         return found
+
+    def _missing_table(self) -> list[MissingRender]:
+        for name in (PATHS_FILE, PATHS_TABLE):
+            file = self.path / name
+            if not file.is_file() or file.stat().st_size == 0:
+                return [MissingRender(self.number, 0, 0, f"{name} is missing or empty")]
+        return []
 
     def scene(self) -> SceneRecord | None:
         """Where the objects truly are, or None where the run holds no such record."""
@@ -116,6 +132,10 @@ class RadarFrame:
         SchemaError
             The sidecar is of a newer schema, or does not match its EXR or the plan.
         """
+        if self.acquisition != "rings":
+            raise SchemaError(
+                f"{self.path} holds a table of paths, no ring images. Read it with iter_paths."
+            )
         if not (0 <= ring < self.rings and 0 <= pass_index < self.passes):
             raise IndexError(
                 f"ring {ring}, pass {pass_index}: the run has {self.rings} rings and "
@@ -216,7 +236,9 @@ class Run:
 
     @property
     def renders(self) -> int:
-        """Number of renders in the plan."""
+        """Number of renders in the plan; of tables for the acquisition "paths"."""
+        if self.record.acquisition == "paths":
+            return len(self.record.frames)
         return len(self.record.frames) * self.record.rings * self.record.passes
 
     @property
@@ -253,6 +275,11 @@ def open_run(path: str | Path) -> Run:
         raise FrameFileError(
             f"{where} lists {len(record.frames)} frames and {len(record.frame_times_s)} times; "
             "expected as many of both, at least one. Render the run again."
+        )
+    if record.acquisition not in ("rings", "paths"):
+        raise SchemaError(
+            f"{where}: acquisition {record.acquisition!r}; this version knows 'rings' and 'paths'. "
+            "Update radarsim to process this run."
         )
     if record.passes not in (1, 2):
         raise ConfigError(f"{where}: passes is {record.passes}; expected 1 or 2.")

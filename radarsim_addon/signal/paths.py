@@ -27,6 +27,7 @@ from .doppler import (
     range_rate,
 )
 from .frames import RadarFrame
+from .pathframes import is_mixed, radiance_of, table_parts, usable
 
 Weighting = Literal["radar-equation", "paper"]
 
@@ -68,7 +69,7 @@ class Paths:
     range_rate_mps
         Rate of the one-way range length/2, receding positive [m/s]; 0 where unknown (see flags).
     ring, row, col
-        Where the path was found.
+        Where the path was found; 0 for paths from a table.
     flags
         FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED of :mod:`.doppler`.
     counts
@@ -164,6 +165,9 @@ def iter_paths(
     FrameFileError, SchemaError
         As :meth:`RadarFrame.image`; SchemaError also where the times of the passes do not fit.
     """
+    if frame.acquisition == "paths":
+        yield from _table_paths(frame)
+        return
     reader = _RingReader(frame)
     for ring in range(frame.rings):
         first = reader.get(ring, 0)
@@ -181,6 +185,26 @@ def iter_paths(
             flags = np.full(first.mask.shape, FLAG_ONE_PASS, dtype=np.uint8)
         reader.drop_before(ring)
         yield _ring_paths(ring, first, rate, flags, mixed_tolerance)
+
+
+def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
+    """The table of a frame in parts; rows without a length are counted and left out."""
+    for record, rows in table_parts(frame.path, frame.number):
+        keep = usable(rows)
+        rows = rows[keep]
+        flags = np.where(is_mixed(rows), FLAG_MIXED, 0).astype(np.uint8)
+        zeros = np.zeros(rows.size, dtype=np.int32)
+        yield Paths(
+            radiance=radiance_of(rows, record),
+            solid_angle_sr=np.array(rows["solid_angle_sr"]),
+            length_m=np.array(rows["length_m"]),
+            range_rate_mps=np.array(rows["range_rate_mps"]),
+            ring=zeros,
+            row=zeros,
+            col=zeros,
+            flags=flags,
+            counts=_count_flags(flags, beyond_code=int(np.count_nonzero(~keep))),
+        )
 
 
 def frame_paths(

@@ -22,19 +22,17 @@ from ..errors import FrameFileError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from . import plots
 from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
-from .config import Radar
 from .detect import LeadingEdge, Peak, find_peaks, leading_edges
-from .doppler import FLAG_MIXED, MAX_SPEED_MPS
+from .doppler import MAX_SPEED_MPS
 from .echoes import Echoes, EchoSynthesizer, check_window
 from .files import make_folder, write_arrays, write_json
 from .frames import RadarFrame, Run, open_run
+from .framestats import FrameStatistics, StatisticsSum, statistics_warnings
 from .nufft import Backend
-from .paths import PathCounts, Paths, Weighting, iter_paths, path_power_w
+from .paths import Weighting, iter_paths
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
-
-#: Share of the received power in mixed pixels above which a frame carries a warning.
-MIXED_POWER_WARNING = 0.05
+from .uncertainty import ExpectedPower, expected_power
 
 
 @dataclass(frozen=True)
@@ -47,27 +45,12 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class FrameStatistics:
-    """What the paths of one frame add up to.
-
-    `power_w` is the sum of the received powers, `mixed_power_share` the share of it in pixels that
-    mix several ranges, `beyond_unambiguous_range` and `beyond_max_velocity` count paths, and
-    `outside_window` those that the range window leaves out (mean over the pulses).
-    """
-
-    counts: PathCounts
-    power_w: float
-    mixed_power_share: float
-    nearest_m: float | None
-    farthest_m: float | None
-    beyond_unambiguous_range: int
-    beyond_max_velocity: int
-    outside_window: float
-
-
-@dataclass(frozen=True)
 class FrameResult:
-    """All that was computed of one radar frame, and the files that hold it."""
+    """All that was computed of one radar frame, and the files that hold it.
+
+    `expected` (expected power with standard errors) is there for the acquisition "paths", whose
+    sub-pixel shifts are replicates.
+    """
 
     frame: int
     time_s: float
@@ -80,6 +63,7 @@ class FrameResult:
     movers: list[Peak]
     warnings: list[str]
     files: list[Path]
+    expected: ExpectedPower | None = None
 
 
 @dataclass(frozen=True)
@@ -115,100 +99,6 @@ class ProcessOptions:
     method: Backend = "auto"
     products: bool = True
     plots: bool | None = None
-
-
-class _StatisticsSum:
-    """Adds up statistics while paths stream by."""
-
-    def __init__(self, radar: Radar, receiver_gain: float) -> None:
-        self._radar, self._gain = radar, receiver_gain
-        self._counts = PathCounts()
-        self._power = self._mixed = 0.0
-        self._far = self._fast = 0
-        self._nearest, self._farthest = np.inf, -np.inf
-
-    def add(self, paths: Paths) -> None:
-        self._counts += paths.counts
-        if not len(paths):
-            return
-        power = path_power_w(paths, self._radar.waveform.wavelength_m, self._gain)
-        self._power += float(power.sum())
-        self._mixed += float(power[(paths.flags & FLAG_MIXED) != 0].sum())
-        range_m = paths.range_m
-        self._nearest = min(self._nearest, float(range_m.min()))
-        self._farthest = max(self._farthest, float(range_m.max()))
-        self._far += int(np.count_nonzero(range_m > self._radar.burst.unambiguous_range_m))
-        speed = np.abs(paths.range_rate_mps)
-        self._fast += int(np.count_nonzero(speed > self._radar.max_velocity_mps))
-
-    def result(self, outside: float) -> FrameStatistics:
-        some = self._counts.paths > 0
-        return FrameStatistics(
-            counts=self._counts,
-            power_w=self._power,
-            mixed_power_share=self._mixed / self._power if self._power > 0 else 0.0,
-            nearest_m=self._nearest if some else None,
-            farthest_m=self._farthest if some else None,
-            beyond_unambiguous_range=self._far,
-            beyond_max_velocity=self._fast,
-            outside_window=outside,
-        )
-
-
-def frame_statistics(
-    frame: RadarFrame, radar: Radar, receiver_gain: float = 1.0
-) -> FrameStatistics:
-    """Statistics of one frame's paths, without forming echoes."""
-    total = _StatisticsSum(radar, receiver_gain)
-    for part in iter_paths(frame):
-        total.add(part)
-    return total.result(0.0)
-
-
-def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
-    """What a user should know before trusting a frame's products, in whole sentences."""
-    counts, found = statistics.counts, []
-    if counts.paths == 0:
-        found.append("No echo in any ring: the map is empty.")
-    if statistics.beyond_unambiguous_range:
-        found.append(
-            f"{statistics.beyond_unambiguous_range} paths lie beyond the unambiguous range "
-            f"{radar.burst.unambiguous_range_m:.6g} m (c / 2 PRF). They stand at their true range; "
-            "a radar would show them folded. Lower the PRF to be rid of the ambiguity."
-        )
-    if statistics.beyond_max_velocity:
-        found.append(
-            f"{statistics.beyond_max_velocity} paths move faster than the unambiguous "
-            f"{radar.max_velocity_mps:.4g} m/s (lambda PRF / 4): they fold in Doppler, as in a "
-            "radar. Raise the PRF to be rid of the ambiguity."
-        )
-    if statistics.outside_window >= 0.5:
-        found.append(
-            f"{statistics.outside_window:.0f} paths lie outside the range window and are left out."
-        )
-    if counts.beyond_code:
-        found.append(
-            f"{counts.beyond_code} pixels have an echo too far for the range code (R underflows) "
-            "and are left out. Raise the code length k."
-        )
-    if counts.not_coded:
-        found.append(
-            f"{counts.not_coded} pixels have more R than B and are left out: light that does not "
-            "carry the range code. Give every object a Radar Material and hide other lights."
-        )
-    if counts.too_fast or counts.one_pass:
-        found.append(
-            f"{counts.too_fast} paths changed range by more than the speed limit between the "
-            f"passes and {counts.one_pass} have an echo in the first pass only (edges of moving "
-            "objects, or a run with one pass); they count as standing still."
-        )
-    if statistics.mixed_power_share > MIXED_POWER_WARNING:
-        found.append(
-            f"{100 * statistics.mixed_power_share:.0f} % of the power is in pixels that mix "
-            "several ranges; their range is a mixture. Use one sample per pixel, or more "
-            "pixels."
-        )
-    return found
 
 
 def process_run(
@@ -303,12 +193,13 @@ def _process_frame(
         receiver_gain=options.receiver_gain,
         method=options.method,
     )
-    total = _StatisticsSum(run.radar, options.receiver_gain)
+    total = StatisticsSum(run.radar, options.receiver_gain)
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
         synthesizer.add(paths)
         accumulator.add(paths)
         total.add(paths)
-        yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
+        if frame.acquisition == "rings":
+            yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
     echoes = synthesizer.result()
     compressed = compress(echoes, options.window)
     rd_map = range_doppler(compressed, options.doppler_window)
@@ -328,16 +219,32 @@ def _process_frame(
         movers=_movers(rd_map, slowest_mps),
         warnings=statistics_warnings(statistics, run.radar),
         files=[],
+        expected=_expected(frame, run, window_m, options),
     )
     yield f"frame {frame.number}: echoes, map"
     result.files.extend(_write_results(result, folder, options))
-    if options.products:
+    if options.products and frame.acquisition == "rings":
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
     if plots.has_matplotlib() if options.plots is None else options.plots:
         result.files.extend(_draw(frame, result, folder))
     yield f"frame {frame.number}: pictures"
     yield result
+
+
+def _expected(
+    frame: RadarFrame, run: Run, window_m: tuple[float, float], options: ProcessOptions
+) -> ExpectedPower | None:
+    if frame.acquisition != "paths" or options.weighting != "radar-equation":
+        return None
+    return expected_power(
+        frame,
+        run.radar,
+        window_m,
+        window=options.window,
+        doppler_window=options.doppler_window,
+        receiver_gain=options.receiver_gain,
+    )
 
 
 def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
@@ -400,7 +307,15 @@ def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -
             "warnings": result.warnings,
         },
     )
+    if result.expected is not None:
+        names.append(_write_expected(stem, result.expected))
     return names
+
+
+def _write_expected(stem: Path, expected: ExpectedPower) -> Path:
+    path = stem.with_name(stem.name + "_expected.npz")
+    write_arrays(path, {f.name: getattr(expected, f.name) for f in dataclasses.fields(expected)})
+    return path
 
 
 def _draw(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
@@ -408,12 +323,19 @@ def _draw(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
         return folder / f"frame_{result.frame:04d}_{what}.png"
 
     title = f"frame {result.frame}"
+    rings = []
+    if frame.acquisition == "rings":
+        rings.append(plots.save(plots.plot_rings(frame), name("rings")))
     return [
-        plots.save(plots.plot_rings(frame), name("rings")),
+        *rings,
         plots.save(plots.plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
         plots.save(
             plots.plot_matched_filter(
-                result.compressed, result.profile, result.edges, f"Matched filter, {title}"
+                result.compressed,
+                result.profile,
+                result.edges,
+                f"Matched filter, {title}",
+                expected=result.expected,
             ),
             name("matched_filter"),
         ),

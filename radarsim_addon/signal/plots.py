@@ -23,6 +23,7 @@ from .echoes import Echoes
 from .files import replaced
 from .frames import RadarFrame
 from .rangedoppler import RangeDopplerMap, decibels
+from .uncertainty import ExpectedPower
 
 #: Stated beside every Doppler axis.
 SIGN_TEXT = r"$f_D=-2v/\lambda$: receding ($v>0$) on the left"
@@ -129,6 +130,7 @@ def plot_matched_filter(
     title: str = "Matched filter",
     floor_db: float = -80.0,
     reference_ranges_m: Sequence[float] = (),
+    expected: ExpectedPower | None = None,
 ) -> Any:
     """Compressed power in decibels against range (the paper's Fig. 8).
 
@@ -144,6 +146,8 @@ def plot_matched_filter(
         Title; lowest level drawn, below the strongest.
     reference_ranges_m
         True ranges, drawn as dashed lines.
+    expected
+        Expected power with its standard error, drawn as a band of one sigma to each side.
     """
     figure = _figure(10, 4.5)
     axis = figure.subplots()
@@ -170,6 +174,17 @@ def plot_matched_filter(
             lw=1.2,
             color="C0",
             label=f"expected power, no speckle ({profile.window})",
+        )
+    if expected is not None:
+        band = [
+            decibels(np.maximum(value, 0.0), reference, floor_db)
+            for value in (
+                expected.profile - expected.profile_error,
+                expected.profile + expected.profile_error,
+            )
+        ]
+        axis.fill_between(
+            expected.range_m, *band, color="C0", alpha=0.3, lw=0, label="one standard error"
         )
     for edge in edges:
         half_db = edge.level_db - 10 * math.log10(2 * reference)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar frames of the acquisition "paths": the table on disk as `Paths` in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contract import PATHS_FILE, PATHS_TABLE, PathsRecord
+from ..errors import SchemaError
+from ..physics.constants import SPEED_OF_LIGHT_MPS
+from ..physics.radar_equation import effective_area_m2
+from ..sidecar import file_sha256, read_record
+from .pathtable import FLAG_MIXED as ROW_MIXED
+from .pathtable import FLAG_NO_CODE, PathRows, iter_rows, open_table
+
+
+def read_paths_record(folder: Path, frame: int) -> PathsRecord:
+    """Sidecar of a frame's table.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        It is missing, damaged, newer than this version, or of another frame.
+    """
+    record = read_record(folder / PATHS_FILE, PathsRecord)
+    if record.frame != frame or record.table_file != PATHS_TABLE:
+        raise SchemaError(
+            f"{folder / PATHS_FILE} is of frame {record.frame} and table {record.table_file!r}; "
+            f"expected frame {frame} and {PATHS_TABLE!r}. Remove it and render the run again."
+        )
+    return record
+
+
+def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
+    """Sidecar and memory-mapped table of a frame, checked against each other.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        A file is missing or damaged, or they do not belong together.
+    """
+    record = read_paths_record(folder, frame)
+    table = open_table(folder / PATHS_TABLE)
+    if table.size != record.rows:
+        raise SchemaError(
+            f"{folder / PATHS_TABLE} has {table.size} rows, its sidecar says {record.rows}. "
+            "Remove both and render the run again."
+        )
+    digest = file_sha256(folder / PATHS_TABLE)
+    if digest != record.table_sha256:
+        raise SchemaError(
+            f"{folder / PATHS_TABLE} does not match its sidecar {PATHS_FILE}: SHA-256 "
+            f"{digest[:12]}..., expected {record.table_sha256[:12]}... The file was changed: "
+            "remove both and render the run again."
+        )
+    return record, table
+
+
+def radiance_of(rows: PathRows, record: PathsRecord) -> NDArray[np.float64]:
+    """Radiance [W m^-2 sr^-1] of rows: their power over receiver area and solid angle."""
+    wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
+    area_m2 = float(effective_area_m2(wavelength_m))
+    return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
+
+
+def table_parts(
+    folder: Path, frame: int, rows: int = 1 << 18
+) -> Iterator[tuple[PathsRecord, PathRows]]:
+    """The table in parts that fit into memory."""
+    record, table = open_frame_table(folder, frame)
+    for part in iter_rows(table, rows):
+        yield record, part
+
+
+def usable(rows: PathRows) -> NDArray[np.bool_]:
+    """Rows that have a length."""
+    return np.asarray((rows["flags"] & FLAG_NO_CODE) == 0)
+
+
+def is_mixed(rows: PathRows) -> NDArray[np.bool_]:
+    """Rows whose pixel held several paths even so."""
+    return np.asarray((rows["flags"] & ROW_MIXED) != 0)
