@@ -17,6 +17,7 @@ from .doppler import MAX_SPEED_MPS
 from .frames import RadarFrame, Run, open_run
 from .framestats import frame_statistics, statistics_warnings
 from .nufft import Backend
+from .pathframes import read_paths_record
 from .paths import Weighting
 from .pipeline import (
     FrameResult,
