@@ -143,7 +143,9 @@ def open_table(path: Path) -> PathRows:
         raise FrameFileError(
             f"{path} is missing. Render the run again: it goes on where files are missing."
         ) from error
-    except (OSError, ValueError) as error:
+    # numpy parses the header with ast and tokenize: damaged ones raise what these raise
+    # (TokenError, RecursionError, TypeError...), not ValueError alone.
+    except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
             "again: it goes on where files are missing."
