@@ -25,6 +25,8 @@ _EPS32 = float(np.finfo(np.float32).eps) / 2
 _TINY = float(np.finfo(np.float32).tiny)
 #: |G B/R^2 - 1| above which a gated pixel still holds several paths; float32 noise is below 4e-6.
 MIXED_TOLERANCE = 1e-5
+#: Standard deviations within which code and geometry are taken to tell the same length.
+_AGREES_WITHIN = 20.0
 #: Least denominator of the order-2 closed form, relative to the length: below, P1 is flagged.
 _LEAST_DENOMINATOR = 1e-3
 
@@ -159,14 +161,19 @@ def assemble_rows(
 
     length = coded_m
     if pixels.order == 1:
-        first, from_code = _first_order(pixels, origin, direction, coded_m, sigma, geometry)
+        scale = np.max(np.abs(pixels.position_m), axis=-1, initial=0.0)
+        position_sigma = np.maximum(1e-9, scale * _EPS32)
+        first, from_code = _first_order(
+            pixels, origin, direction, coded_m, sigma + position_sigma, geometry
+        )
         last = first
         geometric = np.linalg.norm(first - origin, axis=-1) + np.linalg.norm(
             first - geometry.emitter_m, axis=-1
         )
         length = np.where(from_code, coded_m, geometric)
-        scale = np.max(np.abs(first), axis=-1, initial=0.0)
-        sigma = np.where(from_code, sigma, np.maximum(1e-9, scale * _EPS32))
+        # Behind transparent surfaces a delay below the code's noise would go unnoticed.
+        exact = ~from_code & (pixels.depth == 0)
+        sigma = np.where(exact, position_sigma, sigma)
         flags[from_code] |= FLAG_CODED_LENGTH
     else:
         last = pixels.vertex_m
@@ -217,8 +224,9 @@ def _first_order(
     geometric = np.linalg.norm(position - origin, axis=-1) + np.linalg.norm(
         position - geometry.emitter_m, axis=-1
     )
-    # A dielectric on the way delays what geometry cannot see; the code does.
-    allowed = 20 * sigma + 1e-5 * np.abs(coded_m)
+    # A dielectric on the way delays what geometry cannot see; the code does, down to its noise.
+    # More than that noise must not be let pass: at long range it would be wavelengths.
+    allowed = _AGREES_WITHIN * sigma
     uncoded = ~np.isfinite(pixels.log_ratio)
     with np.errstate(invalid="ignore"):
         agrees = np.abs(geometric - coded_m) <= allowed
