@@ -34,7 +34,7 @@ from .path_options import FINEST_PITCH, PathOptions
 from .path_quality import QualitySums
 from .path_rows import rows_of_view
 from .path_scene import PathScene, ViewWindow
-from .path_tiles import CellGrid, ErrorBudget, quarters, shift_px, split_frame
+from .path_tiles import CellGrid, ErrorBudget, quarters, shift_px, split_frame, view_seed
 from .poses import camera_record, emitter_record
 from .recorder import Recorder
 from .render_job import RenderJob
@@ -220,7 +220,8 @@ class PathJob(RenderJob):
         """All renders of one view; returns its rows."""
         assert self._path_scene is not None
         options = self._options
-        record = self._path_scene.look(window, shift_px(shift))
+        seed = view_seed(self._measurement.seed, window, shift)
+        record = self._path_scene.look(window, shift_px(shift), seed)
         rays = pixel_rays(record, window.width_px, window.height_px)
         limits = TraceLimits(
             max_order=options.max_order,

@@ -95,6 +95,7 @@ class PathScene:
     def apply(self) -> None:
         """Set everything; on failure what was set is restored before the error goes on."""
         try:
+            self._keep_seed()
             self._add_camera()
             self._set_format()
             self._set_passes()
@@ -127,12 +128,17 @@ class PathScene:
         """Put our camera where the receiver is at the depsgraph's time."""
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
 
-    def look(self, window: ViewWindow, shift_px: tuple[float, float]) -> contract.CameraRecord:
+    def look(
+        self, window: ViewWindow, shift_px: tuple[float, float], seed: int
+    ) -> contract.CameraRecord:
         """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
 
-        The record is computed from the float32 numbers that Blender really holds.
+        The record is computed from the float32 numbers that Blender really holds. Each view has a
+        seed of its own: with a common one the views would draw the same lots, pixel by pixel, and
+        shifts would be no replicates of one another.
         """
         data, render = self._view.data, self._scene.render
+        self._scene.cycles.seed = seed
         width = window.right - window.left
         pixel_u = width / window.width_px
         pixel_v = (window.top - window.bottom) / window.height_px
@@ -248,6 +254,10 @@ class PathScene:
         )
 
     # -- setting up --------------------------------------------------------------------------------
+
+    def _keep_seed(self) -> None:
+        cycles, seed = self._scene.cycles, self._scene.cycles.seed
+        self._recorder.on_restore("seed", lambda: setattr(cycles, "seed", seed))
 
     def _add_camera(self) -> None:
         data = bpy.data.cameras.new(_CAMERA)

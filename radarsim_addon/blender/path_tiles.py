@@ -8,7 +8,9 @@ object's power: a faint far target matters as much as strong near ground. No bpy
 
 from __future__ import annotations
 
+import hashlib
 import math
+import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -33,6 +35,13 @@ def shift_px(index: int) -> tuple[float, float]:
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
     return u, v
+
+
+def view_seed(seed: int, window: ViewWindow, shift: int) -> int:
+    """Cycles' seed for one view: by where it looks and by its shift, not by the tiles' order."""
+    edges = (window.left, window.right, window.bottom, window.top)
+    key = struct.pack("<qq4d", seed, shift, *edges)
+    return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1
 
 
 def split_frame(frame: ViewWindow, most_px: int) -> list[ViewWindow]:
