@@ -24,6 +24,8 @@ Real = NDArray[np.float64]
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
 GREY_TOLERANCE = 1e-5
+#: Orders above the limit whose power is measured, without following their paths.
+PROBED_ORDERS = 4
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,9 @@ class GateLayer:
 class TracedView:
     """All that was found in one view (a tile at one sub-pixel shift).
 
-    left_order and left_depth are the powers (sum of amplitude times weight) in orders above the
-    limit and in gates that were not rendered, total the power of everything.
+    Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
+    left_depth of the part of it that was not followed, beyond of the orders above the limit (0
+    unless it was asked for).
     """
 
     layers: list[GateLayer] = field(default_factory=list)
@@ -116,6 +119,7 @@ class TracedView:
     total: float = 0.0
     left_order: float = 0.0
     left_depth: float = 0.0
+    beyond: float = 0.0
     renders: int = 0
     coloured: bool = False
 
@@ -138,6 +142,8 @@ class TraceLimits:
         The code is in the world's volume: materials may be of any kind, coloured ones too.
     amplitude
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
+    probe
+        One more render says how much power is in the next `PROBED_ORDERS` orders.
     """
 
     max_order: int = 1
@@ -146,6 +152,7 @@ class TraceLimits:
     lottery_free: bool = False
     world_code: bool = False
     amplitude: str = "mean"
+    probe: bool = False
 
 
 def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
@@ -162,7 +169,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     tracer = _Tracer(limits, weight, found)
     # In a scene of Radar Materials all renders carry the code: switching it would change the
     # weights of their lobes and with them the paths. The world's code leaves paths as they are.
-    open_view = yield RenderRequest(Gate(), coded=not limits.world_code)
+    open_view = yield RenderRequest(Gate(order_max=limits.max_order), coded=not limits.world_code)
     found.renders += 1
     found.open_view = open_view
     found.coloured = limits.world_code and _is_coloured(open_view)
@@ -174,7 +181,8 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
         if order == 1 and limits.lottery_free:
             yield from tracer.first_order_in_turn()
             if limits.max_order > 1:
-                later = yield RenderRequest(Gate(order_min=2), coded=not limits.world_code)
+                gate = Gate(order_min=2, order_max=limits.max_order)
+                later = yield RenderRequest(gate, coded=not limits.world_code)
                 found.renders += 1
                 left = tracer.amplitude(later)
             else:
@@ -192,6 +200,11 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
             yield from tracer.depths_of(order, base)
         left = left - base
     found.left_order = tracer.power(np.maximum(left, 0.0))
+    if limits.probe:
+        gate = Gate(limits.max_order + 1, limits.max_order + PROBED_ORDERS)
+        view = yield RenderRequest(gate, coded=not limits.world_code)
+        found.renders += 1
+        found.beyond = tracer.power(tracer.amplitude(view))
     return found
 
 

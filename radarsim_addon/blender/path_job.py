@@ -230,6 +230,7 @@ class PathJob(RenderJob):
             lottery_free=not self._code_world,
             world_code=self._code_world,
             amplitude=options.amplitude,
+            probe=shift == 0,
         )
         trace = trace_view(limits, rays.solid_angle_sr)
         request = next(trace)
@@ -243,7 +244,7 @@ class PathJob(RenderJob):
                 break
         area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
         share = 1 / options.shifts
-        quality.add_view(traced, area_m2 * share / self.plan.metres_per_unit**2)
+        quality.add_view(traced, area_m2 * share / self.plan.metres_per_unit**2, options.shifts)
         return rows_of_view(
             traced,
             rays,

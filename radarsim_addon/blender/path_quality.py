@@ -25,10 +25,14 @@ class QualitySums:
         self._bias_wm = self._sigma2_wm2 = self._coded_w = 0.0
         self.coloured = False
 
-    def add_view(self, traced: TracedView, watts_per_unit: float) -> None:
-        """Add what a view found; `watts_per_unit` turns its powers into watts."""
-        self.total_w += traced.total * watts_per_unit
-        self.left_order_w += traced.left_order * watts_per_unit
+    def add_view(self, traced: TracedView, watts_per_unit: float, views_per_probe: int = 1) -> None:
+        """Add what a view found; `watts_per_unit` turns its powers into watts.
+
+        One of `views_per_probe` views of the tile measured what lies beyond the last order.
+        """
+        beyond_w = traced.beyond * watts_per_unit * views_per_probe
+        self.total_w += traced.total * watts_per_unit + beyond_w
+        self.left_order_w += traced.left_order * watts_per_unit + beyond_w
         self.left_depth_w += traced.left_depth * watts_per_unit
         self.coloured |= traced.coloured
 

@@ -30,6 +30,7 @@ _LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range code (temporary)"
 _CAMERA = "radarsim view (temporary)"
 
+_BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Blender's sensor width that is used for the views; any would do.
 _SENSOR_MM = 32.0
 
@@ -95,7 +96,7 @@ class PathScene:
     def apply(self) -> None:
         """Set everything; on failure what was set is restored before the error goes on."""
         try:
-            self._keep_seed()
+            self._keep_cycles()
             self._add_camera()
             self._set_format()
             self._set_passes()
@@ -181,6 +182,9 @@ class PathScene:
         scene[contract.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
         scene[contract.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
         self._set_surfaces(gate)
+        if gate.order_max is not None:
+            for name in _BOUNCES:  # nothing beyond the gate is worth its time
+                setattr(scene.cycles, name, gate.order_max - 1)
         scene[contract.ATTR_VERTEX_SCALE] = 0.0
         if request.vertex and vertex is not None:
             scene[contract.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
@@ -255,9 +259,16 @@ class PathScene:
 
     # -- setting up --------------------------------------------------------------------------------
 
-    def _keep_seed(self) -> None:
-        cycles, seed = self._scene.cycles, self._scene.cycles.seed
-        self._recorder.on_restore("seed", lambda: setattr(cycles, "seed", seed))
+    def _keep_cycles(self) -> None:
+        """Remember what changes from render to render."""
+        cycles = self._scene.cycles
+        before = {name: getattr(cycles, name) for name in ("seed", *_BOUNCES)}
+
+        def undo() -> None:
+            for name, value in before.items():
+                setattr(cycles, name, value)
+
+        self._recorder.on_restore("seed and bounces", undo)
 
     def _add_camera(self) -> None:
         data = bpy.data.cameras.new(_CAMERA)

@@ -151,7 +151,8 @@ class ErrorBudget:
         """Tiles that carry `share` of the squared error, worst first."""
         mean, _ = self.totals()
         floor = FAINTEST * mean.max(initial=0.0)
-        weight = np.where(mean > floor, np.sqrt(mean) / np.maximum(mean, 1e-300) ** 2, 0.0)
+        weight = np.zeros_like(mean)
+        np.power(mean, -1.5, out=weight, where=mean > floor)
         score = {
             tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
             for tile in tiles
