@@ -47,6 +47,29 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument(
         "--auto-rings", action="store_true", help="as many rings as the scene's extent needs"
     )
+    parser.add_argument(
+        "--acquisition",
+        choices=("rings", "paths"),
+        help="rings: the paper's shells; paths: one path per pixel, with standard errors",
+    )
+    parser.add_argument("--order", type=int, metavar="N", help="paths: most reflections")
+    parser.add_argument("--shifts", type=int, metavar="N", help="paths: replicates of each tile")
+    parser.add_argument(
+        "--error", type=float, metavar="PERCENT", help="paths: refine until this standard error"
+    )
+    parser.add_argument(
+        "--budget", type=float, metavar="S", help="paths: stop refining a frame after S seconds"
+    )
+    parser.add_argument(
+        "--code",
+        choices=("auto", "materials", "world"),
+        help="paths: what carries the range code; world: materials of any kind echo",
+    )
+    parser.add_argument(
+        "--amplitude",
+        choices=("mean", "R", "G", "B"),
+        help="paths: channel that is the amplitude in coloured scenes",
+    )
     parser.add_argument("--ring-step", type=float, metavar="M", help="width of a ring [m]")
     parser.add_argument("--passes", type=int, choices=(1, 2), help="1: no Doppler")
     parser.add_argument("--delta-t", type=float, metavar="S", help="time between the passes [s]")
@@ -112,7 +135,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
 
     from radarsim_addon.blender import properties
     from radarsim_addon.blender.console import ProgressLine, quiet_blender
-    from radarsim_addon.blender.render_job import RenderJob
+    from radarsim_addon.blender.jobs import make_job
 
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
@@ -123,22 +146,20 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
         if arguments.blend is not None:
             open_file(bpy, arguments.blend)
         scene = find_scene(bpy, arguments.scene)
-        settings = getattr(scene, properties.SCENE_PROPERTY)
-        measurement = properties.read_measurement(scene, **overrides)
         folder = arguments.out.absolute() if arguments.out else properties.output_folder(scene)
-        job = RenderJob(
+        job = make_job(
             scene,
             view_layer_of(bpy, scene),
-            measurement,
             folder,
             overwrite=arguments.overwrite,
-            camera=settings.camera,
-            emitter=settings.emitter,
+            acquisition=arguments.acquisition,
+            overrides=overrides,
+            path_overrides=path_overrides(arguments),
         )
         with job:
             for warning in job.warnings:
                 print(f"radarsim: warning: {warning}", file=stream, flush=True)
-            progress = ProgressLine(stream)
+            progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             for task in job.pending():
                 job.start(task)
@@ -189,6 +210,18 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "prf_hz": arguments.prf_hz,
         "pulses": arguments.pulses,
         "seed": arguments.seed,
+    }
+
+
+def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Options of the acquisition "paths"; None where not given."""
+    return {
+        "max_order": arguments.order,
+        "shifts": arguments.shifts,
+        "error_target": None if arguments.error is None else arguments.error / 100,
+        "time_budget_s": arguments.budget,
+        "code": arguments.code,
+        "amplitude": arguments.amplitude,
     }
 
 

@@ -41,15 +41,16 @@ def quiet_blender() -> Iterator[TextIO]:
 class ProgressLine:
     """``12/42 renders, 29 %, 0:18 left``: rewritten in a terminal, one line per 5 % elsewhere."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, unit: str = "renders") -> None:
         self._stream = stream
+        self._unit = unit
         self._terminal = stream.isatty()
         self._last_step = -1
 
     def show(self, done: int, total: int, seconds_left: float | None) -> None:
         """Print the state, if it is time to."""
         step = done * 20 // max(total, 1)
-        text = progress_text(done, total, seconds_left)
+        text = progress_text(done, total, seconds_left, self._unit)
         if self._terminal:
             self._stream.write(f"\r{text:<60}" + ("\n" if done >= total else ""))
         elif step != self._last_step:
@@ -58,10 +59,10 @@ class ProgressLine:
         self._stream.flush()
 
 
-def progress_text(done: int, total: int, seconds_left: float | None) -> str:
+def progress_text(done: int, total: int, seconds_left: float | None, unit: str = "renders") -> str:
     """The line itself."""
     percent = 100 * done // total if total else 100
-    text = f"radarsim: {done}/{total} renders, {percent} %"
+    text = f"radarsim: {done}/{total} {unit}, {percent} %"
     if seconds_left is None or done >= total:
         return text
     whole = round(seconds_left)

@@ -7,6 +7,7 @@ thread: they only set a flag; everything else is done by `tick`, in the main thr
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,6 +20,8 @@ from .render_job import RenderJob
 
 #: Timer ticks after which a render that neither ended nor runs is given up.
 _PATIENCE_TICKS = 500
+#: Time that short renders may keep the user interface from events.
+_BLOCKING_S = 0.2
 
 
 class InteractiveRender:
@@ -84,6 +87,8 @@ class InteractiveRender:
         """
         if self.closed:
             return True
+        if self.job.blocking:
+            return self._tick_blocking()
         if self._task is not None:
             if bpy.app.is_job_running("RENDER") or not self._render_has_ended():
                 return False
@@ -101,6 +106,18 @@ class InteractiveRender:
             return True
         self._begin(task)
         return False
+
+    def _tick_blocking(self) -> bool:
+        """As many short renders as fit between two looks at the user's events."""
+        deadline_s = time.monotonic() + _BLOCKING_S
+        while not self.stop_reason and time.monotonic() < deadline_s:
+            task = next(self._tasks, None)
+            if task is None:
+                return True
+            self.job.start(task)
+            self.job.render(task)
+            self.job.finish(task)
+        return bool(self.stop_reason)
 
     def _render_has_ended(self) -> bool:
         if self._ended:

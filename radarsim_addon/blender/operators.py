@@ -11,6 +11,7 @@ from ..errors import RadarSimError
 from . import properties
 from .console import ProgressLine, progress_text, quiet_blender
 from .interactive import InteractiveRender
+from .jobs import make_job
 from .nodes import assign_radar_material
 from .properties import PROGRESS_PROPERTY, SCENE_PROPERTY
 from .render_job import RenderJob
@@ -147,7 +148,8 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
             raise
         if not ended:
             job = run.job
-            self._show(context, job.fraction, progress_text(job.done, job.total, job.seconds_left))
+            text = progress_text(job.done, job.total, job.seconds_left, job.unit)
+            self._show(context, job.fraction, text)
             return {"PASS_THROUGH"}
         return self._conclude(context, run)
 
@@ -155,12 +157,13 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         job = run.job
         if run.stop_reason:
             text = (
-                f"{job.done} of {job.total} renders done, {run.stop_reason}; start again to go on"
+                f"{job.done} of {job.total} {job.unit} done, {run.stop_reason}; "
+                "start again to go on"
             )
             self._finish(context, text)
             self.report({"WARNING"}, text)
             return {"CANCELLED"}
-        text = f"{job.total} renders in {job.folder}"
+        text = f"{job.total} {job.unit} in {job.folder}"
         self._finish(context, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
@@ -182,7 +185,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
             with quiet_blender() as stream, job_of(context) as job:
                 for warning in job.warnings:
                     self.report({"WARNING"}, warning)
-                line = ProgressLine(stream)
+                line = ProgressLine(stream, job.unit)
                 line.show(job.done, job.total, None)
                 for task in job.pending():
                     job.start(task)
@@ -192,7 +195,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{job.total} renders in {job.folder}")
+        self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
         return {"FINISHED"}
 
 
@@ -295,15 +298,8 @@ def job_of(context: Any) -> RenderJob:
     """
     scene = context.scene
     settings = getattr(scene, SCENE_PROPERTY)
-    return RenderJob(
-        scene,
-        context.view_layer,
-        properties.read_measurement(scene),
-        properties.output_folder(scene),
-        overwrite=settings.overwrite,
-        camera=settings.camera,
-        emitter=settings.emitter,
-    )
+    folder = properties.output_folder(scene)
+    return make_job(scene, context.view_layer, folder, overwrite=settings.overwrite)
 
 
 def pass_harmless(event: Any) -> set[str]:

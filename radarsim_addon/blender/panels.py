@@ -14,6 +14,7 @@ from .acquisition import Extent, automatic_rings
 from .advice import derive, warnings_for
 from .isolation import echoes
 from .measurement import Measurement, typed
+from .path_properties import read_path_options
 from .properties import PROGRESS_PROPERTY, SCENE_PROPERTY
 from .rig import find_rig
 from .scene_truth import scene_extent
@@ -100,17 +101,32 @@ class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
 
 
 class RADARSIM_PT_rings(_RadarPanel, bpy.types.Panel):
-    bl_label = "Rings"
+    bl_label = "Acquisition"
     bl_idname = "RADARSIM_PT_rings"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
         settings = getattr(context.scene, SCENE_PROPERTY)
+        layout.row().prop(settings, "acquisition", expand=True)
+        if settings.acquisition == "PATHS":
+            _draw_paths(layout, settings)
+            return
         column = layout.column(align=True)
         column.row().prop(settings, "ring_mode", expand=True)
         column.prop(settings, "ring_step_m")
         if settings.ring_mode == "COUNT":
             column.prop(settings, "ring_count")
+
+
+def _draw_paths(layout: Any, settings: Any) -> None:
+    column = layout.column(align=True)
+    column.prop(settings, "path_order")
+    column.prop(settings, "path_shifts")
+    column.prop(settings, "path_error_percent")
+    column.prop(settings, "path_budget_s")
+    column = layout.column(align=True)
+    column.prop(settings, "path_code")
+    column.prop(settings, "path_amplitude")
 
 
 class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
@@ -124,7 +140,8 @@ class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
         column.row().prop(settings, "passes", expand=True)
         if settings.passes == "2":
             column.prop(settings, "delta_t_ms")
-        column.prop(settings, "max_bounces")
+        if settings.acquisition == "RINGS":
+            column.prop(settings, "max_bounces")
 
 
 class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
@@ -144,11 +161,15 @@ class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
         row.prop(settings, "width_px")
         row.prop(settings, "height_px")
         row = layout.row(align=True)
-        row.prop(settings, "samples")
+        if settings.acquisition == "RINGS":
+            row.prop(settings, "samples")
         row.prop(settings, "seed")
         layout.prop(settings, "output_dir", text="")
         layout.prop(settings, "overwrite")
-        _draw_plan(context, layout)
+        if settings.acquisition == "RINGS":
+            _draw_plan(context, layout)
+        else:
+            _draw_path_plan(context, layout, settings)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout)
 
@@ -193,6 +214,22 @@ def _draw_plan(context: Any, layout: Any) -> None:
         interval_s = step * typed(render.fps_base) / render.fps
     for warning in warnings_for(measurement, rings, farthest_m, interval_s):
         wrapped(context, layout, warning, "ERROR")
+
+
+def _draw_path_plan(context: Any, layout: Any, settings: Any) -> None:
+    """What the acquisition "paths" will do; how many renders it takes shows as they are made."""
+    measurement = _measurement(context, layout)
+    if measurement is None:
+        return
+    try:
+        options = read_path_options(settings)
+    except RadarSimError as error:
+        wrapped(context, layout, str(error), "ERROR")
+        return
+    rays = measurement.width_px * measurement.height_px * options.shifts
+    box = layout.box().column(align=True)
+    box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
+    box.label(text="Tiles are refined" if options.refines else "No refinement")
 
 
 def _draw_progress(context: Any, layout: Any) -> None:

@@ -72,6 +72,9 @@ class _Tile:
 class PathJob(RenderJob):
     """A run that measures paths. Parameters as `RenderJob`, and how paths are followed."""
 
+    unit = "tiles"
+    blocking = True
+
     def __init__(
         self,
         scene: Any,
@@ -136,7 +139,11 @@ class PathJob(RenderJob):
             raise
         frames = self._measurement.frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
-        self.total, self.done = len(frames), len(frames) - len(self._frames_left)
+        side = self._options.tile_px
+        tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
+        # More where tiles are refined: the total grows as they are split.
+        self.total = tiles * len(frames)
+        self.done = tiles * (len(frames) - len(self._frames_left))
 
     def _is_done(self, frame: int) -> bool:
         folder = self.folder / contract.frame_dir(frame)
@@ -152,7 +159,7 @@ class PathJob(RenderJob):
         """Renders that are still to be made; each depends on the ones before."""
         for frame in self._frames_left:
             yield from self._frame_tasks(frame)
-            self.done += 1
+        self.total = self.done
 
     def start(self, task: Any) -> None:
         """Set the gates of a render."""
@@ -277,6 +284,7 @@ class _FrameWork:
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
         self._folder = job.folder / contract.frame_dir(frame)
         self._tiles: dict[int, _Tile] = {}
+        self._next_number = 0
         self._quality: dict[int, QualitySums] = {}
         self._budget = ErrorBudget()
         resolution_m = job._measurement.waveform.range_resolution_m
@@ -294,34 +302,46 @@ class _FrameWork:
             measurement.width_px,
             measurement.height_px,
         )
-        waiting = [_Tile(window, 0) for window in split_frame(whole, options.tile_px)]
-        reached = "all tiles"
-        number = 0
         try:
-            while True:
-                for tile in waiting:
-                    yield from self._measure(number, tile)
-                    number += 1
-                error = self._budget.relative_error()
-                if not options.refines:
-                    break
-                if options.error_target and error <= options.error_target:
-                    reached = "error target"
-                    break
-                if options.time_budget_s and time.monotonic() - start_s > options.time_budget_s:
-                    reached = "time budget"
-                    break
-                waiting = self._refine()
-                if not waiting:
-                    reached = "finest pixels"
-                    break
+            for window in split_frame(whole, options.tile_px):
+                yield from self._measure(_Tile(window, 0))
+            reached = "all tiles"
+            if options.refines:
+                reached = yield from self._refine(start_s)
             self._write(reached, time.monotonic() - start_s)
         finally:
             for tile in self._tiles.values():
                 for part in tile.parts:
                     part.unlink(missing_ok=True)
 
-    def _measure(self, number: int, tile: _Tile) -> Generator[PathTask, None, None]:
+    def _refine(self, start_s: float) -> Generator[PathTask, None, str]:
+        """Split the worst tiles until a limit is reached; returns which one it was."""
+        options = self._job._options
+        while True:
+            if options.error_target and self._budget.relative_error() <= options.error_target:
+                return "error target"
+            open_tiles = [
+                number
+                for number, tile in self._tiles.items()
+                if tile.level < options.max_level and tile.window.pitch / 2 >= FINEST_PITCH
+            ]
+            worst = self._budget.worst(open_tiles, _ROUND_SHARE)
+            if not worst:
+                return "finest pixels"
+            self._job.total += 4 * len(worst)
+            for number in worst:
+                if options.time_budget_s and time.monotonic() - start_s > options.time_budget_s:
+                    return "time budget"
+                # The four take the tile's place only when all of them are measured.
+                parent = self._tiles[number]
+                for window in quarters(parent.window):
+                    yield from self._measure(_Tile(window, parent.level + 1))
+                del self._tiles[number], self._budget.powers[number], self._quality[number]
+                for part in parent.parts:
+                    part.unlink(missing_ok=True)
+
+    def _measure(self, tile: _Tile) -> Generator[PathTask, None, None]:
+        number, self._next_number = self._next_number, self._next_number + 1
         quality = QualitySums()
         shifts = []
         for shift in range(self._job._options.shifts):
@@ -344,7 +364,8 @@ class _FrameWork:
         self._budget.powers[number] = self._grid.powers(shifts)
         part = self._folder / f"paths_{number:07d}.npy.part"
         try:
-            np.save(part.open("wb"), np.concatenate(shifts), allow_pickle=False)
+            with open(part, "wb") as stream:
+                np.save(stream, np.concatenate(shifts), allow_pickle=False)
         except OSError as error:
             part.unlink(missing_ok=True)
             raise OutputError(
@@ -352,22 +373,7 @@ class _FrameWork:
                 "Choose an output folder that exists, is writable and has room."
             ) from error
         tile.parts.append(part)
-
-    def _refine(self) -> list[_Tile]:
-        options = self._job._options
-        open_tiles = [
-            number
-            for number, tile in self._tiles.items()
-            if tile.level < options.max_level and tile.window.pitch / 2 >= FINEST_PITCH
-        ]
-        children = []
-        for number in self._budget.worst(open_tiles, _ROUND_SHARE):
-            tile = self._tiles.pop(number)
-            del self._budget.powers[number], self._quality[number]
-            for part in tile.parts:
-                part.unlink(missing_ok=True)
-            children += [_Tile(window, tile.level + 1) for window in quarters(tile.window)]
-        return children
+        self._job.done += 1
 
     def _write(self, reached: str, seconds: float) -> None:
         job = self._job

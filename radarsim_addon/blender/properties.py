@@ -16,6 +16,7 @@ from ..errors import ConfigError, OutputError
 from ..signal.config import Burst, Waveform
 from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
+from .path_properties import PathSettings
 
 SCENE_PROPERTY = "radarsim"
 PROGRESS_PROPERTY = "radarsim"
@@ -29,7 +30,7 @@ def _is_lamp(_: Any, item: Any) -> bool:
     return bool(item.type == "LIGHT")
 
 
-class RadarSettings(bpy.types.PropertyGroup):
+class RadarSettings(PathSettings, bpy.types.PropertyGroup):
     """Settings of a measurement."""
 
     camera: bpy.props.PointerProperty(  # type: ignore[valid-type]

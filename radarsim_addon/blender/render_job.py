@@ -41,6 +41,9 @@ from .rig import Rig, check_scale, find_rig
 class RenderJob:
     """One run of a scene.
 
+    Class attributes say how it is driven: `unit` is what `done` and `total` count, and renders of
+    a `blocking` job are so short that the user interface does them between two looks at events.
+
     Parameters
     ----------
     scene : bpy.types.Scene
@@ -55,6 +58,9 @@ class RenderJob:
     camera, emitter : bpy.types.Object, optional
         Antennas, where the scene has several.
     """
+
+    unit = "renders"
+    blocking = False
 
     def __init__(
         self,

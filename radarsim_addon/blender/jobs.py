@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The job that a scene's settings ask for: rings or paths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from . import properties
+from .path_job import PathJob
+from .path_properties import read_path_options
+from .render_job import RenderJob
+
+
+def make_job(
+    scene: Any,
+    view_layer: Any,
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    acquisition: str | None = None,
+    overrides: dict[str, Any] | None = None,
+    path_overrides: dict[str, Any] | None = None,
+) -> RenderJob:
+    """Make the job, unprepared.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    view_layer : bpy.types.ViewLayer
+    folder
+        Output folder.
+    overwrite
+        Remove another run's frames.
+    acquisition
+        "rings" or "paths"; None: the scene's setting.
+    overrides, path_overrides
+        Numbers from a command line, see `read_measurement` and `read_path_options`.
+
+    Raises
+    ------
+    ConfigError
+        The settings do not fit together.
+    """
+    settings = getattr(scene, properties.SCENE_PROPERTY)
+    measurement = properties.read_measurement(scene, **(overrides or {}))
+    antennas = {"camera": settings.camera, "emitter": settings.emitter}
+    kind = acquisition or settings.acquisition.lower()
+    if kind == "paths":
+        options = read_path_options(settings, **(path_overrides or {}))
+        return PathJob(
+            scene, view_layer, measurement, folder, options, overwrite=overwrite, **antennas
+        )
+    return RenderJob(scene, view_layer, measurement, folder, overwrite=overwrite, **antennas)

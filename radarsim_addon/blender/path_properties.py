@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The user's settings of the acquisition "paths", part of ``scene.radarsim``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .measurement import typed
+from .path_options import PathOptions
+
+
+class PathSettings:
+    """Mixed into `properties.RadarSettings`."""
+
+    acquisition: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Acquisition",
+        items=(
+            ("RINGS", "Rings", "The paper's: shells of range, all paths of a shell in a pixel"),
+            (
+                "PATHS",
+                "Paths",
+                "One path per pixel: exact ranges, any material, standard error reported",
+            ),
+        ),
+        description="How the scene is measured",
+    )
+    path_order: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Reflections",
+        default=1,
+        min=1,
+        soft_max=4,
+        max=64,
+        description="Most reflections of a path. Power in more is reported as a share",
+    )
+    path_shifts: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Shifts",
+        default=4,
+        min=1,
+        soft_max=64,
+        max=10_000,
+        description="Sub-pixel shifts of each tile: replicates, from which the error is estimated",
+    )
+    path_error_percent: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Error target [%]",
+        default=0.0,
+        min=0.0,
+        max=1000.0,
+        precision=2,
+        description="Refine tiles until the relative standard error (over range bins and objects) "
+        "is below this. 0: no refinement by error",
+    )
+    path_budget_s: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Time budget [s]",
+        default=0.0,
+        min=0.0,
+        precision=1,
+        description="Stop refining a frame after this time. 0: no limit",
+    )
+    path_code: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Range code",
+        items=(
+            ("auto", "Automatic", "By Radar Materials where everything has one, else by the world"),
+            ("materials", "Materials", "Only objects with a Radar Material echo"),
+            ("world", "World volume", "Objects of any material echo"),
+        ),
+        description="What carries the range code",
+    )
+    path_amplitude: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Amplitude",
+        items=(
+            ("mean", "Mean", "Mean of red, green and blue"),
+            ("R", "Red", "Red channel"),
+            ("G", "Green", "Green channel"),
+            ("B", "Blue", "Blue channel"),
+        ),
+        description="Which channel is the amplitude where materials are coloured",
+    )
+
+
+def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
+    """The settings as `PathOptions`.
+
+    Parameters
+    ----------
+    settings : PathSettings
+    **overrides
+        Numbers from a command line, by the fields of `PathOptions`. None: the scene's own.
+
+    Raises
+    ------
+    ConfigError
+        Numbers that do not fit together.
+    """
+    values: dict[str, Any] = {
+        "max_order": int(settings.path_order),
+        "shifts": int(settings.path_shifts),
+        "error_target": typed(settings.path_error_percent) / 100,
+        "time_budget_s": typed(settings.path_budget_s),
+        "code": settings.path_code,
+        "amplitude": settings.path_amplitude,
+    }
+    values.update({name: value for name, value in overrides.items() if value is not None})
+    return PathOptions(**values)
