@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
+from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .groups import KIND_PROPERTY, ensure_group
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 
@@ -92,6 +93,20 @@ def group_node(material: Any) -> Any | None:
 def is_radar_material(material: Any) -> bool:
     """Whether a material scatters by the Radar Material group, and so carries the range code."""
     return group_node(material) is not None
+
+
+def lets_nothing_through(material: Any) -> bool:
+    """Whether a material is a Radar Material that is opaque whatever the ray: a conductor with
+    fixed numbers (see :func:`.fresnel.transmittance`)."""
+    node = group_node(material)
+    if node is None:
+        return False
+    index, extinction = node.inputs.get(INDEX), node.inputs.get(EXTINCTION)
+    if index is None or extinction is None or index.is_linked or extinction.is_linked:
+        return False
+    n, kappa = float(index.default_value), float(extinction.default_value)
+    # Twice as sure as the node group, which rounds.
+    return 4 * n / ((n + 1) ** 2 + kappa**2) < OPAQUE_BELOW_TRANSMITTANCE / 2
 
 
 def make_material(
