@@ -46,11 +46,16 @@ class Gate:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """One render. coded: with the range code; vertex: the emitter also carries where it shines."""
+    """One render.
+
+    coded: with the range code, all_channels: in blue too (a plain render tells the amplitude);
+    vertex: the emitter also carries where it shines.
+    """
 
     gate: Gate
     coded: bool = True
     vertex: bool = False
+    all_channels: bool = False
 
 
 @dataclass(frozen=True)
@@ -267,16 +272,17 @@ class _Tracer:
     def layer(
         self, order: int, depth: int, gate: Gate
     ) -> Generator[RenderRequest, View, GateLayer]:
-        coded = yield RenderRequest(gate)
+        coloured = self._found.coloured
+        coded = yield RenderRequest(gate, all_channels=coloured)
         self._found.renders += 1
         plain = None
-        if self._found.coloured:
+        if coloured:
             plain = yield RenderRequest(gate, coded=False)
             self._found.renders += 1
         amplitude = self.amplitude(plain or coded)
         vertex = None
         if order > 1 and np.any(amplitude > 0):
-            vertex = yield RenderRequest(gate, vertex=True)
+            vertex = yield RenderRequest(gate, vertex=True, all_channels=coloured)
             self._found.renders += 1
         first = depth == 0 or gate.surface_depth is not None
         layer = GateLayer(order, depth, amplitude, coded, plain, vertex, first)

@@ -420,7 +420,7 @@ class _FrameWork:
             reached=reached,
             table_file=table.name,
             table_sha256=file_sha256(table),
-            warnings=quality.warnings(wavelength_m),
+            warnings=quality.warnings(wavelength_m, scene.objects),
             versions=job.versions,
         )
         job.warnings += record.warnings

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from .path_gates import TracedView
 _WARN_SHARE = 1e-3
 #: A length known worse than this share of a wavelength spoils coherent sums: 2 pi / 20 of phase.
 _WARN_WAVELENGTHS = 0.05
+_NAMES_SHOWN = 5
 
 
 class QualitySums:
@@ -24,6 +25,8 @@ class QualitySums:
         self.mixed_w = self.no_code_w = self._row_w = 0.0
         self._bias_wm = self._sigma2_wm2 = self._coded_w = 0.0
         self.coloured = False
+        self.seen: set[int] = set()
+        self.echoing: set[int] = set()
 
     def add_view(self, traced: TracedView, watts_per_unit: float, views_per_probe: int = 1) -> None:
         """Add what a view found; `watts_per_unit` turns its powers into watts.
@@ -35,10 +38,14 @@ class QualitySums:
         self.left_order_w += traced.left_order * watts_per_unit + beyond_w
         self.left_depth_w += traced.left_depth * watts_per_unit
         self.coloured |= traced.coloured
+        if traced.open_view is not None and traced.open_view.object_index is not None:
+            self.seen.update(np.unique(traced.open_view.object_index).tolist())
 
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
         power = rows["power_w"]
+        for name in ("object", "first_object"):
+            self.echoing.update(np.unique(rows[name]).tolist())
         flags = rows["flags"]
         mixed = flags & FLAG_MIXED != 0
         coded = flags & FLAG_CODED_LENGTH != 0
@@ -57,7 +64,10 @@ class QualitySums:
         total = cls()
         for part in parts:
             for name, value in vars(part).items():
-                setattr(total, name, getattr(total, name) + value)
+                if isinstance(value, set):
+                    getattr(total, name).update(value)
+                else:
+                    setattr(total, name, getattr(total, name) + value)
         total.coloured = bool(total.coloured)
         return total
 
@@ -75,8 +85,8 @@ class QualitySums:
         """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
         return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
 
-    def warnings(self, wavelength_m: float) -> list[str]:
-        """What a user should know of this frame."""
+    def warnings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[str]:
+        """What a user should know of this frame; `objects` names the numbers from 1."""
         found = []
         for share, text in (
             (
@@ -103,6 +113,15 @@ class QualitySums:
                 f"Path lengths are known to {self.length_sigma_m:.2g} m, "
                 f"{self.length_sigma_m / wavelength_m:.2g} wavelengths: phase cannot be trusted at "
                 "this carrier, powers and ranges can."
+            )
+        silent = [objects[n - 1] for n in sorted(self.seen - self.echoing) if 0 < n <= len(objects)]
+        if silent and self.total_w > 0:
+            shown = ", ".join(map(repr, silent[:_NAMES_SHOWN]))
+            more = f" and {len(silent) - _NAMES_SHOWN} more" if len(silent) > _NAMES_SHOWN else ""
+            found.append(
+                f"Seen, but without any echo: {shown}{more}. A point lamp is not found in mirrors "
+                "(roughness 0): give them some roughness. Black, wholly transparent or shadowed "
+                "objects give no echo either."
             )
         if self.total_w == 0:
             found.append(

@@ -99,7 +99,8 @@ def _pixels(
 
 
 def _coloured_ratio(coded: Real, plain: Real) -> Real:
-    """Coded length from the brighter of two coded channels; red decays by 1/k, green by 2/k."""
-    red = log_code_ratio(coded[0], plain[0])
-    green = log_code_ratio(coded[1], plain[1]) / 2
-    return np.where((plain[1] > plain[0]) | ~np.isfinite(red), green, red)
+    """Coded length from the brightest channel; red and blue decay by 1/k, green by 2/k."""
+    rates = np.array([1.0, 2.0, 1.0])[:, None]
+    ratios = log_code_ratio(coded, plain) / rates
+    best = np.argmax(np.where(np.isfinite(ratios), plain, -1.0), axis=0)
+    return np.asarray(np.take_along_axis(ratios, best[None], axis=0)[0])

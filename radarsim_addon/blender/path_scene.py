@@ -30,6 +30,9 @@ _LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range code (temporary)"
 _CAMERA = "radarsim view (temporary)"
 
+#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
+_CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
+_CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Blender's sensor width that is used for the views; any would do.
 _SENSOR_MM = 32.0
@@ -89,7 +92,7 @@ class PathScene:
             "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
         )
         self._view: Any = None
-        self._world: Any = None
+        self._volume: Any = None
         self.objects: list[str] = []
         self.renders = 0
 
@@ -191,12 +194,22 @@ class PathScene:
             scene[contract.ATTR_VERTEX_SCALE] = float(vertex[1])
         inverse_k = self._inverse_k if request.coded else 0.0
         if self._world_code:
+            self._set_channels(request)
             scene[contract.ATTR_INVERSE_CODE_LENGTH] = 0.0
             scene[contract.ATTR_WORLD_CODE] = inverse_k
         else:
             scene[contract.ATTR_INVERSE_CODE_LENGTH] = inverse_k
         scene.update_tag()
         scene.render.filepath = str(self._folder / "view")
+
+    def _set_channels(self, request: RenderRequest) -> None:
+        """Which channels the world's volume attenuates; renders without code do not ask."""
+        if not request.coded:
+            return
+        colour = _CODE_ALL if request.all_channels else _CODE_RED_GREEN
+        socket = self._volume.inputs["Color"]
+        if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
+            socket.default_value = colour
 
     def _set_surfaces(self, gate: Gate) -> None:
         scene = self._scene
@@ -318,7 +331,8 @@ class PathScene:
                 self._recorder.set(item, "pass_index", len(self.objects))
 
     def _add_world(self) -> None:
-        """Black world with a volume that attenuates red by 1/k and green by 2/k per unit."""
+        """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
+        by 1/k where the scene is coloured."""
         world = bpy.data.worlds.new(_WORLD)
         self._recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
         if world.node_tree is None:
@@ -329,7 +343,8 @@ class PathScene:
         background = tree.nodes.new("ShaderNodeBackground")
         background.inputs["Strength"].default_value = 0.0
         volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
-        volume.inputs["Color"].default_value = (0.5, 0.0, 1.0, 1.0)
+        volume.inputs["Color"].default_value = _CODE_RED_GREEN
+        self._volume = volume
         rate = tree.nodes.new("ShaderNodeAttribute")
         rate.attribute_type, rate.attribute_name = "VIEW_LAYER", contract.ATTR_WORLD_CODE
         # The Vector output: Fac is the mean of three channels, which rounds.

@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths through and off materials of every kind, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender import nodes  # noqa: E402
+from radarsim_addon.blender.rig import DEFAULT_EIRP_W  # noqa: E402
+from radarsim_addon.physics.fresnel import unpolarised_reflectance  # noqa: E402
+from radarsim_addon.signal.assembly import first_vertex_order_2  # noqa: E402
+from radarsim_addon.signal.pathtable import (  # noqa: E402
+    FLAG_CODED_LENGTH,
+    FLAG_MIXED,
+    FLAG_NO_CODE,
+    FLAG_NO_FIRST,
+)
+from tests.blender import path_helpers as ph  # noqa: E402
+from tests.blender import radar_scenes as rs  # noqa: E402
+
+pytestmark = pytest.mark.blender
+
+SHEETS_M = [10 + 1.5 * number for number in range(8)]
+
+
+def irradiance(range_m: np.ndarray) -> np.ndarray:
+    return DEFAULT_EIRP_W / (4 * np.pi * range_m**2)
+
+
+def mirror(name: str = "Mirror") -> object:
+    """Radar Material that reflects 99.98 % and does not scatter."""
+    return nodes.make_material(name, 1e4, 1e4, 1.0, 0.0, penetrable=False)
+
+
+# -- layers that let power through -----------------------------------------------------------------
+
+
+def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
+    """Every pixel of every gate: F/pi cos EIRP/(4 pi R^2) T^(2 t), and the sheet's own range."""
+    rs.new_scene()
+    ph.field_of_view(20)
+    material = nodes.make_material("Sheet", 1.6, 0.0, 0.0, 0.5, penetrable=False)
+    for y in SHEETS_M:
+        ph.plate_at(y, 40, material)
+    run = ph.run_paths(tmp_path, width_px=16, height_px=16)
+    rows, record = run.table(), run.record()
+    radiance = ph.radiance(rows)
+    for t, y in enumerate(SHEETS_M):
+        here = rows["transparent_depth"] == t
+        assert here.sum() == 16 * 16
+        cosine = rows["direction"][here][:, 1]
+        reflected = unpolarised_reflectance(1.6, cosine)
+        want = reflected * (1 - reflected) ** (2 * t) / np.pi * cosine * irradiance(y / cosine)
+        np.testing.assert_allclose(radiance[here], want, rtol=2e-6)
+        np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=3e-7)
+        np.testing.assert_allclose(rows["last_m"][here][:, 1], y, atol=2e-6)
+        assert {record.objects[n - 1] for n in rows["object"][here]} == {
+            "Plate" if t == 0 else f"Plate.{t:03d}"
+        }
+    assert rows.size == 8 * 16 * 16
+    assert not np.any(rows["flags"])
+    assert (record.code, record.mixed_share, record.left_depth_share) == ("materials", 0.0, 0.0)
+
+
+def test_gates_hold_one_path(tmp_path: Path) -> None:
+    """G B/R^2 in every pixel and gate within 1e-5, while the open render is far off."""
+    from radarsim_addon.blender import path_job
+
+    rs.new_scene()
+    ph.field_of_view(20)
+    material = nodes.make_material("Sheet", 1.6, 0.0, 0.3, 0.8, penetrable=False)
+    for y in SHEETS_M:
+        ph.plate_at(y, 40, material)
+    kept = []
+    original = path_job.rows_of_view
+    path_job.rows_of_view = lambda traced, *rest: kept.append(traced) or original(traced, *rest)
+    try:
+        ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_order": 3})
+    finally:
+        path_job.rows_of_view = original
+    (traced,) = kept
+
+    def mixing(view: object, where: np.ndarray) -> np.ndarray:
+        red, green, blue = (plane[where] for plane in view.channels())  # type: ignore[attr-defined]
+        return green * blue / red**2
+
+    assert mixing(traced.open_view, traced.open_view.blue > 0).max() > 1.001
+    # After one reflection a path hits the sheets from behind, where no lamp shines: no order 2.
+    assert {layer.order for layer in traced.layers} == {1, 3}
+    for layer in traced.layers:
+        np.testing.assert_allclose(mixing(layer.coded, layer.amplitude > 0), 1, atol=1e-5)
+
+
+def test_eight_foreign_sheets_are_unbiased(tmp_path: Path) -> None:
+    """Lobes left to chance: the share of pixels that pass t sheets is T^t within five sigma, what
+    they carry is exact, and four shifts are four independent draws."""
+    rs.new_scene()
+    ph.field_of_view(20)
+    passed, shifts, size = 0.6, 4, 32
+    material = ph.half_transparent(passed)
+    for y in SHEETS_M:
+        ph.plate_at(y, 40, material)
+    run = ph.run_paths(tmp_path, width_px=size, height_px=size, options={"shifts": shifts})
+    rows, record = run.table(), run.record()
+    assert record.code == "world"
+    radiance = ph.radiance(rows)
+    counts = np.zeros((shifts, len(SHEETS_M)))
+    for t, y in enumerate(SHEETS_M):
+        here = rows["transparent_depth"] == t
+        cosine = rows["direction"][here][:, 1]
+        want = (1 - passed) * passed**t / np.pi * cosine * irradiance(y / cosine)
+        np.testing.assert_allclose(radiance[here], want, rtol=2e-6)
+        np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=1e-6)
+        counts[:, t] = np.bincount(rows["shift"][here], minlength=shifts) / size**2
+    share = passed ** np.arange(len(SHEETS_M))
+    sigma = np.sqrt(share * (1 - share) / size**2)
+    assert np.all(np.abs(counts - share) <= 5 * sigma)
+    assert np.all(np.abs(counts.mean(axis=0) - share) <= 5 * sigma / math.sqrt(shifts))
+    # Draws that repeat would agree to the last pixel in all gates.
+    assert len({tuple(row) for row in counts}) == shifts
+    assert not np.any(rows["flags"] & (FLAG_MIXED | FLAG_NO_CODE))
+    assert record.left_depth_share < 1e-6
+
+
+@pytest.mark.parametrize("max_depth", [2, 64])
+def test_a_wholly_transparent_layer_leaves_a_hole(tmp_path: Path, max_depth: int) -> None:
+    """Panes that reflect nothing before a plate: gates 0 to 3 are empty, gate 4 holds it all."""
+    rs.new_scene()
+    ph.field_of_view(20)
+    clear = ph.shader_material("Clear", ("ShaderNodeBsdfTransparent", {"Color": ph.grey(1.0)}))
+    for y in (5, 6, 7, 8):
+        ph.plate_at(y, 40, clear)
+    ph.plate_at(10, 40, ph.lambert(0.5))
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_depth": max_depth})
+    rows, record = run.table(), run.record()
+    if max_depth < 4:
+        assert rows.size == 0
+        assert record.left_depth_share == pytest.approx(1.0)
+        assert any("behind more transparent" in text for text in record.warnings)
+        return
+    assert set(rows["transparent_depth"]) == {4}
+    cosine = rows["direction"][:, 1]
+    np.testing.assert_allclose(rows["length_m"], 20 / cosine, rtol=1e-6)
+    want = 0.5 / np.pi * cosine * irradiance(10 / cosine)
+    np.testing.assert_allclose(ph.radiance(rows), want, rtol=2e-6)
+
+
+def test_a_slab_delays(tmp_path: Path) -> None:
+    """A plate behind 0.2 units of n = 2: power by four Fresnel passages, length by its delay."""
+    rs.new_scene()
+    ph.field_of_view(4)
+    n, thick = 2.0, 0.2
+    glass = nodes.make_material("Glass", n, 0.0, 0.0, 0.5)
+    from tests.blender.render_helpers import add_box
+
+    add_box((-9, 5, -9), (9, 5 + thick, 9), glass)
+    ph.plate_at(10, 30, nodes.make_material("Plate", 1e4, 1e4, 0.0, 0.5, penetrable=False))
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8)
+    rows = run.table()
+    back = rows[rows["transparent_depth"] == 2]
+    assert back.size == 64
+    cosine = back["direction"][:, 1]
+    # The ray runs straight on; the delay is (n - 1) times its way inside.
+    want = 2 * (10 + (n - 1) * thick) / cosine
+    np.testing.assert_allclose(back["length_m"], want, rtol=1e-6)
+    assert np.all(back["flags"] == FLAG_CODED_LENGTH)
+    np.testing.assert_allclose(back["last_m"][:, 1], 10, atol=1e-6)
+    passage = (1 - unpolarised_reflectance(n, cosine)) ** 4
+    metal = unpolarised_reflectance(1e4 + 1e4j, cosine)
+    power = passage * metal / np.pi * cosine * irradiance(10 / cosine)
+    np.testing.assert_allclose(ph.radiance(back), power, rtol=1e-5)
+
+
+# -- colours ---------------------------------------------------------------------------------------
+
+
+def test_coloured_and_textured_materials(tmp_path: Path) -> None:
+    """Principled, saturated and textured: the *coded* range of orders 1 and 2 against geometry."""
+    from radarsim_addon.blender import path_job
+
+    rs.new_scene()
+    ph.field_of_view(30)
+    colours = [(0.8, 0.25, 0.05), (0.05, 0.3, 0.9), (0.0, 0.6, 0.0), (0.5, 0.5, 0.5)]
+    for number, colour in enumerate(colours):
+        x, y = -3 + 2 * number, 8 + 2 * number
+        corners = [(x - 1, y, -3), (x + 1, y, -3), (x + 1, y, 3), (x - 1, y, 3)]
+        ph.quad(f"Wall {number}", corners, ph.principled(f"Colour {number}", colour))
+    textured = ph.principled("Texture", (1, 1, 1))
+    tree = textured.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value = 3.0
+    surface = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
+    tree.links.new(noise.outputs["Color"], surface.inputs["Base Color"])
+    ph.quad("Floor", [(-10, 2, -2), (10, 2, -2), (10, 40, -2), (-10, 40, -2)], textured)
+
+    logs = []
+    original = path_job.rows_of_view
+
+    def spy(
+        traced: object, rays: object, camera: object, emitter_m: object, k: float, *rest: object
+    ) -> object:
+        from radarsim_addon.blender.path_rows import _coloured_ratio
+
+        for layer in traced.layers:  # type: ignore[attr-defined]
+            index = np.nonzero(layer.amplitude > 0)
+            coded, plain = (v.channels()[:, index[0], index[1]] for v in (layer.coded, layer.plain))
+            logs.append((layer.order, -k * _coloured_ratio(coded, plain)))
+        return original(traced, rays, camera, emitter_m, k, *rest)
+
+    path_job.rows_of_view = spy
+    try:
+        run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_order": 2})
+    finally:
+        path_job.rows_of_view = original
+    rows, record = run.table(), run.record()
+    assert (record.code, record.coloured, record.no_code_share) == ("world", True, 0.0)
+    for order in (1, 2):
+        mine = rows[rows["order"] == order]
+        assert mine.size > 150
+        first, last = mine["first_m"], mine["last_m"]
+        length = np.linalg.norm(first, axis=1) + np.linalg.norm(last, axis=1)
+        if order == 2:
+            length += np.linalg.norm(last - first, axis=1)
+        coded = np.concatenate([values for number, values in logs if number == order])
+        np.testing.assert_allclose(coded, length, rtol=1e-5)
+        np.testing.assert_allclose(mine["length_m"], length, rtol=1e-5)
+    assert set(rows["object"][rows["order"] == 1]) == {1, 2, 3, 4, 5}
+
+
+@pytest.mark.parametrize("colour", [(0.9, 0, 0), (0, 0.9, 0), (0, 0, 0.9)], ids="RGB")
+def test_one_channel_is_enough(tmp_path: Path, colour: tuple[float, float, float]) -> None:
+    """Pure red, green or blue surfaces: two bounces have a length in whichever channel is lit."""
+    rs.new_scene()
+    ph.field_of_view(40)
+    pure = ph.shader_material("Pure", ("ShaderNodeBsdfDiffuse", {"Color": (*colour, 1)}))
+    ph.quad("Floor", [(-20, -5, -1), (20, -5, -1), (20, 12, -1), (-20, 12, -1)], pure)
+    ph.quad("Wall", [(-20, 12, -1), (20, 12, -1), (20, 12, 20), (-20, 12, 20)], pure)
+    channel = "RGB"[int(np.argmax(colour))]
+    options = {"max_order": 2, "amplitude": channel}
+    run = ph.run_paths(tmp_path, width_px=16, height_px=16, options=options)
+    rows, record = run.table(), run.record()
+    assert record.no_code_share == 0
+    two = rows[rows["order"] == 2]
+    assert two.size > 30
+    # No vertex without all three channels, but |C P1| + |P1 P2| + |P2 T| >= 2 |C P1|.
+    assert np.all(two["length_m"] >= 2 * np.linalg.norm(two["first_m"], axis=1) * (1 - 1e-6))
+    one = rows[rows["order"] == 1]
+    cosine = np.abs(np.where(one["object"] == 1, one["direction"][:, 2], one["direction"][:, 1]))
+    reach = np.where(one["object"] == 1, 1.0, 12.0) / cosine
+    np.testing.assert_allclose(one["length_m"], 2 * reach, rtol=1e-6)
+    want = 0.9 / np.pi * cosine * irradiance(reach)
+    np.testing.assert_allclose(ph.radiance(one), want, rtol=3e-6)
+
+
+# -- geometry --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_grazing_plane(tmp_path: Path, code: str) -> None:
+    """A plane met at 1 degree: range of each pixel against the plane in float64."""
+    rs.new_scene()
+    ph.field_of_view(0.6)
+    height = 1.0
+    radar = ph.radar_at((0, 0, height))
+    radar.rotation_euler.x -= math.radians(1.0)
+    metal = nodes.make_material("Metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    material = metal if code == "materials" else ph.lambert(0.9)
+    ph.quad("Ground", [(-50, -5, 0), (50, -5, 0), (50, 300, 0), (-50, 300, 0)], material)
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"shifts": 2, "code": code})
+    rows = run.table()
+    assert rows.size == 2 * 32 * 32
+    reach = height / -rows["direction"][:, 2]
+    assert reach.min() < 45
+    assert reach.max() > 80
+    # Float32 of a direction is 4.5e-8 rad; at 1 degree that is 2.6e-6 of the range.
+    np.testing.assert_allclose(rows["length_m"], 2 * reach, rtol=2e-5)
+    # The vertex lies on the plane, and the length is the vertex's to float64.
+    np.testing.assert_allclose(rows["last_m"][:, 2], 0, atol=1e-6)
+    exact = 2 * np.linalg.norm(rows["last_m"] - (0, 0, height), axis=1)
+    np.testing.assert_allclose(rows["length_m"], exact, rtol=2e-7)
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_mirror_corridor(tmp_path: Path, code: str) -> None:
+    """Two mirror walls and a rough end: orders 1 to 3 are the images of the end, one, two away."""
+    rs.new_scene()
+    ph.field_of_view(42)
+    half, end = 1.0, 12.0
+    walls = mirror()
+    for side in (-half, half):
+        corners = [(side, -1, -20), (side, end, -20), (side, end, 20), (side, -1, 20)]
+        ph.quad("Wall", corners, walls)
+    rough = nodes.make_material("End", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("End", [(-half, end, -20), (half, end, -20), (half, end, 20), (-half, end, 20)], rough)
+    options = {"max_order": 3, "code": code}
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
+    rows = run.table()
+    direction = rows["direction"]
+    unfolded = direction * (end / direction[:, 1:2])
+    images = np.rint(unfolded[:, 0] / (2 * half))  # walls crossed
+    np.testing.assert_array_equal(rows["order"], 1 + np.abs(images))
+    assert {1, 2, 3} == set(rows["order"])
+    x = unfolded[:, 0] - 2 * half * images
+    scatterer = np.stack([np.where(images % 2, -x, x), unfolded[:, 1], unfolded[:, 2]], axis=1)
+    way_back = np.linalg.norm(scatterer, axis=1)
+    length = np.linalg.norm(unfolded, axis=1) + way_back
+    np.testing.assert_allclose(rows["length_m"], length, rtol=1e-6)
+    np.testing.assert_allclose(rows["last_m"], scatterer, atol=5e-5)
+    wall = np.abs(rows["first_m"][rows["order"] > 1][:, 0])
+    np.testing.assert_allclose(wall, half, atol=1e-6)
+    # Each mirror's Fresnel reflectance, the end's cosines, and the way back alone in the lamp's.
+    reflects = unpolarised_reflectance(1e4 + 1e4j, np.abs(direction[:, 0]))
+    wall_power = reflects ** np.abs(images)
+    lit = scatterer[:, 1] / way_back
+    out = np.abs(direction[:, 1])
+    power = unpolarised_reflectance(1e4 + 1e4j, out) / np.pi * lit * irradiance(way_back)
+    np.testing.assert_allclose(ph.radiance(rows), power * wall_power, rtol=2e-4)
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_dihedral(tmp_path: Path, code: str) -> None:
+    """A mirror floor and a rough wall: both vertices and the length in closed form."""
+    rs.new_scene()
+    ph.field_of_view(50)
+    ph.radar_at((0, 0, 2))
+    ph.quad("Floor", [(-30, -5, 0), (30, -5, 0), (30, 10, 0), (-30, 10, 0)], mirror())
+    rough = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("Wall", [(-30, 10, 0), (30, 10, 0), (30, 10, 30), (-30, 10, 30)], rough)
+    options = {"max_order": 2, "code": code}
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
+    rows = run.table()
+    two = rows[rows["order"] == 2]
+    assert two.size > 200
+    camera = np.array([0.0, 0.0, 2.0])
+    direction = two["direction"]
+    first = camera + direction * (2 / -direction[:, 2:])
+    image = camera + direction * (10 / direction[:, 1:2])
+    last = image * (1, 1, -1)
+    length = np.linalg.norm(image - camera, axis=1) + np.linalg.norm(last - camera, axis=1)
+    np.testing.assert_allclose(two["length_m"], length, rtol=1e-6)
+    np.testing.assert_allclose(two["last_m"], last, atol=5e-5)
+    np.testing.assert_allclose(two["first_m"], first, atol=1e-5)
+    # Without looking at the Position pass, from direction, length and last vertex alone:
+    found, conditioning = first_vertex_order_2(
+        np.broadcast_to(camera, direction.shape),
+        direction,
+        two["last_m"],
+        camera,
+        two["length_m"],
+    )
+    error = np.linalg.norm(found - first, axis=1) * conditioning
+    assert error.max() < 1e-4
+    assert not np.any(two["flags"] & FLAG_NO_FIRST)
+
+
+def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
+    rs.new_scene()
+    plate = ph.plate_at(10, 40, mirror())
+    run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_order": 3})
+    record = run.record()
+    assert (record.rows, record.total_power_w) == (0, 0.0)
+    assert any("mirror that faces the radar" in text for text in record.warnings)
+    # Beside something that echoes it must not go unsaid either.
+    plate.name = "Looking-glass"
+    bpy.data.objects["Looking-glass"].location.x = 21
+    wall = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("Wall", [(-20, 10, -20), (0, 10, -20), (0, 10, 20), (-20, 10, 20)], wall)
+    run = ph.run_paths(tmp_path / "both", width_px=8, height_px=8)
+    said = [text for text in run.record().warnings if "without any echo" in text]
+    assert len(said) == 1
+    assert "'Looking-glass'" in said[0]
+    assert "'Wall'" not in said[0]
+    assert run.job.warnings[-len(run.record().warnings) :] == run.record().warnings
+
+
+def test_nothing_in_sight(tmp_path: Path) -> None:
+    """A frame without any echo: an empty table that opens, and a word about it."""
+    rs.new_scene()
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_order": 2})
+    record = run.record()
+    assert (record.rows, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
+    assert run.table().size == 0
+    assert any("Nothing echoes" in text for text in record.warnings)
