@@ -26,6 +26,12 @@ Real = NDArray[np.float64]
 GREY_TOLERANCE = 1e-5
 #: Orders above the limit whose power is measured, without following their paths.
 PROBED_ORDERS = 4
+#: Pixels a side that share a ray of that: five reflections cost several times what one does.
+PROBE_COARSE = 4
+#: Differences of renders below this share of the minuend are float32 rounding.
+_ROUNDING = 1e-6
+#: Regions larger than this share of the view are rendered as the whole view.
+_LARGEST_REGION = 0.85
 
 
 @dataclass(frozen=True)
@@ -45,16 +51,30 @@ class Gate:
 
 
 @dataclass(frozen=True)
+class Region:
+    """Columns left to right and rows top to bottom (exclusive) of a view."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
+@dataclass(frozen=True)
 class RenderRequest:
     """One render.
 
     coded: with the range code, all_channels: in blue too (a plain render tells the amplitude);
-    vertex: the emitter also carries where it shines.
+    vertex: the emitter also carries where it shines; region: the only
+    pixels that can hold something (the others are 0 in the view), None for all; coarse: this many
+    pixels a side may share one ray, for sums that need no more.
     """
 
     gate: Gate
     coded: bool = True
     vertex: bool = False
+    region: Region | None = None
+    coarse: int = 1
     all_channels: bool = False
 
 
@@ -116,7 +136,7 @@ class TracedView:
 
     Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
     left_depth of the part of it that was not followed, beyond of the orders above the limit (0
-    unless it was asked for).
+    unless it was asked for). first_depths is the number of depths of order 1 that were rendered.
     """
 
     layers: list[GateLayer] = field(default_factory=list)
@@ -126,6 +146,7 @@ class TracedView:
     left_depth: float = 0.0
     beyond: float = 0.0
     renders: int = 0
+    first_depths: int = 0
     coloured: bool = False
 
 
@@ -149,6 +170,8 @@ class TraceLimits:
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
     probe
         One more render says how much power is in the next `PROBED_ORDERS` orders.
+    opaque
+        Numbers of objects that let nothing through, whatever the ray.
     """
 
     max_order: int = 1
@@ -158,9 +181,12 @@ class TraceLimits:
     world_code: bool = False
     amplitude: str = "mean"
     probe: bool = False
+    opaque: frozenset[int] = frozenset()
 
 
-def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
+def trace_view(
+    limits: TraceLimits, weight: Real, first_depths: int = 0
+) -> Generator[RenderRequest, View, TracedView]:
     """Follow all paths of one view.
 
     Parameters
@@ -169,30 +195,26 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
         How far.
     weight
         Weight of each pixel's power (its solid angle), (h, w).
+    first_depths
+        What an earlier shift of the same tile found (`TracedView.first_depths`), where the scene
+        is lottery-free: these gates are rendered without asking first, and one more render says
+        what is left behind them. 0: unknown.
     """
     found = TracedView()
     tracer = _Tracer(limits, weight, found)
-    # In a scene of Radar Materials all renders carry the code: switching it would change the
-    # weights of their lobes and with them the paths. The world's code leaves paths as they are.
-    open_view = yield RenderRequest(Gate(order_max=limits.max_order), coded=not limits.world_code)
-    found.renders += 1
-    found.open_view = open_view
-    found.coloured = limits.world_code and _is_coloured(open_view)
-    left = tracer.amplitude(open_view)
-    found.total = tracer.power(left)
-    for order in range(1, limits.max_order + 1):
+    if first_depths and limits.lottery_free:
+        yield from tracer.first_order_in_turn(None, first_depths)
+        left = yield from tracer.orders_from_2()
+    else:
+        # In a scene of Radar Materials all renders carry the code: switching it would change the
+        # weights of their lobes and with them the paths. The world's code leaves paths as they are.
+        left = yield from tracer.open_render(Gate(order_max=limits.max_order))
+        if limits.lottery_free and found.total > 0:
+            yield from tracer.first_order_in_turn(left, 0)
+            left = yield from tracer.orders_from_2()
+    for order in range(2 if limits.lottery_free else 1, limits.max_order + 1):
         if tracer.power(np.abs(left)) <= limits.residual * found.total:
             break
-        if order == 1 and limits.lottery_free:
-            yield from tracer.first_order_in_turn()
-            if limits.max_order > 1:
-                gate = Gate(order_min=2, order_max=limits.max_order)
-                later = yield RenderRequest(gate, coded=not limits.world_code)
-                found.renders += 1
-                left = tracer.amplitude(later)
-            else:
-                left = np.zeros_like(left)
-            continue
         if order == limits.max_order == 1:
             base = left
         else:
@@ -207,7 +229,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     found.left_order = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
         gate = Gate(limits.max_order + 1, limits.max_order + PROBED_ORDERS)
-        view = yield RenderRequest(gate, coded=not limits.world_code)
+        view = yield RenderRequest(gate, coded=not limits.world_code, coarse=PROBE_COARSE)
         found.renders += 1
         found.beyond = tracer.power(tracer.amplitude(view))
     return found
@@ -232,57 +254,111 @@ class _Tracer:
             return (view.red + view.green + view.blue) / 3
         return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude]
 
+    def open_render(self, gate: Gate) -> Generator[RenderRequest, View, Real]:
+        """What the gates must add up to; also tells whether the scene is coloured."""
+        found, limits = self._found, self._limits
+        view = yield RenderRequest(gate, coded=not limits.world_code)
+        found.renders += 1
+        found.open_view = view
+        found.coloured = limits.world_code and _is_coloured(view)
+        amplitude = self.amplitude(view)
+        found.total = self.power(amplitude)
+        return amplitude
+
+    def orders_from_2(self) -> Generator[RenderRequest, View, Real]:
+        """Everything above order 1, up to the limit."""
+        found, limits = self._found, self._limits
+        if limits.max_order == 1:
+            return np.zeros_like(self._weight)
+        gate = Gate(order_min=2, order_max=limits.max_order)
+        view = yield RenderRequest(gate, coded=not limits.world_code)
+        found.renders += 1
+        later = self.amplitude(view)
+        found.total += self.power(later)
+        return later
+
     def depths_of(self, order: int, base: Real) -> Generator[RenderRequest, View, None]:
         """All depths of one order, until they add up to `base`. Lobes are left to chance.
 
         An empty gate is no reason to stop (a wholly transparent layer leaves a hole).
         """
         left = base.copy()
+        region = bounding_region(base > 0)
         for depth in range(self._limits.max_depth + 1):
             gate = Gate(order, order, depth, depth)
-            layer = yield from self.layer(order, depth, gate)
+            layer = yield from self.layer(order, depth, gate, region)
             left -= layer.amplitude
             if self._spent(left):
                 break
+            # Below this it is rounding of what was found.
+            region = bounding_region(left > _ROUNDING * base)
         self._found.left_depth += self.power(np.maximum(left, 0.0))
 
-    def first_order_in_turn(self) -> Generator[RenderRequest, View, None]:
+    def first_order_in_turn(
+        self, everything: Real | None, learned: int
+    ) -> Generator[RenderRequest, View, None]:
         """Order 1, with every Radar Material in front of the gate passed deterministically.
 
-        The tail (this depth and all behind) and the gate differ in the emitter alone, so they are
-        of the same paths: where they agree in every pixel, nothing is behind.
+        A tail (this depth and all behind) and the gate differ in the emitter alone, so they are
+        of the same paths: where they agree in every pixel, nothing is behind. `everything` is the
+        open render, which serves as the first tail; without it the first `learned` depths are
+        there. Rendered are only pixels in which the surface before lets something through.
         """
-        left = 0.0
-        for depth in range(self._limits.max_depth + 1):
-            tail = Gate(1, 1, depth, None, surface_depth=depth)
-            view = yield RenderRequest(tail, coded=not self._limits.world_code)
-            self._found.renders += 1
-            behind = self.amplitude(view)
-            left = self.power(behind)
-            if left <= self._limits.residual * self._found.total:
-                break
+        found, limits = self._found, self._limits
+        # With later orders in it the open render is too large a tail to end with.
+        as_tail = everything is not None and (limits.max_order == 1 or limits.max_depth > 0)
+        tail_from = 1 if as_tail else min(learned, limits.max_depth)
+        tail, left, in_layers = everything, 0.0, 0.0
+        region = None if everything is None else bounding_region(everything > 0)
+        for depth in range(limits.max_depth + 1):
+            if depth >= tail_from:
+                gate = Gate(1, 1, depth, None, surface_depth=depth)
+                view = yield RenderRequest(gate, coded=not limits.world_code, region=region)
+                found.renders += 1
+                tail = self.amplitude(view)
+                left = self.power(tail)
+                found.total = max(found.total, in_layers + left)
+                if left <= limits.residual * found.total:
+                    break
+                region = bounding_region(tail > 0)
             gate = Gate(1, 1, depth, depth, surface_depth=depth)
-            layer = yield from self.layer(1, depth, gate)
-            rest = behind - layer.amplitude
-            left = self.power(np.maximum(rest, 0.0))
-            if self._spent(rest):
+            layer = yield from self.layer(1, depth, gate, region)
+            found.first_depths = depth + 1
+            in_layers += self.power(layer.amplitude)
+            if tail is not None:
+                rest = tail - layer.amplitude
+                left = self.power(np.maximum(rest, 0.0))
+                if self._spent(rest):
+                    break
+            open_pixels = self._lets_through(layer.coded)
+            if not open_pixels.any():
+                left = 0.0
                 break
-        self._found.left_depth += left
+            region = bounding_region(open_pixels)
+        found.total = in_layers + left
+        found.left_depth += left
+
+    def _lets_through(self, view: View) -> NDArray[np.bool_]:
+        """Pixels in which something may lie behind the surface that was seen."""
+        if view.object_index is None:
+            return np.ones(view.blue.shape, dtype=bool)
+        closed = np.isin(view.object_index, [0, *self._limits.opaque])
+        return np.asarray(~closed)
 
     def layer(
-        self, order: int, depth: int, gate: Gate
+        self, order: int, depth: int, gate: Gate, region: Region | None
     ) -> Generator[RenderRequest, View, GateLayer]:
         coloured = self._found.coloured
-        coded = yield RenderRequest(gate, all_channels=coloured)
+        coded = yield RenderRequest(gate, region=region, all_channels=coloured)
         self._found.renders += 1
         plain = None
         if coloured:
-            plain = yield RenderRequest(gate, coded=False)
+            plain = yield RenderRequest(gate, coded=False, region=region)
             self._found.renders += 1
         amplitude = self.amplitude(plain or coded)
         vertex = None
         if order > 1 and np.any(amplitude > 0):
-            vertex = yield RenderRequest(gate, vertex=True, all_channels=coloured)
+            vertex = yield RenderRequest(gate, vertex=True, region=region, all_channels=coloured)
             self._found.renders += 1
         first = depth == 0 or gate.surface_depth is not None
         layer = GateLayer(order, depth, amplitude, coded, plain, vertex, first)
@@ -298,3 +374,13 @@ def _is_coloured(view: View) -> bool:
     scale = view.channels().max(axis=0)
     spread = scale - view.channels().min(axis=0)
     return bool(np.any(spread > GREY_TOLERANCE * scale))
+
+
+def bounding_region(pixels: NDArray[np.bool_]) -> Region | None:
+    """Smallest region that holds all these pixels; None, for all, where it would save little."""
+    rows, cols = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
+    if not rows.size:
+        return Region(0, 1, 0, 1)
+    region = Region(int(cols[0]), int(cols[-1]) + 1, int(rows[0]), int(rows[-1]) + 1)
+    area = (region.right - region.left) * (region.bottom - region.top)
+    return None if area > _LARGEST_REGION * pixels.size else region

@@ -20,8 +20,9 @@ import numpy as np
 from .. import contract
 from ..errors import RenderError
 from .isolation import SURFACE_TYPES
+from .nodes.materials import lets_nothing_through
 from .pass_files import read_passes
-from .path_gates import Gate, RenderRequest, View
+from .path_gates import Gate, Region, RenderRequest, View
 from .poses import rigid_pose
 from .recorder import Recorder
 from .render_settings import NEAR_CLIP_UNITS
@@ -36,6 +37,14 @@ _CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Blender's sensor width that is used for the views; any would do.
 _SENSOR_MM = 32.0
+_BORDER = (
+    "use_border",
+    "use_crop_to_border",
+    "border_min_x",
+    "border_max_x",
+    "border_min_y",
+    "border_max_y",
+)
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,10 @@ class PathScene:
         )
         self._view: Any = None
         self._volume: Any = None
+        self._size = (0, 0)
+        self._request = RenderRequest(Gate())
         self.objects: list[str] = []
+        self.opaque: frozenset[int] = frozenset()
         self.renders = 0
 
     def apply(self) -> None:
@@ -141,7 +153,7 @@ class PathScene:
         seed of its own: with a common one the views would draw the same lots, pixel by pixel, and
         shifts would be no replicates of one another.
         """
-        data, render = self._view.data, self._scene.render
+        data = self._view.data
         self._scene.cycles.seed = seed
         width = window.right - window.left
         pixel_u = width / window.width_px
@@ -153,7 +165,7 @@ class PathScene:
         centre_v = (window.bottom + window.top) / 2 + shift_px[1] * pixel_v
         data.shift_x = centre_u / width
         data.shift_y = centre_v / width
-        render.resolution_x, render.resolution_y = window.width_px, window.height_px
+        self._size = (window.width_px, window.height_px)
         size = float(data.sensor_width) / float(data.lens)
         half_u, half_v = size / 2, size / 2 * window.height_px / window.width_px
         shift_u, shift_v = float(data.shift_x) * size, float(data.shift_y) * size
@@ -180,6 +192,8 @@ class PathScene:
             Origin and scale for the last vertex, Blender units.
         """
         scene, gate = self._scene, request.gate
+        self._request = request
+        self._set_frame(request.region, request.coarse)
         scene[contract.ATTR_ORDER_MIN] = gate.order_min - 0.5
         scene[contract.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
         scene[contract.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
@@ -210,6 +224,21 @@ class PathScene:
         socket = self._volume.inputs["Color"]
         if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
             socket.default_value = colour
+
+    def _set_frame(self, region: Region | None, coarse: int) -> None:
+        """Resolution, and the border that leaves out pixels that hold nothing."""
+        render, (width, height) = self._scene.render, self._size
+        if coarse > 1:
+            width, height = -(-width // coarse), -(-height // coarse)
+        render.resolution_x, render.resolution_y = width, height
+        render.use_border = render.use_crop_to_border = region is not None
+        if region is not None:
+            # A quarter of a pixel inside: Blender cuts the product with the width down to a whole
+            # number. Pixels of the crop are bit by bit those of the whole frame.
+            render.border_min_x = (region.left + 0.25) / width
+            render.border_max_x = min((region.right + 0.25) / width, 1.0)
+            render.border_min_y = (height - region.bottom + 0.25) / height
+            render.border_max_y = min((height - region.top + 0.25) / height, 1.0)
 
     def _set_surfaces(self, gate: Gate) -> None:
         scene = self._scene
@@ -250,18 +279,17 @@ class PathScene:
             raise RenderError(
                 f"The render has no pass {combined}; found {', '.join(passes) or 'none'}."
             )
-        light = passes[combined]
         position = None
         if "Position" in passes:
             found = passes["Position"]
-            position = np.stack([found[axis] for axis in "XYZ"], axis=-1).astype(np.float64)
+            position = np.stack([self._whole(found[axis]) for axis in "XYZ"], axis=-1)
         index = passes.get("Object Index") or passes.get("IndexOB")
         number = None
         if index is not None:
-            number = np.rint(next(iter(index.values()))).astype(np.int32)
+            number = np.rint(self._whole(next(iter(index.values())))).astype(np.int32)
             if position is not None:
                 position[number == 0] = np.nan  # nothing was hit
-        red, green, blue = (np.asarray(light[name], dtype=np.float64) for name in "RGB")
+        red, green, blue = (self._whole(passes[combined][name]) for name in "RGB")
         return View(
             red,
             green,
@@ -269,6 +297,27 @@ class PathScene:
             position=position,
             object_index=number,
         )
+
+    def _whole(self, plane: np.ndarray) -> np.ndarray:
+        """A channel over the whole view: 0 outside the region, coarse pixels repeated."""
+        (width, height), region = self._size, self._request.region
+        coarse = self._request.coarse
+        if coarse > 1:
+            rows = np.arange(height) * plane.shape[0] // height
+            plane = plane[rows][:, np.arange(width) * plane.shape[1] // width]
+        expected = (height, width)
+        if region is not None:
+            expected = (region.bottom - region.top, region.right - region.left)
+        if plane.shape != expected:
+            raise RenderError(
+                f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
+                f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
+            )
+        if region is None:
+            return plane.astype(np.float64)
+        whole = np.zeros((height, width))
+        whole[region.top : region.bottom, region.left : region.right] = plane
+        return whole
 
     # -- setting up --------------------------------------------------------------------------------
 
@@ -303,6 +352,8 @@ class PathScene:
         put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
         put(self._scene.render, "filepath", str(self._folder / "view"))
         put(self._scene.render, "use_file_extension", True)
+        for name in ("resolution_x", "resolution_y", *_BORDER):
+            put(self._scene.render, name, getattr(self._scene.render, name))
 
     def _set_passes(self) -> None:
         put, layer = self._recorder.set, self._view_layer
@@ -325,10 +376,14 @@ class PathScene:
     def _number_objects(self) -> None:
         """Object n of the list `objects` gets pass index n, from 1."""
         self.objects = []
+        opaque = set()
         for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
             if item.type in SURFACE_TYPES:
                 self.objects.append(item.name)
                 self._recorder.set(item, "pass_index", len(self.objects))
+                if _is_opaque(item):
+                    opaque.add(len(self.objects))
+        self.opaque = frozenset(opaque)
 
     def _add_world(self) -> None:
         """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
@@ -358,3 +413,11 @@ class PathScene:
         tree.links.new(background.outputs[0], output.inputs["Surface"])
         tree.links.new(volume.outputs[0], output.inputs["Volume"])
         self._recorder.set(self._scene, "world", world)
+
+
+def _is_opaque(item: Any) -> bool:
+    """Whether an object is known to let nothing through; geometry nodes may set any material."""
+    slots = item.material_slots
+    if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
+        return False
+    return all(lets_nothing_through(slot.material) for slot in slots)
