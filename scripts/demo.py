@@ -175,7 +175,7 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
         print(f"{'Target':16}{target['true_range_m']:>10.2f} m{target['range_m']:>10.2f} m"
               f"   {target['velocity_mps']:+.3f} m/s (receding is +), "
               f"{target['doppler_hz']:.1f} Hz, {target['level_above_background_db']:.0f} dB above "
-              "its surroundings")
+              "the median of its surroundings")
     else:
         print("Target: nothing moves in the map")
     times = summary["time_s"]

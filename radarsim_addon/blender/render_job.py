@@ -32,6 +32,7 @@ from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, m
 from .advice import warnings_for
 from .exr_check import verify_exr
 from .measurement import Measurement, typed
+from .nodes import refresh_groups
 from .poses import camera_record, emitter_record
 from .recorder import Recorder
 from .render_settings import MeasurementSettings
@@ -119,6 +120,8 @@ class RenderJob:
         output_folder.prepare_folder(self.folder)
         # Before anything is touched: afterwards the file would count as changed.
         file_digest = scene_truth.file_digest()
+        # A file of an older radarsim holds older node groups, which know less of the measurement.
+        refresh_groups()
         survey = Recorder()
         try:
             self._remember_view(survey)
