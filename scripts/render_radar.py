@@ -14,6 +14,7 @@ Exit codes: 0 done, 1 failed, 2 bad arguments.
 from __future__ import annotations
 
 import argparse
+import atexit
 import os
 import shutil
 import sys
@@ -141,6 +142,9 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
         properties.register()
+        if not inside_blender:
+            # Blender 4.5 as a module never ends while a property group of ours is registered.
+            atexit.register(properties.unregister)
     overrides = command_line_overrides(arguments)
     with quiet_blender() as stream:
         if arguments.blend is not None:
