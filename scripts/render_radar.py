@@ -160,6 +160,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
             overrides=overrides,
             path_overrides=path_overrides(arguments),
         )
+        job.file_just_opened = arguments.blend is not None
         with job:
             for warning in job.warnings:
                 print(f"radarsim: warning: {warning}", file=stream, flush=True)

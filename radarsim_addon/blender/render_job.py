@@ -87,6 +87,8 @@ class RenderJob:
         self._rendered = 0
         self._pending: list[Task] = []
         self.folder = folder
+        #: Set by who has just opened the file, so that nobody can have changed it since.
+        self.file_just_opened = False
         self.warnings: list[str] = []
         self.unrestored: list[str] = []
         self.versions = {
@@ -119,7 +121,7 @@ class RenderJob:
         self.rig: Rig = find_rig(self._scene, *self._antennas)
         output_folder.prepare_folder(self.folder)
         # Before anything is touched: afterwards the file would count as changed.
-        file_digest = scene_truth.file_digest()
+        file_digest = scene_truth.file_digest(self.file_just_opened)
         # A file of an older radarsim holds older node groups, which know less of the measurement.
         refresh_groups()
         survey = Recorder()

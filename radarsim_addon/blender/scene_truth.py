@@ -200,9 +200,13 @@ def _mesh_arrays(mesh: Any) -> tuple[Array, NDArray[np.int32]]:
 # -- what the scene is, for the fingerprint --------------------------------------------------------
 
 
-def file_digest() -> str | None:
-    """Hash of the saved .blend and its libraries; None where there are unsaved changes."""
-    if not bpy.data.filepath or bpy.data.is_dirty:
+def file_digest(just_opened: bool = False) -> str | None:
+    """Hash of the saved .blend and its libraries; None where there are unsaved changes.
+
+    `just_opened` is for callers that know there are none: as a module, Blender up to 5.0 calls
+    every file changed.
+    """
+    if not bpy.data.filepath or (bpy.data.is_dirty and not just_opened):
         return None
     paths = [Path(bpy.data.filepath)]
     paths += [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
