@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
 from ..signal.pathtable import PathRows
@@ -15,17 +16,58 @@ from ..signal.pathtable import PathRows
 Real = NDArray[np.float64]
 
 
+#: Numbers of an instance that tell it from others of the same object; empty for the object itself.
+Key = tuple[Any, ...]
+
+#: A turn larger than this between the two moments has no sure direction [rad].
+_LARGEST_TURN = 3.0
+#: How far the axes of a rotation may be from orthonormal; float32 poses are within 1e-6.
+_RIGID_WITHIN = 1e-4
+#: How far from a moving surface a last vertex may lie, relative to the path's length: vertices
+#: from the emitter's colours are known to 1e-6 of the scene's size.
+_ON_SURFACE_WITHIN = 2e-5
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One object or instance: its pose (4, 4) in metres, and its box (2, 3) in its own axes [m]."""
+
+    pose: Real
+    box: Real
+
+
 @dataclass(frozen=True)
 class Poses:
-    """Poses (4, 4) of the objects by name, and positions of the antennas, in metres."""
+    """What is shown, by name and instance, and positions of the antennas, in metres."""
 
-    objects: Mapping[str, Real]
+    objects: Mapping[str, Mapping[Key, Shown]]
     receiver_m: Real
     emitter_m: Real
 
 
+@dataclass(frozen=True)
+class _Motion:
+    """Motion of one object or instance: velocity of its origin, and either a turn or a stretch."""
+
+    shown: Shown
+    origin_rate: Real
+    turn_rate: Real | None  # rad/s, about the origin
+    stretch_rate: Real | None  # (3, 3) 1/s
+
+    def velocity(self, points: Real) -> Real:
+        arm = points - self.shown.pose[:3, 3]
+        if self.turn_rate is not None:
+            return self.origin_rate + np.cross(self.turn_rate, arm)
+        if self.stretch_rate is not None:
+            return self.origin_rate + arm @ self.stretch_rate.T
+        return np.broadcast_to(self.origin_rate, points.shape)
+
+
 class ObjectMotion:
-    """Motion between two moments: rigid, object by object.
+    """Motion between two moments: rigid, object by object and instance by instance.
+
+    Turns are taken at the first moment (a rotor's blade moves along its circle, not along the
+    chord of the interval), shifts of the origin as their mean over the interval.
 
     Parameters
     ----------
@@ -35,22 +77,36 @@ class ObjectMotion:
         Poses at both moments.
     interval_s
         Time between them [s].
+    depsgraph, metres_per_unit
+        At the first moment: surfaces of what moves are taken from it, to tell which last vertices
+        of several reflections lie on them. Without, these are taken to stand still.
     """
 
-    def __init__(self, names: Sequence[str], now: Poses, later: Poses, interval_s: float) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        now: Poses,
+        later: Poses,
+        interval_s: float,
+        depsgraph: Any = None,
+        metres_per_unit: float = 1.0,
+    ) -> None:
         self._interval_s = interval_s
+        self._metres_per_unit = metres_per_unit
         self._receiver_step = later.receiver_m - now.receiver_m
         self._emitter_step = later.emitter_m - now.emitter_m
-        self._steps: dict[int, Real] = {}
+        self._moving: dict[int, list[_Motion | Shown]] = {}
         for number, name in enumerate(names, start=1):
-            before, after = now.objects.get(name), later.objects.get(name)
-            # Equal matrices are left out: their difference is exactly zero, not rounding.
-            if before is None or after is None or np.array_equal(before, after):
-                continue
-            try:
-                self._steps[number] = after @ np.linalg.inv(before) - np.eye(4)
-            except np.linalg.LinAlgError:  # scaled to nothing: it has no surface either
-                continue
+            after = later.objects.get(name, {})
+            parts = [
+                _motion(shown, after.get(key), interval_s)
+                for key, shown in now.objects.get(name, {}).items()
+            ]
+            if any(isinstance(part, _Motion) for part in parts):
+                self._moving[number] = parts
+        self._surfaces: dict[int, Any] = {}
+        if depsgraph is not None:
+            self._surfaces = _surfaces({names[n - 1]: n for n in self._moving}, depsgraph)
 
     @staticmethod
     def poses(depsgraph: Any, rig: Any, metres_per_unit: float) -> Poses:
@@ -61,11 +117,18 @@ class ObjectMotion:
             pose[:3, 3] *= metres_per_unit
             return pose
 
-        objects = {
-            item.original.name: metres(item.matrix_world)
-            for item in depsgraph.objects
-            if item.type not in {"CAMERA", "LIGHT"}
-        }
+        objects: dict[str, dict[Key, Shown]] = {}
+        for item in depsgraph.object_instances:
+            evaluated = item.object
+            if evaluated.type in {"CAMERA", "LIGHT", "EMPTY"}:
+                continue
+            key: Key = ()
+            if item.is_instance:
+                key = (item.parent.original.name, *item.persistent_id)
+            corners = np.array([tuple(corner) for corner in evaluated.bound_box])
+            box = np.stack([corners.min(axis=0), corners.max(axis=0)]) * metres_per_unit
+            shown = Shown(metres(item.matrix_world), box)
+            objects.setdefault(evaluated.original.name, {})[key] = shown
         return Poses(
             objects,
             metres(rig.camera.evaluated_get(depsgraph).matrix_world)[:3, 3],
@@ -77,8 +140,10 @@ class ObjectMotion:
 
         Exact kinematics: dL/dt = sum over vertices of v . (u_in - u_out), and the antennas' own
         motion; u_in points along the way from receiver to emitter into the vertex. Paths whose
-        vertices are unknown keep 0.
+        vertices are unknown keep 0. Numbers of moving objects are filled in at last vertices
+        where they are unknown.
         """
+        self._find_last_objects(rows)
         first, last = rows["first_m"], rows["last_m"]
         one = rows["order"] == 1
         known = np.isfinite(last).all(axis=-1) & (np.isfinite(first).all(axis=-1) | one)
@@ -98,14 +163,97 @@ class ObjectMotion:
         rate += out_last @ (self._emitter_step / self._interval_s)
         rows["range_rate_mps"] = np.where(known, np.nan_to_num(rate) / 2, 0.0)
 
+    def _find_last_objects(self, rows: PathRows) -> None:
+        unknown = (rows["order"] > 1) & (rows["object"] == 0)
+        unknown &= np.isfinite(rows["last_m"]).all(axis=-1)
+        for number, tree in self._surfaces.items():
+            for part in self._moving[number]:
+                todo = np.flatnonzero(unknown & (rows["object"] == 0))
+                if not isinstance(part, _Motion) or not todo.size:
+                    continue
+                allowed = _ON_SURFACE_WITHIN * rows["length_m"][todo]
+                local, outside = _beside_box(part.shown, rows["last_m"][todo])
+                near = np.linalg.norm(outside, axis=-1) <= allowed
+                scale = np.linalg.norm(part.shown.pose[:3, :3], axis=0).max()
+                for row, point, reach in zip(todo[near], local[near], allowed[near], strict=True):
+                    place = tuple(point / self._metres_per_unit)
+                    _, _, _, distance = tree.find_nearest(place)
+                    if distance is not None and distance * scale * self._metres_per_unit <= reach:
+                        rows["object"][row] = number
+
     def _velocity(self, numbers: NDArray[np.int32], points: Real) -> Real:
         velocity = np.zeros(points.shape)
-        for number, step in self._steps.items():
-            mine = numbers == number
-            if np.any(mine):
-                moved = points[mine] @ step[:3, :3].T + step[:3, 3]
-                velocity[mine] = moved / self._interval_s
+        for number, parts in self._moving.items():
+            mine = np.flatnonzero(numbers == number)
+            if not mine.size:
+                continue
+            which = _nearest_box(parts, points[mine])
+            for index, part in enumerate(parts):
+                if isinstance(part, _Motion):
+                    rows = mine[which == index]
+                    velocity[rows] = part.velocity(points[rows])
         return velocity
+
+
+def _motion(now: Shown, later: Shown | None, interval_s: float) -> _Motion | Shown:
+    """How an object moves; the object itself where it stands still."""
+    # Equal matrices are left out: their difference is exactly zero, not rounding.
+    if later is None or np.array_equal(now.pose, later.pose):
+        return now
+    origin_rate = (later.pose[:3, 3] - now.pose[:3, 3]) / interval_s
+    if np.array_equal(now.pose[:3, :3], later.pose[:3, :3]):
+        return _Motion(now, origin_rate, None, None)
+    try:
+        step = later.pose[:3, :3] @ np.linalg.inv(now.pose[:3, :3])
+    except np.linalg.LinAlgError:  # scaled to nothing: it has no surface either
+        return now
+    if np.abs(step @ step.T - np.eye(3)).max() < _RIGID_WITHIN:
+        turn = np.array([step[2, 1] - step[1, 2], step[0, 2] - step[2, 0], step[1, 0] - step[0, 1]])
+        sine = float(np.linalg.norm(turn)) / 2
+        angle = float(np.arctan2(sine, (np.trace(step) - 1) / 2))
+        if angle < _LARGEST_TURN:
+            factor = angle / (2 * sine) if sine > 0 else 0.5
+            return _Motion(now, origin_rate, turn * factor / interval_s, None)
+    return _Motion(now, origin_rate, None, (step - np.eye(3)) / interval_s)
+
+
+def _nearest_box(parts: Sequence[_Motion | Shown], points: Real) -> NDArray[np.intp]:
+    """Index of the instance in (or nearest to) whose box each point lies."""
+    best = np.zeros(len(points), dtype=np.intp)
+    if len(parts) == 1:
+        return best
+    least = np.full(len(points), np.inf)
+    for index, part in enumerate(parts):
+        shown = part.shown if isinstance(part, _Motion) else part
+        local, outside = _beside_box(shown, points)
+        # Boxes that overlap are told apart by their centres, a little.
+        centre = (local - shown.box.mean(axis=0)) @ shown.pose[:3, :3].T
+        distance = np.linalg.norm(outside, axis=-1) + 1e-6 * np.linalg.norm(centre, axis=-1)
+        nearer = distance < least
+        best[nearer], least[nearer] = index, distance[nearer]
+    return best
+
+
+def _beside_box(shown: Shown, points: Real) -> tuple[Real, Real]:
+    """Points in the object's own axes, and in world lengths how far outside its box they lie."""
+    try:
+        inverse = np.linalg.inv(shown.pose)
+    except np.linalg.LinAlgError:  # scaled to nothing: nothing lies on it
+        return np.zeros_like(points), np.full_like(points, np.inf)
+    local = points @ inverse[:3, :3].T + inverse[:3, 3]
+    outside = np.maximum(np.maximum(shown.box[0] - local, local - shown.box[1]), 0.0)
+    return local, outside @ shown.pose[:3, :3].T
+
+
+def _surfaces(numbers: Mapping[str, int], depsgraph: Any) -> dict[int, Any]:
+    """Search trees of these objects' evaluated meshes, by number, in Blender units and own axes."""
+    found: dict[int, Any] = {}
+    for item in depsgraph.object_instances:
+        original = item.object.original
+        number = numbers.get(original.name)
+        if number is not None and number not in found and original.type == "MESH":
+            found[number] = BVHTree.FromObject(original, depsgraph)
+    return found
 
 
 def _unit(vectors: Real) -> Real:

@@ -116,6 +116,13 @@ class PathJob(RenderJob):
             options=repr(self._options) + (" world" if self._code_world else " materials"),
         )
 
+    def _open_folder(self, digests: list[str]) -> None:
+        super()._open_folder(digests)
+        if not (self.folder / contract.RUN_FILE).exists():  # cleared, or a first run
+            for name in (contract.PATHS_FILE, contract.PATHS_TABLE):
+                for path in (self.folder / contract.FRAMES_DIR).glob(f"frame_*/{name}"):
+                    path.unlink(missing_ok=True)
+
     def _make_settings(self) -> MeasurementSettings:
         return MeasurementSettings(
             self._scene, self._view_layer, self.rig, self.plan, any_material=self._code_world
@@ -205,7 +212,7 @@ class PathJob(RenderJob):
         depsgraph = self._show(instants[0])
         now = ObjectMotion.poses(depsgraph, self.rig, units)
         if len(instants) > 1:
-            motion = ObjectMotion(self._path_scene.objects, now, later, dt_s)
+            motion = ObjectMotion(self._path_scene.objects, now, later, dt_s, depsgraph, units)
         camera = camera_record(
             self.rig, depsgraph, units, self._measurement.width_px, self._measurement.height_px
         )

@@ -111,7 +111,7 @@ class PathScene:
     def apply(self) -> None:
         """Set everything; on failure what was set is restored before the error goes on."""
         try:
-            self._keep_cycles()
+            self._keep_changing()
             self._add_camera()
             self._set_format()
             self._set_passes()
@@ -321,16 +321,20 @@ class PathScene:
 
     # -- setting up --------------------------------------------------------------------------------
 
-    def _keep_cycles(self) -> None:
+    def _keep_changing(self) -> None:
         """Remember what changes from render to render."""
-        cycles = self._scene.cycles
-        before = {name: getattr(cycles, name) for name in ("seed", *_BOUNCES)}
+        kept = (
+            (self._scene.cycles, ("seed", *_BOUNCES)),
+            (self._scene.render, ("resolution_x", "resolution_y", *_BORDER)),
+        )
+        before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
 
         def undo() -> None:
-            for name, value in before.items():
-                setattr(cycles, name, value)
+            for owner, name, value in before:
+                setattr(owner, name, value)
 
-        self._recorder.on_restore("seed and bounces", undo)
+        # The recorder's own `set` leaves equal values alone, and so would not put these back.
+        self._recorder.on_restore("seed, bounces and frame", undo)
 
     def _add_camera(self) -> None:
         data = bpy.data.cameras.new(_CAMERA)
@@ -352,14 +356,16 @@ class PathScene:
         put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
         put(self._scene.render, "filepath", str(self._folder / "view"))
         put(self._scene.render, "use_file_extension", True)
-        for name in ("resolution_x", "resolution_y", *_BORDER):
-            put(self._scene.render, name, getattr(self._scene.render, name))
 
     def _set_passes(self) -> None:
         put, layer = self._recorder.set, self._view_layer
         put(layer, "use_pass_position", True)
         put(layer, "use_pass_object_index", True)
         put(layer, "pass_alpha_threshold", 0.0)
+        active = layer.active_lightgroup_index
+        self._recorder.on_restore(
+            "active light group", lambda: setattr(layer, "active_lightgroup_index", active)
+        )
         with bpy.context.temp_override(scene=self._scene, view_layer=layer):
             bpy.ops.scene.view_layer_add_lightgroup(name=_LIGHT_GROUP)
         self._recorder.on_restore("light group", self._remove_lightgroup)
