@@ -37,6 +37,8 @@ _CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Blender's sensor width that is used for the views; any would do.
 _SENSOR_MM = 32.0
+#: Least width and height that Blender renders.
+_LEAST_PX = 4
 _BORDER = (
     "use_border",
     "use_crop_to_border",
@@ -102,7 +104,8 @@ class PathScene:
         )
         self._view: Any = None
         self._volume: Any = None
-        self._size = (0, 0)
+        self._size = self._canvas = (0, 0)
+        self._coarse = 1
         self._request = RenderRequest(Gate())
         self.objects: list[str] = []
         self.opaque: frozenset[int] = frozenset()
@@ -155,27 +158,30 @@ class PathScene:
         """
         data = self._view.data
         self._scene.cycles.seed = seed
-        width = window.right - window.left
-        pixel_u = width / window.width_px
+        pixel_u = (window.right - window.left) / window.width_px
         pixel_v = (window.top - window.bottom) / window.height_px
+        self._size = (window.width_px, window.height_px)
+        # A smaller view is the upper left corner of what Blender can render.
+        across, down = (max(count, _LEAST_PX) for count in self._size)
+        self._canvas = (across, down)
+        width = across * pixel_u
         data.sensor_fit = "HORIZONTAL"
         data.sensor_width = _SENSOR_MM
         data.lens = _SENSOR_MM / width
-        centre_u = (window.left + window.right) / 2 + shift_px[0] * pixel_u
-        centre_v = (window.bottom + window.top) / 2 + shift_px[1] * pixel_v
+        centre_u = window.left + (across / 2 + shift_px[0]) * pixel_u
+        centre_v = window.top + (shift_px[1] - down / 2) * pixel_v
         data.shift_x = centre_u / width
         data.shift_y = centre_v / width
-        self._size = (window.width_px, window.height_px)
         size = float(data.sensor_width) / float(data.lens)
-        half_u, half_v = size / 2, size / 2 * window.height_px / window.width_px
         shift_u, shift_v = float(data.shift_x) * size, float(data.shift_y) * size
+        left, top = shift_u - size / 2, shift_v + size / 2 * down / across
         return contract.CameraRecord(
             kind="perspective",
             matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
-            left=shift_u - half_u,
-            right=shift_u + half_u,
-            bottom=shift_v - half_v,
-            top=shift_v + half_v,
+            left=left,
+            right=left + size * window.width_px / across,
+            bottom=top - size * window.height_px / across,
+            top=top,
             near_clip_m=NEAR_CLIP_UNITS * self._units,
         )
 
@@ -213,7 +219,6 @@ class PathScene:
             scene[contract.ATTR_WORLD_CODE] = inverse_k
         else:
             scene[contract.ATTR_INVERSE_CODE_LENGTH] = inverse_k
-        scene.update_tag()
         scene.render.filepath = str(self._folder / "view")
 
     def _set_channels(self, request: RenderRequest) -> None:
@@ -227,9 +232,12 @@ class PathScene:
 
     def _set_frame(self, region: Region | None, coarse: int) -> None:
         """Resolution, and the border that leaves out pixels that hold nothing."""
-        render, (width, height) = self._scene.render, self._size
-        if coarse > 1:
+        render, (width, height) = self._scene.render, self._canvas
+        self._coarse = coarse if min(self._size) >= _LEAST_PX * coarse else 1
+        if self._coarse > 1:
             width, height = -(-width // coarse), -(-height // coarse)
+        elif region is None and self._canvas != self._size:
+            region = Region(0, self._size[0], 0, self._size[1])
         render.resolution_x, render.resolution_y = width, height
         render.use_border = render.use_crop_to_border = region is not None
         if region is not None:
@@ -247,6 +255,8 @@ class PathScene:
         # The gate itself ends camera rays; a tail (no upper limit) lets them go on.
         stop = certain and gate.depth_max is not None
         scene[contract.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
+        # Cycles is told by this of the custom properties, too: writing those from Python tells it
+        # nothing, and an update tag of the whole scene would take several times as long.
         # With rays that end at the gate, position and object are those of the gate's surface.
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
@@ -301,8 +311,7 @@ class PathScene:
     def _whole(self, plane: np.ndarray) -> np.ndarray:
         """A channel over the whole view: 0 outside the region, coarse pixels repeated."""
         (width, height), region = self._size, self._request.region
-        coarse = self._request.coarse
-        if coarse > 1:
+        if self._coarse > 1:
             rows = np.arange(height) * plane.shape[0] // height
             plane = plane[rows][:, np.arange(width) * plane.shape[1] // width]
         expected = (height, width)

@@ -9,6 +9,7 @@ object's power: a faint far target matters as much as strong near ground. No bpy
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 import struct
 from collections.abc import Iterable, Sequence
@@ -46,13 +47,18 @@ def view_seed(seed: int, window: ViewWindow, shift: int) -> int:
 
 def split_frame(frame: ViewWindow, most_px: int) -> list[ViewWindow]:
     """The frame in tiles of at most `most_px` pixels a side, without gap or overlap."""
-    tiles = []
-    for top in range(0, frame.height_px, most_px):
-        for left in range(0, frame.width_px, most_px):
-            right = min(left + most_px, frame.width_px)
-            bottom = min(top + most_px, frame.height_px)
-            tiles.append(part_of(frame, left, right, top, bottom))
-    return tiles
+    rows, cols = (_even_edges(n, most_px) for n in (frame.height_px, frame.width_px))
+    return [
+        part_of(frame, left, right, top, bottom)
+        for top, bottom in itertools.pairwise(rows)
+        for left, right in itertools.pairwise(cols)
+    ]
+
+
+def _even_edges(count: int, most: int) -> list[int]:
+    """Edges of the fewest pieces of at most `most`, alike in size: slivers cost a render each."""
+    pieces = -(-count // most)
+    return [count * piece // pieces for piece in range(pieces + 1)]
 
 
 def part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
