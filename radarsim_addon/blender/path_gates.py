@@ -28,6 +28,8 @@ GREY_TOLERANCE = 1e-5
 PROBED_ORDERS = 4
 #: Pixels a side that share a ray of that: five reflections cost several times what one does.
 PROBE_COARSE = 4
+#: Transparent surfaces after which it is asked whether anything worth following is left.
+TAIL_EVERY = 4
 #: Differences of renders below this share of the minuend are float32 rounding.
 _ROUNDING = 1e-6
 #: Regions larger than this share of the view are rendered as the whole view.
@@ -136,7 +138,7 @@ class TracedView:
 
     Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
     left_depth of the part of it that was not followed, beyond of the orders above the limit (0
-    unless it was asked for). first_depths is the number of depths of order 1 that were rendered.
+    unless it was asked for). open_view is the first render: what is seen first in each pixel.
     """
 
     layers: list[GateLayer] = field(default_factory=list)
@@ -146,7 +148,6 @@ class TracedView:
     left_depth: float = 0.0
     beyond: float = 0.0
     renders: int = 0
-    first_depths: int = 0
     coloured: bool = False
 
 
@@ -184,9 +185,7 @@ class TraceLimits:
     opaque: frozenset[int] = frozenset()
 
 
-def trace_view(
-    limits: TraceLimits, weight: Real, first_depths: int = 0
-) -> Generator[RenderRequest, View, TracedView]:
+def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
     """Follow all paths of one view.
 
     Parameters
@@ -195,23 +194,18 @@ def trace_view(
         How far.
     weight
         Weight of each pixel's power (its solid angle), (h, w).
-    first_depths
-        What an earlier shift of the same tile found (`TracedView.first_depths`), where the scene
-        is lottery-free: these gates are rendered without asking first, and one more render says
-        what is left behind them. 0: unknown.
     """
     found = TracedView()
     tracer = _Tracer(limits, weight, found)
-    if first_depths and limits.lottery_free:
-        yield from tracer.first_order_in_turn(None, first_depths)
+    if limits.lottery_free:
+        anything = yield from tracer.first_order_in_turn()
+        if not anything:
+            return found
         left = yield from tracer.orders_from_2()
     else:
-        # In a scene of Radar Materials all renders carry the code: switching it would change the
-        # weights of their lobes and with them the paths. The world's code leaves paths as they are.
+        # The world's code leaves paths as they are: the sum needs none. Materials that carry it
+        # weigh their lobes by it, so switching it would change the paths.
         left = yield from tracer.open_render(Gate(order_max=limits.max_order))
-        if limits.lottery_free and found.total > 0:
-            yield from tracer.first_order_in_turn(left, 0)
-            left = yield from tracer.orders_from_2()
     for order in range(2 if limits.lottery_free else 1, limits.max_order + 1):
         if tracer.power(np.abs(left)) <= limits.residual * found.total:
             break
@@ -294,49 +288,51 @@ class _Tracer:
             region = bounding_region(left > _ROUNDING * base)
         self._found.left_depth += self.power(np.maximum(left, 0.0))
 
-    def first_order_in_turn(
-        self, everything: Real | None, learned: int
-    ) -> Generator[RenderRequest, View, None]:
+    def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
         """Order 1, with every Radar Material in front of the gate passed deterministically.
 
-        A tail (this depth and all behind) and the gate differ in the emitter alone, so they are
-        of the same paths: where they agree in every pixel, nothing is behind. `everything` is the
-        open render, which serves as the first tail; without it the first `learned` depths are
-        there. Rendered are only pixels in which the surface before lets something through.
+        How far to go is read from what is seen, not from a render of all that is left: in that
+        one lobes are left to chance, and a small target behind a pane would go missing whenever
+        the lot falls on the pane's reflection. Only from time to time is such a tail rendered,
+        to end a long chain of layers whose rest is below the residual, and at the end, to tell
+        what lies beyond the last gate.
+
+        Returns
+        -------
+        bool
+            Whether anything is seen at all.
         """
         found, limits = self._found, self._limits
-        # With later orders in it the open render is too large a tail to end with.
-        as_tail = everything is not None and (limits.max_order == 1 or limits.max_depth > 0)
-        tail_from = 1 if as_tail else min(learned, limits.max_depth)
-        tail, left, in_layers = everything, 0.0, 0.0
-        region = None if everything is None else bounding_region(everything > 0)
+        left, in_layers = 0.0, 0.0
+        region: Region | None = None
         for depth in range(limits.max_depth + 1):
-            if depth >= tail_from:
-                gate = Gate(1, 1, depth, None, surface_depth=depth)
-                view = yield RenderRequest(gate, coded=not limits.world_code, region=region)
-                found.renders += 1
-                tail = self.amplitude(view)
-                left = self.power(tail)
-                found.total = max(found.total, in_layers + left)
-                if left <= limits.residual * found.total:
+            if depth and depth % TAIL_EVERY == 0:
+                left = yield from self._tail(depth, region)
+                if left <= limits.residual * (in_layers + left):
                     break
-                region = bounding_region(tail > 0)
             gate = Gate(1, 1, depth, depth, surface_depth=depth)
             layer = yield from self.layer(1, depth, gate, region)
-            found.first_depths = depth + 1
+            if depth == 0:
+                found.open_view = layer.coded
             in_layers += self.power(layer.amplitude)
-            if tail is not None:
-                rest = tail - layer.amplitude
-                left = self.power(np.maximum(rest, 0.0))
-                if self._spent(rest):
-                    break
             open_pixels = self._lets_through(layer.coded)
+            left = 0.0
             if not open_pixels.any():
-                left = 0.0
                 break
             region = bounding_region(open_pixels)
+        else:
+            left = yield from self._tail(limits.max_depth + 1, region)
         found.total = in_layers + left
         found.left_depth += left
+        index = found.open_view.object_index if found.open_view is not None else None
+        return index is None or bool(np.any(index > 0))
+
+    def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
+        """Power of order 1 at this depth and behind, lobes behind it left to chance."""
+        gate = Gate(1, 1, depth, None, surface_depth=depth)
+        view = yield RenderRequest(gate, coded=not self._limits.world_code, region=region)
+        self._found.renders += 1
+        return self.power(self.amplitude(view))
 
     def _lets_through(self, view: View) -> NDArray[np.bool_]:
         """Pixels in which something may lie behind the surface that was seen."""

@@ -92,7 +92,6 @@ class PathJob(RenderJob):
         self._view: View | None = None
         self._code_world = _needs_world_code(scene, options)
         self._numbers = Recorder()
-        self._first_depths = 0
 
     # -- before the first render -------------------------------------------------------------------
 
@@ -248,7 +247,7 @@ class PathJob(RenderJob):
             probe=shift == 0,
             opaque=self._path_scene.opaque,
         )
-        trace = trace_view(limits, rays.solid_angle_sr, self._first_depths if shift else 0)
+        trace = trace_view(limits, rays.solid_angle_sr)
         request = next(trace)
         while True:
             yield PathTask(frame, instant, tile, shift, request)
@@ -258,8 +257,6 @@ class PathJob(RenderJob):
             except StopIteration as stop:
                 traced = stop.value
                 break
-        # A tile's shifts come one after the other; later ones need not ask what the first found.
-        self._first_depths = max(traced.first_depths, self._first_depths if shift else 0)
         area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
         share = 1 / options.shifts
         quality.add_view(traced, area_m2 * share / self.plan.metres_per_unit**2, options.shifts)

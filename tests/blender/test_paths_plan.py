@@ -55,12 +55,13 @@ class Path:
 class Tracer:
     """Renders lists of paths as Cycles would: several may add up in a pixel.
 
-    mirrors: radar-material behaviour, the same paths whether or not surfaces are passed with
-    certainty (amplitudes are expectations).
+    A pixel has as many surfaces in line as its deepest path needs; `unlucky` pixels lose, in
+    renders that leave lobes to chance, all that lies behind the first surface.
     """
 
     paths: list[Path]
     asked: list[RenderRequest] = field(default_factory=list)
+    unlucky: frozenset[tuple[int, int]] = frozenset()
 
     def render(self, request: RenderRequest) -> View:
         self.asked.append(request)
@@ -71,9 +72,19 @@ class Tracer:
             most = math.inf if gate.depth_max is None else gate.depth_max
             if not gate.depth_min <= path.depth <= most:
                 continue
+            behind = path.depth > (gate.surface_depth or 0)
+            if behind and (path.row, path.col) in self.unlucky:
+                continue
             code = np.array([1.0, 2.0, 0.0]) * path.length / K * request.coded
             planes[:, path.row, path.col] += path.amplitude * np.array(path.rgb) * np.exp(-code)
-        return View(*planes)
+        return View(*planes, object_index=self._surfaces(gate))
+
+    def _surfaces(self, gate: Gate) -> np.ndarray:
+        """Number 1 where there is a surface at the gate, behind those that are passed."""
+        count = np.zeros(SHAPE, dtype=np.int32)
+        for path in self.paths:
+            count[path.row, path.col] = max(count[path.row, path.col], path.depth + 1)
+        return (count > (gate.surface_depth or 0)).astype(np.int32)
 
     def run(self, weight: np.ndarray | None = None, **limits: object) -> TracedView:
         trace = trace_view(TraceLimits(**limits), np.ones(SHAPE) if weight is None else weight)
@@ -227,11 +238,27 @@ def test_grey_is_not_coloured_by_rounding() -> None:
     assert Tracer(paths).run(world_code=True).coloured
 
 
+def test_a_small_target_behind_a_pane_is_never_lost() -> None:
+    """Whatever lot falls in the renders that leave lobes to chance."""
+    paths = [Path(1, 2, 1, depth, 20.0 + depth, 1.0) for depth in (0, 2)]
+    unlucky = frozenset(itertools.product(range(SHAPE[0]), range(SHAPE[1])))
+    found = Tracer(paths, unlucky=unlucky).run(lottery_free=True)
+    assert layers_as_paths(found) == wanted(paths)
+
+
+def test_opaque_surfaces_end_it() -> None:
+    """One render of a gate is enough where nothing can lie behind."""
+    tracer = Tracer([Path(0, 0, 1, 0, 20.0, 1.0), Path(2, 2, 1, 0, 30.0, 1.0)])
+    found = tracer.run(lottery_free=True, opaque=frozenset({1}))
+    assert len(tracer.asked) == 1
+    assert layers_as_paths(found) == wanted(tracer.paths)
+
+
 def test_gates_of_certain_surfaces() -> None:
     """Order 1 in scenes of Radar Materials: gate and tail pass the same surfaces for certain."""
     tracer = Tracer([Path(0, 0, 1, 1, 20.0, 1.0)])
     tracer.run(lottery_free=True)
-    for request in tracer.asked[1:]:
+    for request in tracer.asked:
         assert request.gate.surface_depth == request.gate.depth_min
     assert Gate(1, 1, 1, 1, surface_depth=1) in [r.gate for r in tracer.asked]
 
