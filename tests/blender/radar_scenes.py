@@ -88,7 +88,9 @@ def job_for(folder: Path, overwrite: bool = False, **changes: Any) -> RenderJob:
     )
 
 
-def run(folder: Path, overwrite: bool = False, limit: int | None = None, **changes: Any) -> RenderJob:
+def run(
+    folder: Path, overwrite: bool = False, limit: int | None = None, **changes: Any
+) -> RenderJob:
     """Render; stop after `limit` renders if given."""
     with job_for(folder, overwrite, **changes) as job:
         for count, task in enumerate(job.pending()):

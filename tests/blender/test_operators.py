@@ -63,10 +63,10 @@ def test_registering_twice_and_unregistering(bpy: Any) -> None:
 def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -> None:
     from radarsim_addon.blender import operators
 
-    for item in operators.CLASSES:
-        assert item.__doc__ and item.bl_label
-    for item in panels.CLASSES:
-        assert item.bl_category == "Radar"
+    operator_classes: tuple[Any, ...] = operators.CLASSES
+    panel_classes: tuple[Any, ...] = panels.CLASSES
+    assert all(item.__doc__ and item.bl_label for item in operator_classes)
+    assert all(item.bl_category == "Radar" for item in panel_classes)
     for group in (properties.RadarSettings, properties.RadarProgress):
         for prop in group.bl_rna.properties:
             if prop.identifier not in ("rna_type", "name"):
@@ -189,7 +189,7 @@ def test_set_up_and_assign_operators(addon: Any) -> None:
     assert panels.echoes(bpy.context.object)
 
 
-# -- the interactive job ------------------------------------------------------------------------------
+# -- the interactive job ---------------------------------------------------------------------------
 
 
 def handler_counts() -> dict[str, int]:
@@ -286,7 +286,7 @@ def test_processing_needs_a_whole_run(scene: Any, tmp_path: Path) -> None:
             pass
 
 
-# -- pictures ------------------------------------------------------------------------------------------
+# -- pictures --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -183,7 +183,7 @@ def test_a_plan_of_a_newer_radarsim_is_refused(plate: Any, tmp_path: Path) -> No
         rs.run(tmp_path)
 
 
-# -- folders -----------------------------------------------------------------------------------------
+# -- folders ---------------------------------------------------------------------------------------
 
 
 def test_folder_is_made_in_an_existing_parent_only(plate: Any, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 import struct
@@ -119,7 +120,7 @@ def test_tasks_cover_frames_passes_and_rings_once() -> None:
     assert len(tasks) == plan.total == 12
     assert len({task.exr_path for task in tasks}) == 12
     assert [task.frame for task in tasks] == [3] * 6 + [1] * 6
-    for before, after in zip(tasks, tasks[1:], strict=False):
+    for before, after in itertools.pairwise(tasks):
         if after.ring:
             assert before.ring_max_m == after.ring_min_m
     assert tasks[4].sidecar_path == "frames/frame_0003/ring_001_t1.json"
@@ -224,7 +225,7 @@ def test_nearest_against_many_points_on_the_triangle() -> None:
         assert found == pytest.approx(sampled, abs=0.1)
 
 
-# -- EXR files ----------------------------------------------------------------------------------------
+# -- EXR files -------------------------------------------------------------------------------------
 
 
 def plain_exr(width: int, height: int, value: float = 1.0, compression: int = 3) -> bytes:
@@ -296,7 +297,7 @@ def test_other_size_or_compression_is_told(tmp_path: Path) -> None:
         verify_exr(path, 8, 8)
 
 
-# -- the progress line --------------------------------------------------------------------------------
+# -- the progress line -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ def rna_values(owner: Any) -> dict[str, Any]:
         if prop.type == "POINTER":
             found[prop.identifier] = getattr(value, "name", repr(type(value)))
         elif prop.type == "COLLECTION":
-            found[prop.identifier] = [getattr(item, "name", "") for item in value]
+            found[prop.identifier] = [getattr(item, "name", "") for item in value or ()]
         elif getattr(prop, "is_array", False):
             found[prop.identifier] = np.array(value).tolist()
         else:
@@ -257,9 +257,9 @@ def test_objects_without_radar_material_cast_a_shadow_and_give_no_echo(tmp_path:
     material = bpy.data.materials.new("Glow")
     if material.node_tree is None:
         material.use_nodes = True
-    next(
-        n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"
-    ).inputs["Emission Strength"].default_value = 5.0
+    next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs[
+        "Emission Strength"
+    ].default_value = 5.0
     glowing.data.materials.append(material)
     job = rs.run(tmp_path, rings=1, ring_step_m=40.0, width_px=64, height_px=64)
     assert any(near.name in warning and "No Radar Material" in warning for warning in job.warnings)
