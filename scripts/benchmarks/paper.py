@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's scene measured by rings and by paths: cost, range profile, power of the target."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim_addon import contract
+from radarsim_addon.physics.radar_equation import effective_area_m2
+from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal import Paths, iter_paths, make_paths, open_run
+from radarsim_addon.signal.compress import expected_power_profile
+from radarsim_addon.signal.config import Radar
+from radarsim_addon.signal.decode import pixel_grid
+from radarsim_addon.signal.paths import path_power_w
+from radarsim_addon.signal.pathtable import open_table
+
+from .clock import Cost, peak_mib, stopwatch
+
+Real = NDArray[np.float64]
+
+#: What rings and paths are compared over: all that 21 rings of 250 m cover [m].
+WINDOW_M = (0.0, 5250.0)
+#: The target's near face and size, as make_paper_scene.py builds it [m, degrees].
+TARGET = "Target"
+_TARGET_RANGE_M = (1740.0, 1800.0)
+_TARGET_AZIMUTH_DEG = 1.5
+#: Half the side of a box around the target's centre that holds it (0.39 degrees) and no ground of
+#: its range (3.3 degrees down) [degrees].
+_TARGET_BOX_DEG = 1.0
+#: Rows of a table that are read at a time.
+_CHUNK = 1 << 19
+
+
+@dataclass
+class Result:
+    """One acquisition of the scene.
+
+    Attributes
+    ----------
+    acquisition, label
+        "rings" or "paths", and its settings in words.
+    acquire, process
+        Cost from the scene to the files, and from the files to the profile.
+    samples
+        Camera rays in all renders together (rings) or rows of the table (paths).
+    profile
+        Expected power at each range bin [W].
+    target_w
+        Power of the target [W].
+    replicates
+        Profiles of single shifts (paths), for the standard error.
+    """
+
+    acquisition: str
+    label: str
+    acquire: Cost
+    process: Cost
+    samples: int
+    renders: int
+    profile: Real
+    target_w: float
+    details: dict[str, Any] = dataclasses.field(default_factory=dict)
+    replicates: list[Real] = dataclasses.field(default_factory=list)
+
+    @property
+    def wall_s(self) -> float:
+        return self.acquire.wall_s + self.process.wall_s
+
+    @property
+    def cpu_s(self) -> float:
+        return self.acquire.cpu_s + self.process.cpu_s
+
+
+class PaperScene:
+    """The scene, opened once in this process."""
+
+    def __init__(self, blend: Path, folder: Path) -> None:
+        import bpy
+
+        from radarsim_addon.blender import properties
+        from radarsim_addon.blender.nodes import refresh_groups
+
+        if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+            properties.register()
+        bpy.ops.wm.open_mainfile(filepath=str(blend))
+        refresh_groups()
+        self._scene = bpy.context.scene
+        self._layer = self._scene.view_layers[0]
+        self._folder = folder
+        self._read = properties.read_measurement
+
+    def rings(self, width_px: int, height_px: int, samples: int) -> Result:
+        """21 rings of 250 m, one pass."""
+        from radarsim_addon.blender.render_job import RenderJob
+
+        folder = self._fresh("rings")
+        measurement = self._read(
+            self._scene, width_px=width_px, height_px=height_px, samples=samples
+        )
+        measurement = dataclasses.replace(measurement, passes=1)
+        with (
+            stopwatch() as acquire,
+            RenderJob(self._scene, self._layer, measurement, folder) as job,
+        ):
+            drive(job)
+        with stopwatch() as process:
+            run = open_run(folder)
+            target = TargetSum(measurement.waveform.wavelength_m)
+            paths = target.ring_paths(run.frame(1))
+            profile = range_profile(paths, run.radar)
+        rings = run.record.rings
+        shutil.rmtree(folder)
+        return Result(
+            "rings",
+            f"{width_px}x{height_px}, {samples} spp",
+            acquire,
+            process,
+            width_px * height_px * samples * rings,
+            rings,
+            profile,
+            target.power_w,
+        )
+
+    def paths(
+        self, width_px: int, height_px: int, *, replicates: bool = False, **options: Any
+    ) -> Result:
+        """Paths with the options of `PathOptions`."""
+        from radarsim_addon.blender.path_job import PathJob
+        from radarsim_addon.blender.path_options import PathOptions
+
+        folder = self._fresh("paths")
+        chosen = PathOptions(**options)
+        measurement = self._read(self._scene, width_px=width_px, height_px=height_px)
+        measurement = dataclasses.replace(measurement, passes=1)
+        with (
+            stopwatch() as acquire,
+            PathJob(self._scene, self._layer, measurement, folder, chosen) as job,
+        ):
+            drive(job)
+        peak = peak_mib()  # before the table is read: a mapped file counts as memory
+        frame = folder / contract.frame_dir(1)
+        record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
+        number = record.objects.index(TARGET) + 1
+        wavelength_m = measurement.waveform.wavelength_m
+        with stopwatch() as process:
+            rows = open_table(frame / record.table_file)
+            profile = range_profile(table_paths(rows, wavelength_m), measurement.radar)
+            target_w = table_sum(rows, "power_w", number)
+        single = []
+        if replicates:
+            for shift in range(record.shifts):
+                paths = table_paths(rows, wavelength_m, shift)
+                single.append(record.shifts * range_profile(paths, measurement.radar))
+        details = {
+            "tiles": record.tiles,
+            "finest_level": record.finest_level,
+            "relative_error": record.relative_error,
+            "reached": record.reached,
+            "left_depth_share": record.left_depth_share,
+            "peak_mib": peak,
+            "target_sr": table_sum(rows, "solid_angle_sr", number),
+        }
+        del rows
+        shutil.rmtree(folder)
+        label = f"{width_px}x{height_px}, {chosen.shifts} shifts"
+        if chosen.refines:
+            label += f", refined to {100 * chosen.error_target:g} %"
+        return Result(
+            "paths",
+            label,
+            acquire,
+            process,
+            record.rows,
+            record.renders,
+            profile,
+            target_w,
+            details,
+            single,
+        )
+
+    def _fresh(self, name: str) -> Path:
+        folder = self._folder / name
+        shutil.rmtree(folder, ignore_errors=True)
+        return folder
+
+
+def drive(job: Any) -> None:
+    """All renders of a job that was entered."""
+    from radarsim_addon.blender.console import quiet_blender
+
+    with quiet_blender():
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+
+
+class TargetSum:
+    """Adds up the target's power while a frame's rings stream by."""
+
+    def __init__(self, wavelength_m: float) -> None:
+        self._wavelength_m = wavelength_m
+        self.power_w = 0.0
+
+    def ring_paths(self, frame: Any) -> Iterator[Paths]:
+        """Paths of each ring; what is of the target's range and direction is added up.
+
+        No other surface of the target's range lies in its direction: nothing is cut or added.
+        """
+        for ring, paths in enumerate(iter_paths(frame)):
+            record, _ = frame.image(ring, 0)
+            grid = pixel_grid(record.camera, record.width_px, record.height_px)
+            azimuth = -np.arctan(grid.u[paths.col])  # positive to the left, as the scene is built
+            elevation = np.arctan(grid.v[paths.row])
+            box = np.radians(_TARGET_BOX_DEG)
+            here = np.abs(azimuth - np.radians(_TARGET_AZIMUTH_DEG)) < box
+            here &= np.abs(elevation) < box
+            here &= (paths.range_m > _TARGET_RANGE_M[0]) & (paths.range_m < _TARGET_RANGE_M[1])
+            self.power_w += float(path_power_w(paths, self._wavelength_m)[here].sum())
+            yield paths
+
+
+def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Iterator[Paths]:
+    """Rows of a table of paths as `Paths`, chunk by chunk; of one shift alone if one is named."""
+    area_m2 = effective_area_m2(wavelength_m)
+    for start in range(0, len(rows), _CHUNK):
+        part = rows[start : start + _CHUNK]
+        if shift is not None:
+            part = part[part["shift"] == shift]
+        yield make_paths(part["power_w"] / area_m2, part["length_m"])
+
+
+def table_sum(rows: Any, column: str, number: int) -> float:
+    """Sum of a column over the paths that end on one object."""
+    total = 0.0
+    for start in range(0, len(rows), _CHUNK):
+        part = rows[start : start + _CHUNK]
+        total += float(part[column][part["object"] == number].sum())
+    return total
+
+
+def range_profile(paths: Iterable[Paths], radar: Radar) -> Real:
+    """Expected power at the range bins (one a sample of the echo) [W]."""
+    oversample = 4
+    profile = expected_power_profile(paths, radar, window_m=WINDOW_M, oversample=oversample)
+    return np.asarray(profile.power[::oversample])
+
+
+def relative_l2(profile: Real, reference: Real) -> float:
+    """|profile - reference| / |reference|, both over all range bins."""
+    return float(np.linalg.norm(profile - reference) / np.linalg.norm(reference))
+
+
+def decibel_error(power: float, reference: float) -> float:
+    """Difference of two powers [dB]; -inf becomes -999 so that JSON can hold it."""
+    return float(10 * np.log10(power / reference)) if power > 0 else -999.0
