@@ -32,7 +32,8 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
             "profile)"
         ),
         (
-            f"   reference: paths, {reference['label']}, {reference['samples']} paths; standard error "
+            f"   reference: paths, {reference['label']}, {reference['samples']} paths; "
+            "standard error "
             f"{100 * reference['standard_error']:.2g} % (2.5 m bins), "
             f"{100 * reference['standard_error_coarse']:.2g} % (25 m); "
             f"{reference['cpu_s']:.1f} s of processor time"
