@@ -14,7 +14,6 @@ Exit codes: 0 done, 1 failed, 2 bad arguments.
 from __future__ import annotations
 
 import argparse
-import atexit
 import os
 import shutil
 import sys
@@ -142,9 +141,6 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
         properties.register()
-        if not inside_blender:
-            # Blender 4.5 as a module never ends while a property group of ours is registered.
-            atexit.register(properties.unregister)
     overrides = command_line_overrides(arguments)
     with quiet_blender() as stream:
         if arguments.blend is not None:
@@ -295,20 +291,19 @@ def main() -> None:
     except SystemExit as stop:  # argparse: 0 after --help, 2 after bad arguments
         code = stop.code if isinstance(stop.code, int) else 2
     except Exception:
-        if not inside_blender:
-            raise
         traceback.print_exc()  # a defect; Blender would print it and quit with 0
         code = 1
-    if not inside_blender:
-        sys.exit(code)
-    leave_blender(code)
+    if "bpy" in sys.modules:
+        leave_blender(code)
+    sys.exit(code)
 
 
 def leave_blender(code: int) -> None:
-    """Quit Blender at once with this exit code.
+    """Quit at once with this exit code; all files are written and closed.
 
     sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
-    would replace the exit code.
+    would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
+    registered or a driver that was refused.
     """
     session_folder = Path(sys.modules["bpy"].app.tempdir)
     if session_folder.name.startswith("blender_"):
