@@ -65,9 +65,13 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
                 text=f"{item.name}: " + ("Radar Material" if known else "no Radar Material"),
                 icon="CHECKMARK" if known else "INFO",
             )
-        layout.prop(settings, "extinction")
+        column = layout.column(align=True)
+        column.label(text="Extinction is normalised to:")
+        column.row(align=True).prop(settings, "extinction", expand=True)
         if settings.extinction == "LENGTH":
-            layout.prop(settings, "extinction_length_m")
+            column.prop(settings, "extinction_length_m")
+            if not settings.extinction_length_m:
+                column.label(text="0: one Blender unit")
 
 
 class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
@@ -166,12 +170,13 @@ class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
         row.prop(settings, "seed")
         layout.prop(settings, "output_dir", text="")
         layout.prop(settings, "overwrite")
+        shown: list[str] = []
         if settings.acquisition == "RINGS":
-            _draw_plan(context, layout)
+            shown = _draw_plan(context, layout)
         else:
             _draw_path_plan(context, layout, settings)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
-        _draw_progress(context, layout)
+        _draw_progress(context, layout, shown)
 
 
 class RADARSIM_PT_results(_RadarPanel, bpy.types.Panel):
@@ -184,11 +189,11 @@ class RADARSIM_PT_results(_RadarPanel, bpy.types.Panel):
         layout.operator("radarsim.open_output", icon="FILE_FOLDER")
 
 
-def _draw_plan(context: Any, layout: Any) -> None:
-    """Number of renders, and warnings where numbers do not fit together."""
+def _draw_plan(context: Any, layout: Any) -> list[str]:
+    """Number of renders, and warnings where numbers do not fit together; returns the warnings."""
     measurement = _measurement(context, layout)
     if measurement is None:
-        return
+        return []
     extent = _extent(context)
     farthest_m = extent.from_emitter_m or None if extent is not None else None
     rings = measurement.rings
@@ -197,10 +202,10 @@ def _draw_plan(context: Any, layout: Any) -> None:
             rings = automatic_rings(measurement.ring_step_m, extent)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
-        return
+        return []
     if not rings:
         layout.label(text=f"{measurement.renders(1)} renders for each ring")
-        return
+        return []
     numbers = derive(measurement, rings)
     box = layout.box().column(align=True)
     box.label(text=f"{numbers.renders} renders")
@@ -212,8 +217,10 @@ def _draw_plan(context: Any, layout: Any) -> None:
         render = context.scene.render
         step = measurement.frames[1] - measurement.frames[0]
         interval_s = step * typed(render.fps_base) / render.fps
-    for warning in warnings_for(measurement, rings, farthest_m, interval_s):
+    found = warnings_for(measurement, rings, farthest_m, interval_s)
+    for warning in found:
         wrapped(context, layout, warning, "ERROR")
+    return found
 
 
 def _draw_path_plan(context: Any, layout: Any, settings: Any) -> None:
@@ -232,7 +239,8 @@ def _draw_path_plan(context: Any, layout: Any, settings: Any) -> None:
     box.label(text="Tiles are refined" if options.refines else "No refinement")
 
 
-def _draw_progress(context: Any, layout: Any) -> None:
+def _draw_progress(context: Any, layout: Any, shown: list[str]) -> None:
+    """How far the run is; its warnings, but for those that are `shown` already."""
     progress = getattr(context.window_manager, PROGRESS_PROPERTY)
     if progress.running:
         layout.progress(factor=progress.fraction, text=f"{progress.fraction * 100:.0f} %")
@@ -241,7 +249,8 @@ def _draw_progress(context: Any, layout: Any) -> None:
     elif progress.text:
         wrapped(context, layout, progress.text, "INFO")
     for warning in progress.warnings.splitlines():
-        wrapped(context, layout, warning, "ERROR")
+        if warning not in shown:
+            wrapped(context, layout, warning, "ERROR")
 
 
 def _measurement(context: Any, layout: Any) -> Measurement | None:

@@ -15,6 +15,9 @@ from .pictures import Picture, draw_map, draw_profile
 
 MAP_IMAGE = "Radar range-Doppler map"
 PROFILE_IMAGE = "Radar range profile"
+#: A new editor is fitted this many times, this far apart: by the last it has been drawn.
+_FITS = 3
+_FIT_DELAY_S = 0.4
 
 
 class ProcessingJob:
@@ -121,6 +124,18 @@ def as_image(name: str, picture: Picture) -> Any:
     return image
 
 
+def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
+    """Turn a window's largest area into Image Editors beside one another."""
+    area = max(window.screen.areas, key=lambda item: item.width * item.height)
+    area.type = "IMAGE_EDITOR"
+    if count > 1:
+        known = set(window.screen.areas)
+        with context.temp_override(window=window, area=area, region=area.regions[-1]):
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+        return [area, *(item for item in window.screen.areas if item not in known)]
+    return [area]
+
+
 def show_images(context: Any, images: list[Any]) -> None:
     """Show images in Image Editors that are open; if there is none, in a new window."""
     editors = [
@@ -134,8 +149,28 @@ def show_images(context: Any, images: list[Any]) -> None:
         bpy.ops.wm.window_new()
         new = [window for window in context.window_manager.windows if window not in before]
         if new:
-            area = max(new[0].screen.areas, key=lambda item: item.width * item.height)
-            area.type = "IMAGE_EDITOR"
-            editors = [area]
+            editors = _image_editors(context, new[0], len(images))
     for area, image in zip(editors, images, strict=False):
         area.spaces.active.image = image
+    if not bpy.app.background:
+        left = [_FITS]
+
+        def fit() -> float | None:
+            _fit_images()
+            left[0] -= 1
+            return _FIT_DELAY_S if left[0] else None
+
+        # An editor knows how large it is only once it was drawn, which takes a moment.
+        bpy.app.timers.register(fit, first_interval=_FIT_DELAY_S)
+
+
+def _fit_images() -> None:
+    """Show our images as a whole, in whatever editors they are in."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            image = area.spaces.active.image if area.type == "IMAGE_EDITOR" else None
+            if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE):
+                continue
+            region = next(item for item in area.regions if item.type == "WINDOW")
+            with bpy.context.temp_override(window=window, area=area, region=region):
+                bpy.ops.image.view_all(fit_view=True)
