@@ -28,13 +28,14 @@ from .acquisition import Extent, Instant, Plan, make_plan
 from .isolation import SURFACE_TYPES
 from .measurement import Measurement
 from .nodes import is_radar_material
-from .object_motion import ObjectMotion
+from .object_motion import ObjectMotion, Poses
 from .path_gates import RenderRequest, TraceLimits, View, trace_view
 from .path_options import FINEST_PITCH, PathOptions
 from .path_quality import QualitySums
 from .path_rows import rows_of_view
 from .path_scene import PathScene, ViewWindow
 from .path_tiles import CellGrid, ErrorBudget, quarters, shift_px, split_frame, view_seed
+from .path_unseen import unseen_warning
 from .poses import camera_record, emitter_record
 from .recorder import Recorder
 from .render_job import RenderJob
@@ -218,7 +219,7 @@ class PathJob(RenderJob):
         emitter = emitter_record(self.rig, depsgraph, units)
         self._path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        work = _FrameWork(self, frame, instants[0], camera, emitter, motion)
+        work = _FrameWork(self, frame, instants[0], camera, emitter, motion, now)
         yield from work.run(start)
 
     def view_tasks(
@@ -286,9 +287,11 @@ class _FrameWork:
         camera: contract.CameraRecord,
         emitter: contract.EmitterRecord,
         motion: ObjectMotion | None,
+        poses: Poses,
     ) -> None:
         self._job, self._frame, self._instant = job, frame, instant
         self._camera, self._emitter, self._motion = camera, emitter, motion
+        self._poses = poses
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
         self._folder = job.folder / contract.frame_dir(frame)
         self._tiles: dict[int, _Tile] = {}
@@ -392,6 +395,16 @@ class _FrameWork:
         wavelength_m = job._measurement.waveform.wavelength_m
         scene = job._path_scene
         assert scene is not None
+        warnings = quality.warnings(wavelength_m, scene.objects)
+        unseen = unseen_warning(
+            self._poses,
+            scene.objects,
+            quality.seen | quality.echoing,
+            self._camera,
+            job._measurement.width_px,
+        )
+        if unseen:
+            warnings.append(unseen)
         record = contract.PathsRecord(
             frame=self._frame,
             time_s=self._instant.time_s,
@@ -428,7 +441,7 @@ class _FrameWork:
             reached=reached,
             table_file=table.name,
             table_sha256=file_sha256(table),
-            warnings=quality.warnings(wavelength_m, scene.objects),
+            warnings=warnings,
             versions=job.versions,
         )
         job.warnings += record.warnings

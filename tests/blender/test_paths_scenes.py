@@ -497,6 +497,52 @@ def test_moving_instance(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows["range_rate_mps"], want, atol=5e-4)
 
 
+# -- small and far ---------------------------------------------------------------------------------
+
+
+def far_target(half_m: float) -> float:
+    """A small plate at 600 m, off the axis, before a wall that fills the view; its power in W."""
+    rs.new_scene()
+    ph.field_of_view(40)
+    metal = rough_metal()
+    ph.quad("Wall", [(-900, 1e3, -900), (900, 1e3, -900), (900, 1e3, 900), (-900, 1e3, 900)], metal)
+    x, y, z, s = 100.0, 600.0, 60.0, half_m
+    target = [(x - s, y, z - s), (x + s, y, z - s), (x + s, y, z + s), (x - s, y, z + s)]
+    ph.quad("Target", target, metal)
+    reach = math.sqrt(x**2 + y**2 + z**2)
+    sigma = 4 * 0.9998 * (2 * s) ** 2 * (y / reach) ** 2
+    return float(monostatic_power_w(DEFAULT_EIRP_W, sigma, reach, ph.C0_MPS / 5.3e9))
+
+
+def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
+    """A target below a pixel within 0.2 dB; all directions known; the view is covered once."""
+    power = far_target(6.0)
+    options = {"shifts": 4, "error_target": 0.02, "max_level": 5, "tile_px": 16}
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
+    rows, record = run.table(), run.record()
+    assert record.finest_level >= 3, (record.tiles, record.renders, record.relative_error)
+    target = rows[rows["object"] == record.objects.index("Target") + 1]
+    assert abs(float(to_db(target["power_w"].sum() / power))) < 0.2
+    seen = target["last_m"] / np.linalg.norm(target["last_m"], axis=1, keepdims=True)
+    assert np.abs(seen - target["direction"]).max() < 2e-7
+    # Every ray meets something: gaps or overlaps of tiles would show in the solid angle.
+    half = math.tan(math.radians(20))
+    frame_sr = 4 * math.atan(half * half / math.sqrt(1 + 2 * half * half))
+    for shift in range(4):
+        mine = rows[rows["shift"] == shift]
+        # A shift moves the frame by up to half a pixel of the coarsest: by 1 % of the cosines.
+        assert 4 * mine["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-3)
+    assert rows["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-4)
+
+
+def test_a_target_between_the_rays_is_said(tmp_path: Path) -> None:
+    far_target(0.05)
+    record = ph.run_paths(tmp_path, width_px=16, height_px=16).record()
+    said = [text for text in record.warnings if "met by no ray" in text]
+    assert len(said) == 1
+    assert "'Target'" in said[0]
+
+
 # -- far away --------------------------------------------------------------------------------------
 
 RANGES_M = (10.0, 100.0, 1000.0, 10_000.0)
