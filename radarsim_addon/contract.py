@@ -98,14 +98,17 @@ Matrix = list[list[float]]
 
 @dataclass(frozen=True)
 class CameraRecord:
-    """Receiver. Rays leave along (u, v, -1) in camera space, u to the right, v up.
+    """Receiver. Camera space is Blender's: x to the right, y up, the boresight along -z.
 
-    left, right, bottom, top are the tangents u, v of the frame's outer edges (lens shift
-    included); row 0 of an image is the top one. near_clip_m is the depth that the camera's near
-    plane cuts from each path's first segment: the reader adds near_clip_m * sqrt(1+u^2+v^2).
+    kind says what the outer edges left, right, bottom, top (lens shift included) are:
+    "perspective", tangents u, v of rays along (u, v, -1); "orthographic", metres across the
+    boresight; "equirectangular", radians of longitude (0 ahead, positive to the right) and
+    latitude. Row 0 of an image is the top one. near_clip_m is the depth that the near clip surface
+    cuts from each path's first segment; the reader adds it back along the ray, times
+    sqrt(1+u^2+v^2) for a perspective camera, whose surface is a plane.
     """
 
-    kind: str  # "perspective"
+    kind: str
     matrix_world: Matrix
     left: float
     right: float

@@ -41,7 +41,7 @@ class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
         column.prop(settings, "camera")
         column.prop(settings, "emitter")
         try:
-            rig = find_rig(context.scene, settings.camera, settings.emitter)
+            rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "INFO")
             return
@@ -266,13 +266,17 @@ def _extent(context: Any) -> Extent | None:
     """How far the scene reaches now; None without a radar, or in a scene too large to look at."""
     settings = getattr(context.scene, SCENE_PROPERTY)
     try:
-        rig = find_rig(context.scene, settings.camera, settings.emitter)
+        rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
     except RadarSimError:
         return None
     depsgraph = context.evaluated_depsgraph_get()
     if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
         return None
     return scene_extent(depsgraph, rig, typed(context.scene.unit_settings.scale_length))
+
+
+def _any_camera(settings: Any) -> bool:
+    return bool(settings.acquisition == "PATHS")
 
 
 def distance(metres: float) -> str:

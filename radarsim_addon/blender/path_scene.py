@@ -22,6 +22,7 @@ from ..errors import RenderError
 from .isolation import SURFACE_TYPES
 from .nodes.materials import lets_nothing_through
 from .pass_files import read_passes
+from .path_cameras import aim, camera_kind
 from .path_gates import Gate, Region, RenderRequest, View
 from .poses import rigid_pose
 from .recorder import Recorder
@@ -35,8 +36,6 @@ _CAMERA = "radarsim view (temporary)"
 _CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
 _CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
-#: Blender's sensor width that is used for the views; any would do.
-_SENSOR_MM = 32.0
 #: Least width and height that Blender renders.
 _LEAST_PX = 4
 _BORDER = (
@@ -103,6 +102,7 @@ class PathScene:
             "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
         )
         self._view: Any = None
+        self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
         self._coarse = 1
@@ -164,23 +164,16 @@ class PathScene:
         # A smaller view is the upper left corner of what Blender can render.
         across, down = (max(count, _LEAST_PX) for count in self._size)
         self._canvas = (across, down)
-        width = across * pixel_u
-        data.sensor_fit = "HORIZONTAL"
-        data.sensor_width = _SENSOR_MM
-        data.lens = _SENSOR_MM / width
-        centre_u = window.left + (across / 2 + shift_px[0]) * pixel_u
-        centre_v = window.top + (shift_px[1] - down / 2) * pixel_v
-        data.shift_x = centre_u / width
-        data.shift_y = centre_v / width
-        size = float(data.sensor_width) / float(data.lens)
-        shift_u, shift_v = float(data.shift_x) * size, float(data.shift_y) * size
-        left, top = shift_u - size / 2, shift_v + size / 2 * down / across
+        left = window.left + shift_px[0] * pixel_u
+        top = window.top + shift_px[1] * pixel_v
+        wanted = (left, left + across * pixel_u, top - down * pixel_v, top)
+        left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
         return contract.CameraRecord(
-            kind="perspective",
+            kind=self.kind,
             matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
             left=left,
-            right=left + size * window.width_px / across,
-            bottom=top - size * window.height_px / across,
+            right=left + (right - left) * window.width_px / across,
+            bottom=top - (top - bottom) * window.height_px / down,
             top=top,
             near_clip_m=NEAR_CLIP_UNITS * self._units,
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import contract
+from .path_cameras import camera_kind, frame_edges
 from .render_settings import NEAR_CLIP_UNITS
 from .rig import Rig, check_scale
 
@@ -67,9 +68,13 @@ def camera_record(
     """
     camera = rig.camera.evaluated_get(depsgraph)
     check_scale(rig.camera, camera.matrix_world)
-    left, right, bottom, top = frustum(camera.data, width_px, height_px)
+    kind = camera_kind(camera.data)
+    if kind == "perspective":
+        left, right, bottom, top = frustum(camera.data, width_px, height_px)
+    else:
+        left, right, bottom, top = frame_edges(camera.data, width_px, height_px, metres_per_unit)
     return contract.CameraRecord(
-        kind="perspective",
+        kind=kind,
         matrix_world=rigid_pose(camera.matrix_world, metres_per_unit).tolist(),
         left=left,
         right=right,

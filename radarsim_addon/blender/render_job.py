@@ -61,6 +61,7 @@ class RenderJob:
     """
 
     unit = "renders"
+    any_projection = False
     blocking = False
 
     def __init__(
@@ -118,7 +119,7 @@ class RenderJob:
         SceneError, ConfigError, OutputError
             What is wrong; the scene is as it was.
         """
-        self.rig: Rig = find_rig(self._scene, *self._antennas)
+        self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         output_folder.prepare_folder(self.folder)
         # Before anything is touched: afterwards the file would count as changed.
         file_digest = scene_truth.file_digest(self.file_just_opened)

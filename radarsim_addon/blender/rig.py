@@ -97,7 +97,9 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     return empty
 
 
-def find_rig(scene: Any, camera: Any = None, emitter: Any = None) -> Rig:
+def find_rig(
+    scene: Any, camera: Any = None, emitter: Any = None, any_projection: bool = False
+) -> Rig:
     """The radar of a scene.
 
     Parameters
@@ -106,6 +108,8 @@ def find_rig(scene: Any, camera: Any = None, emitter: Any = None) -> Rig:
     camera, emitter
         Objects chosen by the user; None: the one lamp with a Ring Emitter, and the camera on the
         same parent, else the scene's camera.
+    any_projection
+        Orthographic and panoramic cameras will do.
 
     Raises
     ------
@@ -125,10 +129,11 @@ def find_rig(scene: Any, camera: Any = None, emitter: Any = None) -> Rig:
             "The scene has no camera to receive with. Press Radar > Set Up Radar, or set "
             "Scene > Camera."
         )
-    if camera.data.type != "PERSP":
+    if camera.data.type != "PERSP" and not any_projection:
         raise SceneError(
-            f"Camera {camera.name!r} is of type {camera.data.type}; the receiver is a perspective "
-            "camera. Set Camera > Lens > Type to Perspective."
+            f"Camera {camera.name!r} is of type {camera.data.type}; rings are measured with a "
+            "perspective camera. Set Camera > Lens > Type to Perspective, or the acquisition to "
+            "Paths."
         )
     return Rig(camera, emitter)
 

@@ -151,7 +151,7 @@ def assemble_rows(
 
     known = np.isfinite(pixels.log_ratio)
     coded_m = np.where(known, -geometry.code_length_m * pixels.log_ratio, 0.0)
-    coded_m = np.maximum(coded_m, 0.0) + geometry.near_clip_m / rays.boresight_cosine[index]
+    coded_m = np.maximum(coded_m, 0.0) + geometry.near_clip_m / rays.near_cosine[index]
     # Each segment's exponential and each product rounds once: the sum of their relative errors.
     factors = 2.0 * (pixels.order + 1)
     sigma = geometry.code_length_m * _EPS32 * np.sqrt(factors) + coded_m * _EPS32

@@ -30,8 +30,9 @@ class PixelRays:
         Where the rays start, world space [m]; (3,) or, orthographic, (h, w, 3).
     direction
         Unit vectors, world space; (h, w, 3).
-    boresight_cosine
-        Cosine between each ray and the boresight; (h, w).
+    near_cosine
+        Cosine between each ray and the normal of the near clip surface, a plane across the
+        boresight or, equirectangular, a sphere; (h, w).
     solid_angle_sr
         Solid angle of each pixel [sr]; (h, w). For an orthographic camera, whose pixels see an
         area instead, the area divided by 1 m^2: multiply by (1 m / r)^2 to compare.
@@ -39,7 +40,7 @@ class PixelRays:
 
     origin_m: Real
     direction: Real
-    boresight_cosine: Real
+    near_cosine: Real
     solid_angle_sr: Real
 
 
@@ -106,7 +107,7 @@ def pixel_rays(camera: CameraRecord, width_px: int, height_px: int) -> PixelRays
     return PixelRays(
         origin_m=origin,
         direction=local @ rotation.T,
-        boresight_cosine=-local[..., 2],
+        near_cosine=np.ones_like(uu) if camera.kind == "equirectangular" else -local[..., 2],
         solid_angle_sr=solid_angles_sr(camera, width_px, height_px),
     )
 

@@ -48,7 +48,7 @@ def gate(length_m: np.ndarray, view: PixelRays, **changes: Any) -> GatePixels:
     """Order 1, depth 0, code exact to float64, nothing else known."""
     n = length_m.size
     nowhere = np.full((n, 3), np.nan)
-    coded = length_m - CLIP_M / view.boresight_cosine[every_pixel()]
+    coded = length_m - CLIP_M / view.near_cosine[every_pixel()]
     values: dict[str, Any] = {
         "order": 1,
         "depth": 0,
@@ -154,7 +154,7 @@ def test_a_thin_delay_far_away_comes_from_the_code() -> None:
     geometric = 2 * np.linalg.norm(points, axis=1)
     pixels = gate(geometric + 0.03, view, position_m=points, depth=2)
     geometry = Geometry(np.zeros(3), 500.0, CLIP_M)
-    coded = geometric + 0.03 - CLIP_M / view.boresight_cosine[every_pixel()]
+    coded = geometric + 0.03 - CLIP_M / view.near_cosine[every_pixel()]
     pixels = GatePixels(**{**vars(pixels), "log_ratio": -coded / 500.0})
     rows = assemble_rows(pixels, view, every_pixel(), geometry, 0.5, 1.0, 0, 0)
     np.testing.assert_allclose(rows["length_m"], geometric + 0.03, rtol=1e-12)

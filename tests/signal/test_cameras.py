@@ -92,7 +92,7 @@ def test_perspective_directions() -> None:
     tangents = local[..., :2] / -local[..., 2:]
     np.testing.assert_allclose(tangents[0, 0], [-0.35, 0.15], atol=1e-15)
     np.testing.assert_allclose(tangents[4, 9], [0.55, -0.25], atol=1e-15)
-    np.testing.assert_allclose(rays.boresight_cosine, -local[..., 2], atol=1e-15)
+    np.testing.assert_allclose(rays.near_cosine, -local[..., 2], atol=1e-15)
 
 
 def test_equirectangular_sphere() -> None:
