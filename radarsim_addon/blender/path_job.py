@@ -74,6 +74,7 @@ class PathJob(RenderJob):
     """A run that measures paths. Parameters as `RenderJob`, and how paths are followed."""
 
     unit = "tiles"
+    any_projection = True
     blocking = True
 
     def __init__(
