@@ -39,10 +39,13 @@ def test_standard_error_of_independent_replicates() -> None:
     assert standard_error(replicates, 4) == pytest.approx(1 / 80, rel=0.2)
 
 
-def row(kind: str, cpu_s: float, error: float, target_db: float) -> dict[str, object]:
+def row(
+    kind: str, cpu_s: float, error: float, target_db: float, refined: bool = False
+) -> dict[str, object]:
     return {
         "acquisition": kind,
         "label": f"{kind} {cpu_s:g}",
+        "refined": refined,
         "cpu_s": cpu_s,
         "wall_s": cpu_s / 2,
         "error": error,
@@ -58,6 +61,11 @@ def test_a_lucky_run_does_not_count() -> None:
     assert best is not None
     assert best["cpu_s"] == 3
     assert steady(rows[:2], "target_db", 0.2) is None
+    # Refined runs are a list of their own.
+    rows.append(row("paths", 2.5, 0.1, 0.7, refined=True))
+    assert steady(rows, "target_db", 0.2) == best
+    rows.append(row("paths", 2.7, 0.1, 0.0, refined=True))
+    assert steady(rows, "target_db", 0.2) == rows[-1]
 
 
 def test_ratios() -> None:
