@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
 from ..signal.pathtable import PathRows
@@ -23,9 +22,6 @@ Key = tuple[Any, ...]
 _LARGEST_TURN = 3.0
 #: How far the axes of a rotation may be from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-4
-#: How far from a moving surface a last vertex may lie, relative to the path's length: vertices
-#: from the emitter's colours are known to 1e-6 of the scene's size.
-_ON_SURFACE_WITHIN = 2e-5
 
 
 @dataclass(frozen=True)
@@ -77,9 +73,6 @@ class ObjectMotion:
         Poses at both moments.
     interval_s
         Time between them [s].
-    depsgraph, metres_per_unit
-        At the first moment: surfaces of what moves are taken from it, to tell which last vertices
-        of several reflections lie on them. Without, these are taken to stand still.
     """
 
     def __init__(
@@ -88,11 +81,8 @@ class ObjectMotion:
         now: Poses,
         later: Poses,
         interval_s: float,
-        depsgraph: Any = None,
-        metres_per_unit: float = 1.0,
     ) -> None:
         self._interval_s = interval_s
-        self._metres_per_unit = metres_per_unit
         self._receiver_step = later.receiver_m - now.receiver_m
         self._emitter_step = later.emitter_m - now.emitter_m
         self._moving: dict[int, list[_Motion | Shown]] = {}
@@ -104,9 +94,6 @@ class ObjectMotion:
             ]
             if any(isinstance(part, _Motion) for part in parts):
                 self._moving[number] = parts
-        self._surfaces: dict[int, Any] = {}
-        if depsgraph is not None:
-            self._surfaces = _surfaces({names[n - 1]: n for n in self._moving}, depsgraph)
 
     @staticmethod
     def poses(depsgraph: Any, rig: Any, metres_per_unit: float) -> Poses:
@@ -140,10 +127,8 @@ class ObjectMotion:
 
         Exact kinematics: dL/dt = sum over vertices of v . (u_in - u_out), and the antennas' own
         motion; u_in points along the way from receiver to emitter into the vertex. Paths whose
-        vertices are unknown keep 0. Numbers of moving objects are filled in at last vertices
-        where they are unknown.
+        vertices are unknown keep 0.
         """
-        self._find_last_objects(rows)
         first, last = rows["first_m"], rows["last_m"]
         one = rows["order"] == 1
         known = np.isfinite(last).all(axis=-1) & (np.isfinite(first).all(axis=-1) | one)
@@ -162,24 +147,6 @@ class ObjectMotion:
         rate -= into_first @ (self._receiver_step / self._interval_s)
         rate += out_last @ (self._emitter_step / self._interval_s)
         rows["range_rate_mps"] = np.where(known, np.nan_to_num(rate) / 2, 0.0)
-
-    def _find_last_objects(self, rows: PathRows) -> None:
-        unknown = (rows["order"] > 1) & (rows["object"] == 0)
-        unknown &= np.isfinite(rows["last_m"]).all(axis=-1)
-        for number, tree in self._surfaces.items():
-            for part in self._moving[number]:
-                todo = np.flatnonzero(unknown & (rows["object"] == 0))
-                if not isinstance(part, _Motion) or not todo.size:
-                    continue
-                allowed = _ON_SURFACE_WITHIN * rows["length_m"][todo]
-                local, outside = _beside_box(part.shown, rows["last_m"][todo])
-                near = np.linalg.norm(outside, axis=-1) <= allowed
-                scale = np.linalg.norm(part.shown.pose[:3, :3], axis=0).max()
-                for row, point, reach in zip(todo[near], local[near], allowed[near], strict=True):
-                    place = tuple(point / self._metres_per_unit)
-                    _, _, _, distance = tree.find_nearest(place)
-                    if distance is not None and distance * scale * self._metres_per_unit <= reach:
-                        rows["object"][row] = number
 
     def _velocity(self, numbers: NDArray[np.int32], points: Real) -> Real:
         velocity = np.zeros(points.shape)
@@ -225,7 +192,7 @@ def _nearest_box(parts: Sequence[_Motion | Shown], points: Real) -> NDArray[np.i
     least = np.full(len(points), np.inf)
     for index, part in enumerate(parts):
         shown = part.shown if isinstance(part, _Motion) else part
-        local, outside = _beside_box(shown, points)
+        local, outside = beside_box(shown, points)
         # Boxes that overlap are told apart by their centres, a little.
         centre = (local - shown.box.mean(axis=0)) @ shown.pose[:3, :3].T
         distance = np.linalg.norm(outside, axis=-1) + 1e-6 * np.linalg.norm(centre, axis=-1)
@@ -234,7 +201,7 @@ def _nearest_box(parts: Sequence[_Motion | Shown], points: Real) -> NDArray[np.i
     return best
 
 
-def _beside_box(shown: Shown, points: Real) -> tuple[Real, Real]:
+def beside_box(shown: Shown, points: Real) -> tuple[Real, Real]:
     """Points in the object's own axes, and in world lengths how far outside its box they lie."""
     try:
         inverse = np.linalg.inv(shown.pose)
@@ -243,17 +210,6 @@ def _beside_box(shown: Shown, points: Real) -> tuple[Real, Real]:
     local = points @ inverse[:3, :3].T + inverse[:3, 3]
     outside = np.maximum(np.maximum(shown.box[0] - local, local - shown.box[1]), 0.0)
     return local, outside @ shown.pose[:3, :3].T
-
-
-def _surfaces(numbers: Mapping[str, int], depsgraph: Any) -> dict[int, Any]:
-    """Search trees of these objects' evaluated meshes, by number, in Blender units and own axes."""
-    found: dict[int, Any] = {}
-    for item in depsgraph.object_instances:
-        original = item.object.original
-        number = numbers.get(original.name)
-        if number is not None and number not in found and original.type == "MESH":
-            found[number] = BVHTree.FromObject(original, depsgraph)
-    return found
 
 
 def _unit(vectors: Real) -> Real:

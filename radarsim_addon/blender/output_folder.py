@@ -141,7 +141,14 @@ def replace_file(temporary: Path, final: Path) -> None:
 
 
 def _own_files(folder: Path) -> list[Path]:
-    names = ("ring_*_t[01].exr", "ring_*_t[01].json", contract.SCENE_FILE, "*.part")
+    names = (
+        "ring_*_t[01].exr",
+        "ring_*_t[01].json",
+        contract.PATHS_TABLE,
+        contract.PATHS_FILE,
+        contract.SCENE_FILE,
+        "*.part",
+    )
     return [path for name in names for path in _frame_files(folder, name)]
 
 

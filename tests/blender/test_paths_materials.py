@@ -368,6 +368,9 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     np.testing.assert_allclose(two["length_m"], length, rtol=1e-6)
     np.testing.assert_allclose(two["last_m"], last, atol=5e-5)
     np.testing.assert_allclose(two["first_m"], first, atol=1e-5)
+    names = run.record().objects
+    assert {names[number - 1] for number in two["first_object"]} == {"Floor"}
+    assert {names[number - 1] for number in two["object"]} == {"Wall"}
     # Without looking at the Position pass, from direction, length and last vertex alone:
     found, conditioning = first_vertex_order_2(
         np.broadcast_to(camera, direction.shape),
