@@ -15,9 +15,9 @@ from .pictures import Picture, draw_map, draw_profile
 
 MAP_IMAGE = "Radar range-Doppler map"
 PROFILE_IMAGE = "Radar range profile"
-#: A new editor is fitted this many times, this far apart: by the last it has been drawn.
-_FITS = 3
-_FIT_DELAY_S = 0.4
+#: A new editor is fitted until it was drawn so, at most this many times.
+_MOST_FITS = 30
+_FIT_INTERVAL_S = 0.3
 
 
 class ProcessingJob:
@@ -153,24 +153,33 @@ def show_images(context: Any, images: list[Any]) -> None:
     for area, image in zip(editors, images, strict=False):
         area.spaces.active.image = image
     if not bpy.app.background:
-        left = [_FITS]
+        left = [_MOST_FITS]
 
         def fit() -> float | None:
-            _fit_images()
             left[0] -= 1
-            return _FIT_DELAY_S if left[0] else None
+            return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
 
         # An editor knows how large it is only once it was drawn, which takes a moment.
-        bpy.app.timers.register(fit, first_interval=_FIT_DELAY_S)
+        bpy.app.timers.register(fit, first_interval=_FIT_INTERVAL_S)
 
 
-def _fit_images() -> None:
-    """Show our images as a whole, in whatever editors they are in."""
+def _fit_images() -> bool:
+    """Show our images as a whole, in whatever editors they are in; whether they are so already."""
+    fitted = True
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            image = area.spaces.active.image if area.type == "IMAGE_EDITOR" else None
+            space = area.spaces.active
+            image = space.image if area.type == "IMAGE_EDITOR" else None
             if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE):
                 continue
             region = next(item for item in area.regions if item.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):
+            room = min(region.width / image.size[0], region.height / image.size[1])
+            if space.zoom[0] <= room:
+                continue
+            fitted = False
+            with bpy.context.temp_override(
+                window=window, screen=window.screen, area=area, region=region
+            ):
                 bpy.ops.image.view_all(fit_view=True)
+            area.tag_redraw()
+    return fitted

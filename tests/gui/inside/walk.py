@@ -182,7 +182,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(
         lambda: {image.name for image in bpy.data.images} - images, "the images", 300
     )
-    yield 1.5
+    yield 5.0  # the editors fit their images once they were drawn
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images
     }
