@@ -13,7 +13,6 @@ geometry, which the run keeps in scene.json.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import resource
 import shutil
@@ -70,8 +69,10 @@ def run_demo(out: Path) -> dict[str, Any]:
     for name, figure in (
         ("fig6_rings", plots.plot_rings(frame)),
         ("fig7_echo", plots.plot_echo(result.echoes)),
-        ("fig8_matched_filter", plots.plot_matched_filter(
-            result.compressed, result.profile, result.edges)),
+        (
+            "fig8_matched_filter",
+            plots.plot_matched_filter(result.compressed, result.profile, result.edges),
+        ),
         ("fig9_range_doppler", plots.plot_range_doppler(result.rd_map, result.movers[:1])),
     ):
         plots.save(figure, out / f"{name}.png")
@@ -168,20 +169,26 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
     """The short table at the end of ``make demo``."""
     print(f"\n{'':16}{'true':>12}{'measured':>12}")
     for item in summary["static_objects"]:
-        print(f"{item['name']:16}{item['near_face_m']:>10.2f} m{item['leading_edge_m']:>10.2f} m"
-              "   half-power leading edge")
+        print(
+            f"{item['name']:16}{item['near_face_m']:>10.2f} m{item['leading_edge_m']:>10.2f} m"
+            "   half-power leading edge"
+        )
     target = summary["target"]
     if target:
-        print(f"{'Target':16}{target['true_range_m']:>10.2f} m{target['range_m']:>10.2f} m"
-              f"   {target['velocity_mps']:+.3f} m/s (receding is +), "
-              f"{target['doppler_hz']:.1f} Hz, {target['level_above_background_db']:.0f} dB above "
-              "the median of its surroundings")
+        print(
+            f"{'Target':16}{target['true_range_m']:>10.2f} m{target['range_m']:>10.2f} m"
+            f"   {target['velocity_mps']:+.3f} m/s (receding is +), "
+            f"{target['doppler_hz']:.1f} Hz, {target['level_above_background_db']:.0f} dB above "
+            "the median of its surroundings"
+        )
     else:
         print("Target: nothing moves in the map")
     times = summary["time_s"]
-    print(f"\n{summary['rings']} rings x {summary['passes']} passes: {times['render']:.1f} s, "
-          f"processing {times['process']:.1f} s, all {times['total']:.1f} s, "
-          f"Blender {summary['versions'].get('blender', '?')}")
+    print(
+        f"\n{summary['rings']} rings x {summary['passes']} passes: {times['render']:.1f} s, "
+        f"processing {times['process']:.1f} s, all {times['total']:.1f} s, "
+        f"Blender {summary['versions'].get('blender', '?')}"
+    )
     print(f"pictures and summary.json in {shown(out)}, the run in {shown(out / 'run' / RUN_FILE)}")
 
 

@@ -24,9 +24,7 @@ ABSORBER_NAME = "radarsim absorber (temporary)"
 _NAMES_SHOWN = 5
 
 
-def isolate(
-    recorder: Recorder, scene: Any, emitter: Any, any_material: bool = False
-) -> list[str]:
+def isolate(recorder: Recorder, scene: Any, emitter: Any, any_material: bool = False) -> list[str]:
     """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
 
     With `any_material` a world volume carries the code: surfaces of any kind echo, and only what

@@ -93,7 +93,7 @@ def test_solid_angles_add_up_to_the_plate(kind: str, bound: float, tmp_path: Pat
 
 
 def test_radiance_is_that_of_a_lambert_plate_in_every_projection(tmp_path: Path) -> None:
-    """Power over receiver area and solid angle: F/pi * EIRP cos / (4 pi r^2), whatever the camera."""
+    """Power over receiver area and solid angle is F/pi * EIRP cos / (4 pi r^2), any camera."""
     reflectance = 1 - 4e4 / (1e8 + 2e4 + 1 + 1e8)
     for kind in ("PERSP", "ORTHO", "PANO"):
         scene = plate_before(kind)
