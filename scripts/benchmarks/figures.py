@@ -9,11 +9,13 @@ from typing import Any
 _STYLES = {
     "rings": {"marker": "s", "color": "tab:red", "linestyle": "none"},
     "paths": {"marker": "o", "color": "tab:blue"},
+    "shifts": {"marker": "d", "color": "tab:purple"},
     "refined": {"marker": "^", "color": "tab:green"},
 }
 _LABELS = {
     "rings": "21 rings",
-    "paths": "paths, uniform frame",
+    "paths": "paths, more pixels",
+    "shifts": "paths, more shifts",
     "refined": "paths, tiles refined",
 }
 
@@ -43,7 +45,7 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     for axis, (key, title, label, floor) in zip(axes, panels):
         for kind, style in _STYLES.items():
             rows = sorted(
-                (r for r in accuracy["runs"] if _kind(r) == kind), key=lambda r: r["cpu_s"]
+                (r for r in accuracy["runs"] if r["series"] == kind), key=lambda r: r["cpu_s"]
             )
             axis.loglog(
                 [r["cpu_s"] for r in rows],
@@ -108,7 +110,3 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     axis.legend()
     save(figure, "synthesis.png")
     return files
-
-
-def _kind(row: dict[str, Any]) -> str:
-    return "refined" if row["refined"] else str(row["acquisition"])

@@ -14,14 +14,14 @@ from .clock import peak_mib
 
 #: Width, height, shifts: 15 000 to a million paths, in tiles of the default size.
 SIZES = ((160, 90, 1), (320, 180, 1), (640, 360, 1), (1280, 720, 1), (640, 360, 4))
-#: Ten million.
-LARGE = (1280, 720, 11)
+#: Ten million, and the same tiles and shifts in a shorter run, for the memory.
+LARGE = ((512, 480, 11), (1280, 720, 11))
 
 
 def run_scaling(script: Path, blend: Path, folder: Path, large: bool) -> list[dict[str, Any]]:
     """One row for each size; `script` is bench.py, which runs `measure_one` for us."""
     rows = []
-    for size in (*SIZES, *((LARGE,) if large else ())):
+    for size in (*SIZES, *(LARGE if large else ())):
         command = [sys.executable, str(script), "--one", str(blend), str(folder), *map(str, size)]
         result = subprocess.run(
             command,

@@ -40,12 +40,12 @@ def test_standard_error_of_independent_replicates() -> None:
 
 
 def row(
-    kind: str, cpu_s: float, error: float, target_db: float, refined: bool = False
+    kind: str, cpu_s: float, error: float, target_db: float, series: str = ""
 ) -> dict[str, object]:
     return {
         "acquisition": kind,
         "label": f"{kind} {cpu_s:g}",
-        "refined": refined,
+        "series": series or kind,
         "cpu_s": cpu_s,
         "wall_s": cpu_s / 2,
         "error": error,
@@ -62,9 +62,9 @@ def test_a_lucky_run_does_not_count() -> None:
     assert best["cpu_s"] == 3
     assert steady(rows[:2], "target_db", 0.2) is None
     # Refined runs are a list of their own.
-    rows.append(row("paths", 2.5, 0.1, 0.7, refined=True))
+    rows.append(row("paths", 2.5, 0.1, 0.7, series="refined"))
     assert steady(rows, "target_db", 0.2) == best
-    rows.append(row("paths", 2.7, 0.1, 0.0, refined=True))
+    rows.append(row("paths", 2.7, 0.1, 0.0, series="refined"))
     assert steady(rows, "target_db", 0.2) == rows[-1]
 
 
