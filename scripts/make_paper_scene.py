@@ -129,6 +129,7 @@ def build() -> None:
     settings.sampling_rate_mhz = 60.0
     settings.prf_hz = 1000.0
     settings.pulses = 128
+    settings.acquisition = "RINGS"
     settings.ring_mode = "COUNT"
     settings.ring_step_m = 250.0
     settings.ring_count = 21

@@ -50,7 +50,8 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument(
         "--acquisition",
         choices=("rings", "paths"),
-        help="rings: the paper's shells; paths: one path per pixel, with standard errors",
+        help="rings: the paper's shells; paths: one path per pixel, with standard errors. Left "
+        "out: that of the other options given, else the file's own",
     )
     parser.add_argument("--order", type=int, metavar="N", help="paths: most reflections")
     parser.add_argument("--shifts", type=int, metavar="N", help="paths: replicates of each tile")
@@ -152,7 +153,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
             view_layer_of(bpy, scene),
             folder,
             overwrite=arguments.overwrite,
-            acquisition=arguments.acquisition,
+            acquisition=chosen_acquisition(arguments),
             overrides=overrides,
             path_overrides=path_overrides(arguments),
         )
@@ -212,6 +213,18 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "pulses": arguments.pulses,
         "seed": arguments.seed,
     }
+
+
+def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
+    """The acquisition that was named, or that the options belong to; None: the file's own."""
+    if arguments.acquisition is not None:
+        return str(arguments.acquisition)
+    of_rings = (arguments.rings, arguments.ring_step, arguments.samples, arguments.bounces)
+    if arguments.auto_rings or any(value is not None for value in of_rings):
+        return "rings"
+    if any(value is not None for value in path_overrides(arguments).values()):
+        return "paths"
+    return None
 
 
 def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:

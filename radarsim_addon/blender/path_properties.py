@@ -24,6 +24,7 @@ class PathSettings:
                 "One path per pixel: exact ranges, any material, standard error reported",
             ),
         ),
+        default="PATHS",
         description="How the scene is measured",
     )
     path_order: bpy.props.IntProperty(  # type: ignore[valid-type]

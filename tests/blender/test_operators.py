@@ -26,6 +26,7 @@ def scene(addon: Any) -> Any:
     made = rs.new_scene()
     rs.add_plate(10.0)
     settings = made.radarsim
+    settings.acquisition = "RINGS"
     settings.ring_step_m, settings.samples = 4.0, 1
     settings.width_px = settings.height_px = 32
     return made

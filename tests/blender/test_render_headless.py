@@ -36,6 +36,7 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
         plate = rs.add_plate(10.0, preset="ground")
         rs.move_steadily(plate, (0, 5, 0))
         settings = scene.radarsim
+        settings.acquisition = "RINGS"
         settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
         settings.width_px = settings.height_px = 32
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
@@ -67,6 +68,25 @@ def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> Non
     assert run.blend_file == blend.name
     assert run.extra["unsaved_changes"] is False
     assert "Fra:" not in done.stdout
+
+
+def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None:
+    """Named, or implied by an option of theirs; the same command again renders nothing."""
+    for number, words in enumerate((("--acquisition", "paths"), ("--shifts", "2"))):
+        folder = tmp_path / str(number)
+        done = start(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
+        assert done.returncode == 0, done.stderr
+        run = read_record(folder / "run.json", contract.RunRecord)
+        assert run.acquisition == "paths"
+        record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
+        assert record.shifts == (4 if number == 0 else 2)
+        assert record.rows > 0
+        table = folder / "frames/frame_0001/paths.npy"
+        written = table.stat().st_mtime_ns
+        assert (folder / "products" / "frame_0001_expected.npz").is_file()
+        again = start(blend, "--out", folder, "--resolution", "16x16", *words)
+        assert again.returncode == 0, again.stderr
+        assert table.stat().st_mtime_ns == written
 
 
 def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:

@@ -101,7 +101,13 @@ def test_a_stopped_run_goes_on_where_it_stopped(walk: dict[str, Any]):
     assert walk["continued"]["rendered_again"] == []
 
 
-@pytest.mark.parametrize("run", ["first", "stopped", "continued"])
+def test_paths_are_measured_from_the_window(walk: dict[str, Any]):
+    expected = {"run.json", "frames/frame_0001/paths.npy", "frames/frame_0001/paths.json"}
+    assert expected <= set(walk["paths"]["files"])
+    assert not [name for name in walk["paths"]["files"] if name.endswith((".part", ".exr"))]
+
+
+@pytest.mark.parametrize("run", ["first", "stopped", "continued", "paths"])
 def test_all_settings_are_restored(walk: dict[str, Any], run: str):
     assert walk[run]["changed"] == []
 

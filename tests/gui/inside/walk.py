@@ -109,6 +109,7 @@ def script(robot: Any) -> Any:
     settings = scene.radarsim
     settings.output_dir = str(FOLDER / "run one")
     settings.frame_mode = "CURRENT"
+    settings.acquisition = "RINGS"
     settings.ring_mode = "COUNT"
     settings.ring_count = RINGS
     settings.ring_step_m = 5.0
@@ -176,7 +177,27 @@ def script(robot: Any) -> Any:
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
 
-    # 7. Processed, and shown.
+    # 7. The other acquisition, and back.
+    third = FOLDER / "run paths"
+    settings.acquisition = "PATHS"
+    settings.output_dir = str(third)
+    robot.view.tag_redraw()
+    yield 1.0
+    before = snapshot_module.snapshot(scene)
+    yield from robot.click("radarsim.render_frames")
+    yield from robot.wait(lambda: (third / "run.json").exists(), "the run's start", 20)
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
+    yield 1.0
+    robot.shot("07_paths")
+    result["paths"] = {
+        "files": files(third),
+        "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
+    }
+    settings.acquisition = "RINGS"
+    settings.output_dir = str(second)
+    yield 1.0
+
+    # 8. Processed, and shown.
     images = {image.name for image in bpy.data.images}
     yield from robot.click("radarsim.process_last_run")
     yield from robot.wait(
