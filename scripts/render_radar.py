@@ -159,8 +159,8 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
         )
         job.file_just_opened = arguments.blend is not None
         with job:
-            for warning in job.warnings:
-                print(f"radarsim: warning: {warning}", file=stream, flush=True)
+            known = len(job.warnings)
+            print_warnings(job.warnings, stream)
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             for task in job.pending():
@@ -168,10 +168,19 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
                 job.render(task)
                 job.finish(task)
                 progress.show(job.done, job.total, job.seconds_left)
+        print_warnings(job.warnings[known:], stream)
+        if job.summary:
+            print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
         if arguments.process:
             process(folder, stream)
     return 0
+
+
+def print_warnings(warnings: list[str], stream: Any) -> None:
+    """One line each."""
+    for warning in warnings:
+        print(f"radarsim: warning: {warning}", file=stream, flush=True)
 
 
 def process(folder: Path, stream: Any) -> None:

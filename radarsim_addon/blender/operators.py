@@ -164,6 +164,10 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
             self.report({"WARNING"}, text)
             return {"CANCELLED"}
         text = f"{job.total} {job.unit} in {job.folder}"
+        if job.summary:
+            text = f"{job.summary}. {text}"
+        # Some is known only at the end: what was left out, what was not met by any ray.
+        getattr(context.window_manager, PROGRESS_PROPERTY).warnings = "\n".join(job.warnings)
         self._finish(context, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}

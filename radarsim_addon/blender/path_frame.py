@@ -227,4 +227,8 @@ class FrameWork:
             versions=job.versions,
         )
         job.warnings += record.warnings
+        job.summary = (
+            f"{rows:,} paths, standard error {100 * record.relative_error:.2g} %, lengths known to "
+            f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"
+        )
         write_record(self._folder / contract.PATHS_FILE, record)

@@ -84,11 +84,11 @@ class PathJob(RenderJob):
             extent = extent.union(
                 scene_truth.scene_extent(depsgraph, self.rig, self._metres_per_unit(), True)
             )
-        if not self._measurement.rings:
-            reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
-            self._measurement = dataclasses.replace(
-                self._measurement, rings=1, ring_step_m=max(reach_m, self._metres_per_unit() * 1e-3)
-            )
+        # One "ring" as wide as the scene: the range window, and what the code has to reach.
+        reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
+        self._measurement = dataclasses.replace(
+            self._measurement, rings=1, ring_step_m=max(reach_m, self._metres_per_unit() * 1e-3)
+        )
         return make_plan(
             self._measurement,
             self._metres_per_unit(),

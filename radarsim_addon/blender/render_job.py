@@ -91,6 +91,7 @@ class RenderJob:
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
         self.warnings: list[str] = []
+        self.summary = ""
         self.unrestored: list[str] = []
         self.versions = {
             "blender": bpy.app.version_string,
