@@ -225,8 +225,8 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
         "versions": versions,
     }
     if plan.acquisition == "paths":
-        # These follow from how far the scene reaches in the frames asked for; each table has its own
-        # code length beside it.
+        # These follow from how far the scene reaches in the frames asked for; each table has its
+        # own code length beside it.
         del measurement["ring_step_m"], parts["code_length_m"]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

@@ -22,7 +22,7 @@ from .path_options import FINEST_PITCH
 from .path_quality import QualitySums
 from .path_scene import ViewWindow
 from .path_tiles import CellGrid, ErrorBudget, quarters, split_frame
-from .path_unseen import unseen_warning
+from .path_unseen import Rectangle, unseen_warning, view_rectangles
 from .vertex_objects import VertexObjects
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
+#: Pixels across an object's shorter side below which it may slip between the rays.
+_PIXELS_ACROSS = 2.0
+#: In a scene of more objects in sight, none of them is looked after by itself.
+_MOST_RECTANGLES = 256
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,12 +79,15 @@ class FrameWork:
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
         self._folder = job.folder / contract.frame_dir(frame)
         self._tiles: dict[int, _Tile] = {}
+        self._rectangles = view_rectangles(
+            poses, job.path_scene.objects if job.path_scene else [], camera, _MOST_RECTANGLES
+        )
         self._next_number = 0
         self._quality: dict[int, QualitySums] = {}
-        self._budget = ErrorBudget()
         resolution_m = job.measurement.waveform.range_resolution_m
         reach_m = job.plan.rings * job.measurement.ring_step_m
         self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
+        self._budget = ErrorBudget(self._grid.first_object)
 
     def run(self, start_s: float) -> Generator[PathTask, None, None]:
         options = self._job.options
@@ -109,14 +116,15 @@ class FrameWork:
         """Split the worst tiles until a limit is reached; returns which one it was."""
         options = self._job.options
         while True:
-            if options.error_target and self._budget.relative_error() <= options.error_target:
-                return "error target"
             open_tiles = [
                 number
                 for number, tile in self._tiles.items()
                 if tile.level < options.max_level and tile.window.pitch / 2 >= FINEST_PITCH
             ]
-            worst = self._budget.worst(open_tiles, _ROUND_SHARE)
+            worst = self._blind(open_tiles) or self._budget.worst(open_tiles, _ROUND_SHARE)
+            done = self._budget.relative_error() <= options.error_target
+            if options.error_target and done and not self._blind(open_tiles):
+                return "error target"
             if not worst:
                 return "finest pixels"
             self._job.total += 4 * len(worst)
@@ -130,6 +138,30 @@ class FrameWork:
                 del self._tiles[number], self._budget.powers[number], self._quality[number]
                 for part in parent.parts:
                     part.unlink(missing_ok=True)
+
+    def _blind(self, open_tiles: list[int]) -> list[int]:
+        """Tiles that cannot know the error of an object in them.
+
+        An object that slips between all rays of a tile leaves no trace there, not in its error
+        either. So tiles with pixels larger than half an object in sight are split; and the parts
+        of an object of up to two tiles are measured with pixels of one size, or a corner of it in
+        a coarser tile would be missing.
+        """
+        wanted = set()
+        for seen in self._rectangles:
+            touched = [n for n, tile in self._tiles.items() if _overlap(tile.window, seen)]
+            finest = max((self._tiles[n].level for n in touched), default=0)
+            side = min(seen.right - seen.left, seen.top - seen.bottom)
+            for number in touched:
+                window = self._tiles[number].window
+                small = side < _PIXELS_ACROSS * window.pitch
+                split = self._tiles[number].level < finest and (
+                    seen.right - seen.left <= 2 * (window.right - window.left)
+                    and seen.top - seen.bottom <= 2 * (window.top - window.bottom)
+                )
+                if small or split:
+                    wanted.add(number)
+        return [number for number in open_tiles if number in wanted]
 
     def _measure(self, tile: _Tile) -> Generator[PathTask, None, None]:
         number, self._next_number = self._next_number, self._next_number + 1
@@ -232,3 +264,14 @@ class FrameWork:
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"
         )
         write_record(self._folder / contract.PATHS_FILE, record)
+
+
+def _overlap(window: ViewWindow, seen: Rectangle) -> bool:
+    # A pixel more to each side: shifts move the grid by half a pixel.
+    margin = window.pitch
+    return (
+        seen.left < window.right + margin
+        and seen.right > window.left - margin
+        and seen.bottom < window.top + margin
+        and seen.top > window.bottom - margin
+    )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,6 +64,30 @@ def unseen_warning(
 def _is_small_in_view(
     shown: Shown, pose: np.ndarray, camera: contract.CameraRecord, pitch: float
 ) -> bool:
+    seen = view_rectangle(shown, pose, camera)
+    # The shorter side decides whether it can slip through between rays.
+    return seen is not None and min(seen.right - seen.left, seen.top - seen.bottom) < (
+        _SURELY_HIT_PX * pitch
+    )
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Where an object's box lies in a perspective view: tangents."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
+def view_rectangle(
+    shown: Shown, pose: np.ndarray, camera: contract.CameraRecord
+) -> Rectangle | None:
+    """Rectangle around an object's box; None out of sight, around the receiver, or in a view of
+    another projection."""
+    if camera.kind != "perspective":
+        return None
     corners = np.array(
         [
             [shown.box[i, 0], shown.box[j, 1], shown.box[k, 2]]
@@ -75,13 +100,29 @@ def _is_small_in_view(
     local = (world - pose[:3, 3]) @ pose[:3, :3]
     depth = -local[:, 2]
     if depth.min() <= 0:
-        return False
+        return None
     u, v = local[:, 0] / depth, local[:, 1] / depth
+    found = Rectangle(float(u.min()), float(u.max()), float(v.min()), float(v.max()))
     inside = (
-        u.max() > camera.left
-        and u.min() < camera.right
-        and v.max() > camera.bottom
-        and v.min() < camera.top
+        found.right > camera.left
+        and found.left < camera.right
+        and found.top > camera.bottom
+        and found.bottom < camera.top
     )
-    # The shorter side decides whether it can slip through between rays.
-    return bool(inside and min(np.ptp(u), np.ptp(v)) < _SURELY_HIT_PX * pitch)
+    return found if inside else None
+
+
+def view_rectangles(
+    poses: Poses, names: Sequence[str], camera: contract.CameraRecord, most: int
+) -> list[Rectangle]:
+    """Rectangles of the objects in view; none if there are more than `most`."""
+    pose = np.array(camera.matrix_world, dtype=np.float64)
+    found = []
+    for name in names:
+        for shown in poses.objects.get(name, {}).values():
+            seen = view_rectangle(shown, pose, camera)
+            if seen is not None:
+                found.append(seen)
+                if len(found) > most:
+                    return []
+    return found

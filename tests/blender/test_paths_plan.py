@@ -344,6 +344,11 @@ def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np
     return rows
 
 
+def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarray:
+    """Rows of equal power on one object."""
+    return rows_at([length] * hits, [power / hits] * hits, [number] * hits)
+
+
 def test_cell_powers() -> None:
     """Means and variances of the mean over the shifts, by hand."""
     grid = CellGrid(bin_m=1.0, bins=10)
@@ -356,7 +361,7 @@ def test_cell_powers() -> None:
     found = dict(
         zip(powers.cells.tolist(), zip(powers.mean, powers.variance, strict=True), strict=True)
     )
-    first_object = grid.bins + 1
+    first_object = grid.first_object
     # A row's power is its share of two shifts: twice it is the shift's own estimate.
     assert found[3] == pytest.approx((4.0, 4.0))  # 2 and 6
     assert found[5] == pytest.approx((2.0, 4.0))  # 4 and 0
@@ -365,20 +370,46 @@ def test_cell_powers() -> None:
     assert set(found) == {3, 5, first_object + 1, first_object + 2}
 
 
+def test_an_object_of_a_few_pixels_is_uncertain_even_where_shifts_agree() -> None:
+    """A square of n grid points has n +- 0.54 n^(1/4) of them, by how the grid happens to lie."""
+    grid = CellGrid(bin_m=1.0, bins=10)
+    for hits in (1, 16, 400):
+        powers = grid.powers([many(7.0, 1.0, 1, hits)] * 2)
+        place = powers.cells.tolist().index(grid.first_object + 1)
+        relative = math.sqrt(powers.variance[place]) / powers.mean[place]
+        assert relative == pytest.approx(0.5385 * hits**-0.75 / math.sqrt(2), rel=1e-3)
+
+
+def test_edge_variance_is_that_of_a_square_on_a_shifted_grid() -> None:
+    """The constant behind it, by trial: squares of random size, place and turn."""
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(4000):
+        side, turn = rng.uniform(3, 12), rng.uniform(0, math.pi / 2)
+        u, v = np.meshgrid(np.arange(-12, 13) + rng.random(), np.arange(-12, 13) + rng.random())
+        x = u * math.cos(turn) + v * math.sin(turn)
+        y = v * math.cos(turn) - u * math.sin(turn)
+        count = np.count_nonzero((np.abs(x) < side / 2) & (np.abs(y) < side / 2))
+        ratios.append((count - side**2) ** 2 / side)
+    assert np.mean(ratios) == pytest.approx(0.29, rel=0.15)
+
+
 def test_refinement_goes_where_the_error_is() -> None:
     """A strong tile that is known well, a faint one whose shifts disagree, one without echo."""
     grid = CellGrid(bin_m=1.0, bins=100)
-    budget = ErrorBudget()
-    budget.powers[0] = grid.powers([rows_at([20.0], [100.0 + d], [1]) for d in (0.0, 0.1)])
-    budget.powers[1] = grid.powers([rows_at([90.0], [1e-3 * d], [2]) for d in (1.0, 2.0)])
+    budget = ErrorBudget(grid.first_object)
+    budget.powers[0] = grid.powers([many(20.0, 100.0 + d, 1) for d in (0.0, 0.1)])
+    budget.powers[1] = grid.powers([many(90.0, 1e-3 * d, 2) for d in (1.0, 2.0)])
     budget.powers[2] = grid.powers([rows_at([], [], []) for _ in range(2)])
     assert budget.worst([0, 1, 2], 0.8) == [1]
     before = budget.relative_error()
-    budget.powers[1] = grid.powers([rows_at([90.0], [1.5e-3], [2]) for _ in range(2)])
+    budget.powers[1] = grid.powers([many(90.0, 1.5e-3, 2) for _ in range(2)])
     assert budget.relative_error() < before
-    assert budget.worst([0, 1, 2], 1.0) == [0]
-    # A tile whose shifts agree exactly has nothing to gain.
-    assert budget.worst([1, 2], 1.0) == []
+    # A small object is refined though its shifts agree, ground without number is not.
+    budget.powers[1] = grid.powers([many(90.0, 1.5e-3, 2, hits=2) for _ in range(2)])
+    budget.powers[3] = grid.powers([many(50.0, 1.0, 0) for _ in range(2)])
+    assert budget.worst([0, 1, 2, 3], 0.9) == [1]
+    assert budget.worst([2, 3], 1.0) == []
 
 
 def test_relative_error_in_closed_form() -> None:
