@@ -8,19 +8,36 @@ What is not given comes from the file's own radar settings. A run that was stopp
 stopped when the same command is given again. Scripts inside the .blend file are not run (under
 blender -b give --disable-autoexec, -Y, if your preferences allow them).
 
-Exit codes: 0 done, 1 failed, 2 bad arguments.
+Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shutil
+import signal
 import sys
 import traceback
 import types
 from pathlib import Path
 from typing import Any
+
+
+def finite_number(text: str) -> float:
+    """A number that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def folder_name(text: str) -> Path:
+    """A path that is not empty: an empty one would be the current folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the folder's name is empty")
+    return Path(text)
 
 
 def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespace:
@@ -39,7 +56,10 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="the .blend file (under blender -b: the one that is open)",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder of the run; made if its parent exists"
+        "--out",
+        type=folder_name,
+        metavar="DIR",
+        help="folder of the run; made if its parent exists",
     )
     parser.add_argument("--scene", metavar="NAME", help="scene to render; else the active one")
     parser.add_argument("--frames", metavar="A:B[:STEP]", help="Blender frames, both ends included")
@@ -56,10 +76,16 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument("--order", type=int, metavar="N", help="paths: most reflections")
     parser.add_argument("--shifts", type=int, metavar="N", help="paths: replicates of each tile")
     parser.add_argument(
-        "--error", type=float, metavar="PERCENT", help="paths: refine until this standard error"
+        "--error",
+        type=finite_number,
+        metavar="PERCENT",
+        help="paths: refine until this standard error",
     )
     parser.add_argument(
-        "--budget", type=float, metavar="S", help="paths: stop refining a frame after S seconds"
+        "--budget",
+        type=finite_number,
+        metavar="S",
+        help="paths: stop refining a frame after S seconds",
     )
     parser.add_argument(
         "--code",
@@ -71,17 +97,21 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         choices=("mean", "R", "G", "B"),
         help="paths: channel that is the amplitude in coloured scenes",
     )
-    parser.add_argument("--ring-step", type=float, metavar="M", help="width of a ring [m]")
+    parser.add_argument("--ring-step", type=finite_number, metavar="M", help="width of a ring [m]")
     parser.add_argument("--passes", type=int, choices=(1, 2), help="1: no Doppler")
-    parser.add_argument("--delta-t", type=float, metavar="S", help="time between the passes [s]")
+    parser.add_argument(
+        "--delta-t", type=finite_number, metavar="S", help="time between the passes [s]"
+    )
     parser.add_argument("--samples", type=int, metavar="N", help="paths a pixel")
     parser.add_argument("--resolution", metavar="WxH", help="pixels, for example 640x360")
     parser.add_argument("--bounces", type=int, metavar="N", help="reflections after the first one")
-    parser.add_argument("--carrier-ghz", type=float, metavar="F", help="carrier [GHz]")
-    parser.add_argument("--bandwidth-mhz", type=float, metavar="B", help="bandwidth [MHz]")
-    parser.add_argument("--chirp-us", type=float, metavar="T", help="chirp length [us]")
-    parser.add_argument("--sampling-mhz", type=float, metavar="F", help="sampling rate [MHz]")
-    parser.add_argument("--prf-hz", type=float, metavar="F", help="pulses a second [Hz]")
+    parser.add_argument("--carrier-ghz", type=finite_number, metavar="F", help="carrier [GHz]")
+    parser.add_argument("--bandwidth-mhz", type=finite_number, metavar="B", help="bandwidth [MHz]")
+    parser.add_argument("--chirp-us", type=finite_number, metavar="T", help="chirp length [us]")
+    parser.add_argument(
+        "--sampling-mhz", type=finite_number, metavar="F", help="sampling rate [MHz]"
+    )
+    parser.add_argument("--prf-hz", type=finite_number, metavar="F", help="pulses a second [Hz]")
     parser.add_argument("--pulses", type=int, metavar="N", help="pulses of a burst")
     parser.add_argument("--seed", type=int, metavar="N", help="Cycles' seed")
     parser.add_argument(
@@ -105,7 +135,29 @@ def load_package() -> types.ModuleType:
     return radarsim_addon
 
 
-def run(arguments: argparse.Namespace, inside_blender: bool) -> int:
+#: Exit code after Ctrl-C, as shells have it: 128 + SIGINT.
+INTERRUPTED = 130
+
+
+class StopRequest:
+    """Ctrl-C: the first one asks to stop after the running render, the second one stops at once.
+
+    Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
+    render and goes on.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        signal.signal(signal.SIGINT, self._on_signal)
+
+    def _on_signal(self, *_: Any) -> None:
+        if self.asked:
+            os._exit(INTERRUPTED)
+        self.asked = True
+        print("\nradarsim: stopping after this render (Ctrl-C again: at once)", file=sys.stderr)
+
+
+def run(arguments: argparse.Namespace, inside_blender: bool, stop: StopRequest) -> int:
     """Render, and process if asked for. Returns the exit code."""
     try:
         load_package()
@@ -123,14 +175,14 @@ def run(arguments: argparse.Namespace, inside_blender: bool) -> int:
                 1,
             )
     try:
-        return render(arguments, inside_blender)
+        return render(arguments, inside_blender, stop)
     except RadarSimError as error:
         return fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
-        return fail("Interrupted; the same command goes on where it stopped.", 1)
+        return fail("Interrupted; the same command goes on where it stopped.", INTERRUPTED)
 
 
-def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
+def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopRequest) -> int:
     """Everything that needs the package."""
     import bpy
 
@@ -164,10 +216,13 @@ def render(arguments: argparse.Namespace, inside_blender: bool) -> int:
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             for task in job.pending():
+                if stop.asked:
+                    raise KeyboardInterrupt
                 job.start(task)
                 job.render(task)
                 job.finish(task)
                 progress.show(job.done, job.total, job.seconds_left)
+            progress.show(job.done, job.total, None)
         print_warnings(job.warnings[known:], stream)
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
@@ -309,9 +364,10 @@ def main() -> None:
     else:
         words = sys.argv[1:]
     try:
-        code = run(parse_arguments(words, needs_blend=not inside_blender), inside_blender)
-    except SystemExit as stop:  # argparse: 0 after --help, 2 after bad arguments
-        code = stop.code if isinstance(stop.code, int) else 2
+        arguments = parse_arguments(words, needs_blend=not inside_blender)
+        code = run(arguments, inside_blender, StopRequest())
+    except SystemExit as end:  # argparse: 0 after --help, 2 after bad arguments
+        code = end.code if isinstance(end.code, int) else 2
     except Exception:
         traceback.print_exc()  # a defect; Blender would print it and quit with 0
         code = 1

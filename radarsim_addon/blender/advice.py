@@ -45,6 +45,7 @@ def warnings_for(
     rings: int,
     farthest_m: float | None = None,
     frame_interval_s: float | None = None,
+    acquisition: str = "rings",
 ) -> list[str]:
     """Sentences about numbers that do not fit together; empty when all is well.
 
@@ -58,11 +59,14 @@ def warnings_for(
         Farthest point of the scene from the emitter [m], if known.
     frame_interval_s
         Time between two radar frames [s], if there are several.
+    acquisition
+        "rings" or "paths".
     """
     radar = measurement.radar
     covered_m = rings * measurement.ring_step_m
     found = []
-    if farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
+    of_rings = acquisition == "rings"
+    if of_rings and farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
         found.append(
             f"The rings end at {covered_m:.6g} m, the scene at {farthest_m:.6g} m: echoes from "
             "beyond are not rendered. Add rings or widen the ring step."
@@ -74,7 +78,7 @@ def warnings_for(
             f"Targets beyond the unambiguous range of {unambiguous_m:.6g} m (the scene reaches "
             f"{reach_m:.6g} m) fold back to small ranges. Lower the PRF."
         )
-    if measurement.ring_step_m < radar.waveform.range_resolution_m:
+    if of_rings and measurement.ring_step_m < radar.waveform.range_resolution_m:
         found.append(
             f"The ring step of {measurement.ring_step_m:.4g} m is below the range resolution of "
             f"{radar.waveform.range_resolution_m:.4g} m: more renders, no more detail."

@@ -226,6 +226,7 @@ class RenderJob:
             self.plan.rings,
             self.plan.extent.from_emitter_m or None,
             interval_s,
+            self.plan.acquisition,
         )
         record = run_record(
             self.plan,

@@ -123,6 +123,11 @@ def find_rig(
             f"{emitter.name!r} is not an emitter of this scene; expected a point lamp with the "
             "Ring Emitter node group. Press Radar > Set Up Radar."
         )
+    if not emitter.data.energy > 0:
+        raise SceneError(
+            f"The emitter {emitter.name!r} has a power of {emitter.data.energy:g} W: nothing would "
+            "echo. Set EIRP in Radar > Rig to a positive number of watts."
+        )
     camera = camera or _receiver(scene, emitter)
     if camera is None or camera.type != "CAMERA" or camera.name not in scene.objects:
         raise SceneError(

@@ -4,8 +4,9 @@
 Five lines make a map::
 
     from radarsim_addon import signal
-    run = signal.open_run("out/paper")
-    echoes = signal.synthesize(signal.iter_paths(run.frame(1)), run.radar, window_m=run.window_m)
+    run = signal.open_run("out/paper/run")
+    echoes = signal.synthesize(
+        signal.iter_paths(run.frame(1)), run.radar, window_m=run.window_m, speckle_seed=0)
     rd_map = signal.range_doppler(signal.compress(echoes))
     signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 3, min_speed_mps=1))
 
@@ -24,7 +25,8 @@ Paths
     path_amplitude;
     FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED
 Echoes (Eq. 9-14)
-    synthesize -> Echoes; EchoSynthesizer; nufft1; replica, replica_spectrum, matched_filter
+    synthesize -> Echoes; EchoSynthesizer; path_phasors; nufft1; replica, replica_spectrum,
+    matched_filter
 Compression
     compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
 Standard errors (acquisition "paths")
@@ -75,6 +77,7 @@ from .pipeline import (
 from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, decibels, range_doppler
+from .speckle import path_phasors
 from .uncertainty import ExpectedPower, expected_power
 from .waveform import matched_filter, replica, replica_spectrum
 from .windows import slow_time_window, window_at
@@ -123,6 +126,7 @@ __all__ = [
     "nufft1",
     "open_run",
     "path_amplitude",
+    "path_phasors",
     "path_power_w",
     "pixel_grid",
     "plot_echo",

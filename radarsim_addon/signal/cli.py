@@ -7,6 +7,8 @@ Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments.
 from __future__ import annotations
 
 import argparse
+import math
+import os
 import sys
 from collections.abc import Sequence
 from typing import get_args
@@ -44,10 +46,25 @@ def _frame_numbers(text: str) -> list[int]:
 
 def _range_window(text: str) -> tuple[float, float]:
     """ "0:5250" as two ranges in metres."""
-    start, stop = (float(end) for end in text.split(":"))
+    start, stop = (_finite(end) for end in text.split(":"))
     return start, stop
 
 
+def _seed(text: str) -> int | None:
+    """ "7" or "none"."""
+    return None if text == "none" else int(text)
+
+
+def _finite(text: str) -> float:
+    """A number that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+_seed.__name__ = "seed (a whole number or none)"
+_finite.__name__ = "finite number"
 _frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its message
 _range_window.__name__ = "range window (like 0:5250)"
 
@@ -72,15 +89,22 @@ def _parser() -> argparse.ArgumentParser:
         "--range", type=_range_window, metavar="A:B", help="range window in metres [all rings]"
     )
     process.add_argument("--weighting", choices=get_args(Weighting), default="radar-equation")
-    process.add_argument("--receiver-gain-db", type=float, default=0.0, help="G_r in dBi")
+    process.add_argument("--receiver-gain-db", type=_finite, default=0.0, help="G_r in dBi")
     process.add_argument(
         "--window", default="hamming", help=f"over the band: {', '.join(WINDOW_NAMES)}"
     )
     process.add_argument("--doppler-window", default="hamming", help="over the pulses: the same")
     process.add_argument(
-        "--max-speed", type=float, default=MAX_SPEED_MPS, help="limit of a believable speed, m/s"
+        "--max-speed", type=_finite, default=MAX_SPEED_MPS, help="limit of a believable speed, m/s"
     )
     process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
+    process.add_argument(
+        "--speckle-seed",
+        type=_seed,
+        default=0,
+        metavar="N",
+        help="random phases of rough scatterers, a whole number or 'none'",
+    )
     process.add_argument("--no-products", action="store_true", help="write no EXR products")
     process.add_argument("--no-plots", action="store_true", help="draw no pictures")
     process.add_argument(
@@ -101,6 +125,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RadarSimError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return error.exit_code
+    except BrokenPipeError:
+        # Whoever read our output has seen enough (| head): no word more, not at exit either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("Interrupted: files written so far are whole.", file=sys.stderr)
         return 1
@@ -115,6 +143,7 @@ def _process(chosen: argparse.Namespace) -> int:
         window_m=chosen.range,
         max_speed_mps=chosen.max_speed,
         method=chosen.method,
+        speckle_seed=chosen.speckle_seed,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
     )

@@ -242,7 +242,7 @@ def leading_edges(
     -------
     list of LeadingEdge
         In the order of `by`. The edge is the last place before the peak where the power is half
-        the peak's, linearly interpolated; the start of the profile where it never falls so low.
+        the peak's, linearly interpolated. Peaks before which it never falls so low are left out.
     """
     power, axis_m = profile.power, profile.range_m
     separation_m = (
@@ -265,7 +265,9 @@ def leading_edges(
         if prominence_db[index] < min_prominence_db:
             continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
-        if far and len(edges) < count:
+        # Where power does not fall to half before the peak, its edge is not in the window.
+        rises = bool(np.any(power[:place] < power[place] / 2))
+        if far and rises and len(edges) < count:
             edges.append(
                 LeadingEdge(
                     range_m=_half_power_before(power, axis_m, place),

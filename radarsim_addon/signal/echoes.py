@@ -22,6 +22,7 @@ from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
 from .nufft import TOLERANCE, Backend, nufft1, smooth_size
 from .paths import Paths, Weighting, path_amplitude
+from .speckle import path_phasors
 from .waveform import replica_spectrum, replica_times_s
 
 Real = NDArray[np.float64]
@@ -105,6 +106,7 @@ class EchoSynthesizer:
         method: Backend = "auto",
         tolerance: float = TOLERANCE,
         chunk: int = 1 << 18,
+        speckle_seed: int | None = None,
     ) -> None:
         if chunk < 1:
             raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
@@ -115,6 +117,7 @@ class EchoSynthesizer:
         self._method: Backend = method
         self._tolerance = tolerance
         self._chunk = chunk
+        self._speckle_seed = speckle_seed
         rate_hz = radar.waveform.sampling_rate_hz
         chirp = replica_times_s(radar.waveform).size
         start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.window_m)
@@ -140,10 +143,13 @@ class EchoSynthesizer:
         amplitude = path_amplitude(
             paths, self.radar.waveform.wavelength_m, self._weighting, self._gain
         )
+        weights = amplitude.astype(np.complex128)
+        if self._speckle_seed is not None:
+            weights *= path_phasors(paths, self._speckle_seed)
         times_s = pulse_times_s(self.radar)
         for start in range(0, len(paths), self._chunk):
             part = slice(start, start + self._chunk)
-            a, length_m = amplitude[part], paths.length_m[part]
+            a, length_m = weights[part], paths.length_m[part]
             rate_mps = paths.range_rate_mps[part]
             still = rate_mps == 0
             self._static += self._transform(a[still], length_m[still], times_s.size)
@@ -155,14 +161,15 @@ class EchoSynthesizer:
             for pulse, time_s in enumerate(times_s):
                 self._moving[pulse] += self._transform(a, length_m + 2 * rate_mps * time_s, 1)
 
-    def _transform(self, amplitude: Real, length_m: Real, pulses: int) -> Complex:
+    def _transform(self, amplitude: Complex, length_m: Real, pulses: int) -> Complex:
         """sum_i a_i exp(-j 2 pi (f0+f) tau_i), f ascending, delays from sample 0."""
         delay_s = length_m / SPEED_OF_LIGHT_MPS
         received = (delay_s > self._limits_s[0]) & (delay_s < self._limits_s[1])
         kept = int(np.count_nonzero(received))
         if kept < received.size:
             self._outside += (received.size - kept) * pulses
-            amplitude, length_m, delay_s = (x[received] for x in (amplitude, length_m, delay_s))
+            amplitude = amplitude[received]
+            length_m, delay_s = length_m[received], delay_s[received]
         # cycles of the carrier from the length in float64: 1e-9 rad at 10 km and 77 GHz
         cycles = length_m * (self.radar.waveform.carrier_hz / SPEED_OF_LIGHT_MPS)
         values = amplitude * np.exp(-2j * np.pi * (cycles - np.round(cycles)))
@@ -201,6 +208,7 @@ def synthesize(
     method: Backend = "auto",
     tolerance: float = TOLERANCE,
     chunk: int = 1 << 18,
+    speckle_seed: int | None = None,
 ) -> Echoes:
     """Echoes of a burst from paths (Eq. 9-14).
 
@@ -224,6 +232,10 @@ def synthesize(
         Of the non-uniform FFT, relative to the sum of all amplitudes.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
+    speckle_seed
+        Give each path a random phase, see :func:`.speckle.path_phasors`: then the mean coherent
+        power is the sum of the powers. None: the plain sum, in which pixels of a smooth face add
+        up in phase, so that levels grow with the number of pixels.
 
     Notes
     -----
@@ -238,6 +250,7 @@ def synthesize(
         method=method,
         tolerance=tolerance,
         chunk=chunk,
+        speckle_seed=speckle_seed,
     )
     for part in [paths] if isinstance(paths, Paths) else paths:
         synthesizer.add(part)

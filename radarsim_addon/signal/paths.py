@@ -69,7 +69,7 @@ class Paths:
     range_rate_mps
         Rate of the one-way range length/2, receding positive [m/s]; 0 where unknown (see flags).
     ring, row, col
-        Where the path was found; 0 for paths from a table.
+        Where the path was found; for paths from a table row is the table's row, the others 0.
     flags
         FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED of :mod:`.doppler`.
     counts
@@ -189,8 +189,11 @@ def iter_paths(
 
 def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
     """The table of a frame in parts; rows without a length are counted and left out."""
+    first = 0
     for record, rows in table_parts(frame.path, frame.number):
         keep = usable(rows)
+        place = np.arange(first, first + rows.size, dtype=np.int32)[keep]
+        first += rows.size
         rows = rows[keep]
         flags = np.where(is_mixed(rows), FLAG_MIXED, 0).astype(np.uint8)
         zeros = np.zeros(rows.size, dtype=np.int32)
@@ -200,7 +203,7 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
             length_m=np.array(rows["length_m"]),
             range_rate_mps=np.array(rows["range_rate_mps"]),
             ring=zeros,
-            row=zeros,
+            row=place,
             col=zeros,
             flags=flags,
             counts=_count_flags(flags, beyond_code=int(np.count_nonzero(~keep))),

@@ -84,6 +84,9 @@ class ProcessOptions:
         Limit of a believable |range rate| between the passes [m/s].
     method
         Engine of the non-uniform FFT.
+    speckle_seed
+        Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
+        :func:`.echoes.synthesize`.
     products
         Whether to write the four EXR products.
     plots
@@ -97,6 +100,7 @@ class ProcessOptions:
     window_m: tuple[float, float] | None = None
     max_speed_mps: float = MAX_SPEED_MPS
     method: Backend = "auto"
+    speckle_seed: int | None = 0
     products: bool = True
     plots: bool | None = None
 
@@ -184,6 +188,7 @@ def _process_frame(
         weighting=options.weighting,
         receiver_gain=options.receiver_gain,
         method=options.method,
+        speckle_seed=options.speckle_seed if options.weighting == "radar-equation" else None,
     )
     accumulator = ProfileAccumulator(
         run.radar,
@@ -252,7 +257,8 @@ def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
 
     A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
     down whatever the window (the Fresnel ripple of its spectrum): peaks 30 dB below a stronger
-    one at the same speed within that distance are taken for these.
+    one at the same speed within that distance are taken for these, and at any speed those 40 dB
+    below it, where the Doppler window has its sidelobes.
     """
     if rd_map.radar.burst.pulses < 16:
         return []
@@ -260,12 +266,16 @@ def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
     for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
-        if not any(
-            abs(peak.range_m - other.range_m) < reach_m
-            and abs(peak.velocity_mps - other.velocity_mps) < same_mps
-            and peak.level_db < other.level_db - 30
-            for other in kept
-        ):
+        near = [other for other in kept if abs(peak.range_m - other.range_m) < reach_m]
+        hidden = any(
+            peak.level_db < other.level_db - 40
+            or (
+                peak.level_db < other.level_db - 30
+                and abs(peak.velocity_mps - other.velocity_mps) < same_mps
+            )
+            for other in near
+        )
+        if not hidden:
             kept.append(peak)
     return kept[:5]
 

@@ -6,8 +6,10 @@ Each function returns a matplotlib Figure: a notebook shows it, :func:`save` wri
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,11 +45,22 @@ def _figure(width_in: float, height_in: float) -> Any:
             "'pip install matplotlib', or process without plots."
         )
     # A Figure of its own: no window system, no state shared with the caller's pyplot.
-    figure = importlib.import_module("matplotlib.figure").Figure(
-        figsize=(width_in, height_in), layout="constrained"
-    )
+    figure = _figure_class()(figsize=(width_in, height_in), layout="constrained")
     importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     return figure
+
+
+@functools.cache
+def _figure_class() -> Any:
+    """matplotlib's Figure that a notebook shows by itself, without pyplot."""
+
+    def as_png(figure: Any) -> bytes:
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=100)
+        return stream.getvalue()
+
+    base = importlib.import_module("matplotlib.figure").Figure
+    return type("Figure", (base,), {"_repr_png_": as_png})
 
 
 def save(figure: Any, path: str | Path, dpi: int = 120) -> Path:
@@ -208,7 +221,7 @@ def plot_matched_filter(
             label="true near face" if number == 0 else None,
         )
     source = compressed if compressed is not None else profile
-    if source is not None:
+    if source is not None and source.range_m.size > 1:
         axis.set_xlim(float(source.range_m[0]), float(source.range_m[-1]))
     axis.set_ylim(floor_db, 8)
     axis.set_xlabel("one-way range [m]")
