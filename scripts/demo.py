@@ -145,10 +145,14 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
     if result.movers:
         peak = result.movers[0]
         moving = [i for i in truth.objects if abs(i.range_rate_mps or 0.0) > slow]
-        true_m = min((i.nearest_range_m for i in moving), key=lambda r: abs(r - peak.range_m))
+        true = min(moving, key=lambda i: abs(i.nearest_range_m - peak.range_m))
+        rate_mps = true.range_rate_mps or 0.0
+        # A map shows a mover where it is in the middle of the burst.
+        middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
         target = {
             "range_m": peak.range_m,
-            "true_range_m": true_m,
+            "true_range_m": true.nearest_range_m + rate_mps * middle_s,
+            "true_velocity_mps": rate_mps,
             "velocity_mps": peak.velocity_mps,
             "doppler_hz": peak.doppler_hz,
             "level_above_background_db": peak.above_db,
@@ -177,9 +181,12 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
     if target:
         print(
             f"{'Target':16}{target['true_range_m']:>10.2f} m{target['range_m']:>10.2f} m"
-            f"   {target['velocity_mps']:+.3f} m/s (receding is +), "
-            f"{target['doppler_hz']:.1f} Hz, {target['level_above_background_db']:.0f} dB above "
-            "the median of its surroundings"
+            "   in the middle of the burst"
+        )
+        print(
+            f"{'':16}{target['true_velocity_mps']:>+8.3f} m/s{target['velocity_mps']:>+8.3f} m/s"
+            f" receding is +; {target['doppler_hz']:.1f} Hz, "
+            f"{target['level_above_background_db']:.0f} dB above what surrounds it (no noise)"
         )
     else:
         print("Target: nothing moves in the map")

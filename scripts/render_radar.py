@@ -82,6 +82,11 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="paths: refine until this standard error",
     )
     parser.add_argument(
+        "--error-of",
+        choices=("both", "ranges", "objects"),
+        help="paths: what --error is of; objects: of the power of each object, small ones too",
+    )
+    parser.add_argument(
         "--budget",
         type=finite_number,
         metavar="S",
@@ -296,6 +301,7 @@ def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "max_order": arguments.order,
         "shifts": arguments.shifts,
+        "refine_by": arguments.error_of,
         "error_target": None if arguments.error is None else arguments.error / 100,
         "time_budget_s": arguments.budget,
         "code": arguments.code,

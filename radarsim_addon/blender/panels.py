@@ -127,6 +127,8 @@ def _draw_paths(layout: Any, settings: Any) -> None:
     column.prop(settings, "path_order")
     column.prop(settings, "path_shifts")
     column.prop(settings, "path_error_percent")
+    if settings.path_error_percent:
+        column.prop(settings, "path_refine_by")
     column.prop(settings, "path_budget_s")
     column = layout.column(align=True)
     column.prop(settings, "path_code")

@@ -87,7 +87,7 @@ class FrameWork:
         resolution_m = job.measurement.waveform.range_resolution_m
         reach_m = job.plan.rings * job.measurement.ring_step_m
         self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
-        self._budget = ErrorBudget(self._grid.first_object)
+        self._budget = ErrorBudget(self._grid.first_object, job.options.refine_by)
 
     def run(self, start_s: float) -> Generator[PathTask, None, None]:
         options = self._job.options

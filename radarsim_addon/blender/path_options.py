@@ -27,8 +27,10 @@ class PathOptions:
     shifts
         Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
     error_target
-        Relative standard error (power-weighted over range bins and objects) at which refinement
-        ends; 0: no refinement.
+        Relative standard error (over range bins and objects) at which refinement ends; 0: no
+        refinement.
+    refine_by
+        What the relative error is of: "both", "ranges" (range bins) or "objects".
     time_budget_s
         Time per radar frame after which no further tile is refined [s]; 0: no limit.
     max_level
@@ -46,6 +48,7 @@ class PathOptions:
     residual: float = 1e-4
     shifts: int = 4
     error_target: float = 0.0
+    refine_by: str = "both"
     time_budget_s: float = 0.0
     max_level: int = 12
     tile_px: int = 256
@@ -73,6 +76,10 @@ class PathOptions:
             raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
         if self.amplitude not in ("mean", "R", "G", "B"):
             raise ConfigError(f"Amplitude {self.amplitude!r}; expected 'mean', 'R', 'G' or 'B'.")
+        if self.refine_by not in ("both", "ranges", "objects"):
+            raise ConfigError(
+                f"Refinement by {self.refine_by!r}; expected 'both', 'ranges' or 'objects'."
+            )
         if self.refines and self.shifts < 2:
             raise ConfigError(
                 "One shift a tile gives no standard error to refine by; expected at least 2 shifts "

@@ -52,6 +52,15 @@ class PathSettings:
         description="Refine tiles until the relative standard error (over range bins and objects) "
         "is below this. 0: no refinement by error",
     )
+    path_refine_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Error of",
+        items=(
+            ("both", "Both", "Half from range bins, half from objects"),
+            ("ranges", "Ranges", "Range bins, weighed by the root of their power"),
+            ("objects", "Objects", "The power of each object, all alike: small targets"),
+        ),
+        description="What the error target is for",
+    )
     path_budget_s: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Time budget [s]",
         default=0.0,
@@ -98,6 +107,7 @@ def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
         "max_order": int(settings.path_order),
         "shifts": int(settings.path_shifts),
         "error_target": typed(settings.path_error_percent) / 100,
+        "refine_by": settings.path_refine_by,
         "time_budget_s": typed(settings.path_budget_s),
         "code": settings.path_code,
         "amplitude": settings.path_amplitude,

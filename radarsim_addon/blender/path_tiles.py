@@ -146,9 +146,11 @@ class ErrorBudget:
     """Sums the cells of all tiles, and says which tiles the error comes from.
 
     first_object is the number of the first cell that is an object; None where all are range bins.
+    by says which of them count: "both", "ranges" or "objects".
     """
 
     first_object: int | None = None
+    by: str = "both"
     powers: dict[int, CellPowers] = field(default_factory=dict)
 
     def totals(self) -> tuple[Real, Real]:
@@ -178,7 +180,8 @@ class ErrorBudget:
         # The first object is the unknown one.
         bins, objects = strong & (number < first), strong & (number > first)
         weight = np.zeros_like(mean)
-        groups = [group for group in (bins, objects) if group.any()]
+        counted = {"ranges": (bins,), "objects": (objects,)}.get(self.by, (bins, objects))
+        groups = [group for group in counted if group.any()]
         for group in groups:
             importance = np.sqrt(mean[group]) if group is bins else np.ones(int(group.sum()))
             weight[group] = importance / importance.sum() / mean[group] ** 2 / len(groups)
