@@ -627,3 +627,32 @@ def test_sphere_from_10_m_to_10_km(tmp_path: Path) -> None:
         sigma = 4 * 0.9998 * area * cosine**2
         want = monostatic_power_w(DEFAULT_EIRP_W, sigma, reach, ph.C0_MPS / 77e9).sum()
         assert abs(float(to_db(rows["power_w"].sum() / want))) < 0.05
+
+
+# -- large -----------------------------------------------------------------------------------------
+
+
+def test_a_million_triangles(tmp_path: Path) -> None:
+    """A plate of 1.0e6 triangles measures as the same plate of two."""
+    tables = []
+    for divisions in (1, 708):
+        rs.new_scene()
+        bpy.ops.mesh.primitive_grid_add(
+            x_subdivisions=divisions,
+            y_subdivisions=divisions,
+            size=8,
+            location=(0, 10, 0),
+            rotation=(math.pi / 2, 0, 0),
+        )
+        plate = bpy.context.object
+        plate.data.materials.append(rough_metal())
+        triangles = 2 * len(plate.data.polygons)
+        assert (triangles > 1_000_000) == (divisions > 1)
+        # off the grid's lines: a shadow ray through a shared edge counts both its triangles
+        ph.radar_at((0.0123, 0, 0.0077))
+        run = ph.run_paths(tmp_path / str(divisions), width_px=48, height_px=48)
+        tables.append(run.table())
+    coarse, fine = tables
+    assert coarse.size == fine.size
+    np.testing.assert_allclose(fine["length_m"], coarse["length_m"], rtol=1e-6)
+    np.testing.assert_allclose(fine["power_w"], coarse["power_w"], rtol=1e-5)

@@ -230,3 +230,38 @@ def test_full_disk(blend: Path, tmp_path: Path) -> None:
     assert not list(folder.rglob("*.part"))
     assert start(*words).returncode == 0
     assert signal.open_run(folder).missing() == []
+
+
+@posix
+@pytest.mark.parametrize("acquisition", ["rings", "paths"])
+def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
+    blend: Path, tmp_path: Path, acquisition: str
+) -> None:
+    """Exit code 130, nothing half-written, and the same command finishes the run."""
+    # Automatic rings follow from the frames: stated, the run is the same with fewer of them.
+    stated = ["--rings", "3"] if acquisition == "rings" else []
+    words = [blend, "--out", tmp_path / "run", "--acquisition", acquisition, *stated]
+    words += ["--frames", "1:40"]
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wanted = "*.exr" if acquisition == "rings" else "paths.npy"
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "run").rglob(wanted)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signals.SIGINT)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 130, said
+    assert "Interrupted" in said
+    assert "Traceback" not in said
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob(wanted)}
+    assert before
+    assert not list((tmp_path / "run").rglob("*.part"))
+    done = start(*words[:-1], "1:2")
+    assert done.returncode == 0, done.stderr
+    kept = [path for path in before if "frame_0001" in str(path)]
+    assert kept
+    assert all(path.stat().st_mtime_ns == before[path] for path in kept)
