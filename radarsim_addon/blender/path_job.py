@@ -126,7 +126,7 @@ class PathJob(RenderJob):
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
         # More where tiles are refined: the total grows as they are split.
         self.total = tiles * len(frames)
-        self.done = tiles * (len(frames) - len(self._frames_left))
+        self.done = self._done_before = tiles * (len(frames) - len(self._frames_left))
 
     def _is_done(self, frame: int) -> bool:
         folder = self.folder / contract.frame_dir(frame)
@@ -162,8 +162,11 @@ class PathJob(RenderJob):
 
     @property
     def seconds_left(self) -> float | None:
-        """Unknown: how many renders are needed shows as they are made."""
-        return None
+        """Estimate from the tiles of this session; refinement may add more of them."""
+        measured = self.done - self._done_before
+        if measured <= 0:
+            return None
+        return (time.monotonic() - self._started_s) / measured * (self.total - self.done)
 
     def restore(self) -> None:
         """Give the user's scene back."""

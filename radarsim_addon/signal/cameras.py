@@ -7,6 +7,7 @@ top row. Each pixel's ray leaves through the centre of the pixel.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,19 +59,23 @@ def pixel_centres(camera: CameraRecord, width_px: int, height_px: int) -> tuple[
 def solid_angles_sr(camera: CameraRecord, width_px: int, height_px: int) -> Real:
     """Solid angle of every pixel (h, w), so that they add up to that of the frame.
 
-    Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv over the pixel by the midpoint and its
-    Laplacian (fourth order in the pixel, and without the cancellation of the closed form with
-    arctangents, which loses all digits for pixels of a microradian). Equirectangular, exact:
-    2 sin(dlat/2) cos(lat) dlon.
+    Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv over the pixel by 3 x 3 point
+    Gauss-Legendre, exact to 1e-9 for pixels up to two degrees wide, and without the cancellation of
+    the closed form with arctangents, which loses all digits for pixels of a microradian.
+    Equirectangular, exact: 2 sin(dlat/2) cos(lat) dlon. Orthographic: the area [m^2].
     """
     u, v = pixel_centres(camera, width_px, height_px)
     du = abs(camera.right - camera.left) / width_px
     dv = abs(camera.top - camera.bottom) / height_px
     if camera.kind == "perspective":
-        uu, vv = u[None, :] ** 2, v[:, None] ** 2
-        g = 1 + uu + vv
-        curvature = du**2 * (5 * uu / g - 1) + dv**2 * (5 * vv / g - 1)
-        return np.asarray(du * dv * g**-1.5 * (1 + curvature / (8 * g)))
+        nodes = math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+        weights = np.array([5.0, 8.0, 5.0]) / 18
+        solid = np.zeros((height_px, width_px))
+        for node_v, weight_v in zip(nodes, weights, strict=True):
+            for node_u, weight_u in zip(nodes, weights, strict=True):
+                square = 1 + (u + du * node_u)[None, :] ** 2 + (v + dv * node_v)[:, None] ** 2
+                solid += weight_u * weight_v / (square * np.sqrt(square))
+        return solid * (du * dv)
     if camera.kind == "equirectangular":
         strip = 2 * np.sin(dv / 2) * np.cos(v) * du
         return np.asarray(np.broadcast_to(strip[:, None], (height_px, width_px)))

@@ -7,7 +7,6 @@ l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..contract import AMPLITUDE_CHANNEL, CHECK_CHANNEL, RANGE_CHANNEL, CameraRecord, RenderRecord
 from ..errors import SchemaError
+from .cameras import pixel_centres, solid_angles_sr
 from .exr import FloatImage
 
 Real = NDArray[np.float64]
@@ -47,11 +47,7 @@ class PixelGrid:
 
 
 def pixel_grid(camera: CameraRecord, width_px: int, height_px: int) -> PixelGrid:
-    """Directions and solid angles of all pixels.
-
-    The solid angle is the integral of du dv / (1 + u^2 + v^2)^(3/2) over the pixel, by 3 x 3 point
-    Gauss-Legendre: free of the cancellation of the closed form in narrow beams, and exact to 1e-9
-    for pixels up to two degrees wide.
+    """Directions and solid angles of all pixels, see :mod:`.cameras`.
 
     Raises
     ------
@@ -68,18 +64,8 @@ def pixel_grid(camera: CameraRecord, width_px: int, height_px: int) -> PixelGrid
             f"Camera frame from {camera.left} to {camera.right} and {camera.bottom} to "
             f"{camera.top}; expected left < right and bottom < top. Render the run again."
         )
-    du = (camera.right - camera.left) / width_px
-    dv = (camera.top - camera.bottom) / height_px
-    u = camera.left + du * (np.arange(width_px) + 0.5)
-    v = camera.top - dv * (np.arange(height_px) + 0.5)
-    nodes = math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
-    weights = np.array([5.0, 8.0, 5.0]) / 18
-    solid = np.zeros((height_px, width_px))
-    for node_v, weight_v in zip(nodes, weights, strict=True):
-        for node_u, weight_u in zip(nodes, weights, strict=True):
-            square = 1 + (u + du * node_u)[None, :] ** 2 + (v + dv * node_v)[:, None] ** 2
-            solid += weight_u * weight_v / (square * np.sqrt(square))
-    return PixelGrid(np.asarray(u), np.asarray(v), solid * (du * dv))
+    u, v = pixel_centres(camera, width_px, height_px)
+    return PixelGrid(u, v, solid_angles_sr(camera, width_px, height_px))
 
 
 @dataclass(frozen=True)
