@@ -159,7 +159,7 @@ class StopRequest:
         if self.asked:
             os._exit(INTERRUPTED)
         self.asked = True
-        print("\nradarsim: stopping after this render (Ctrl-C again: at once)", file=sys.stderr)
+        print("\nradarsim: stopping after this step (Ctrl-C again: at once)", file=sys.stderr)
 
 
 def run(arguments: argparse.Namespace, inside_blender: bool, stop: StopRequest) -> int:
@@ -233,7 +233,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
         if arguments.process:
-            process(folder, stream)
+            process(folder, stream, stop)
     return 0
 
 
@@ -243,11 +243,13 @@ def print_warnings(warnings: list[str], stream: Any) -> None:
         print(f"radarsim: warning: {warning}", file=stream, flush=True)
 
 
-def process(folder: Path, stream: Any) -> None:
+def process(folder: Path, stream: Any, stop: StopRequest) -> None:
     """Run the companion module over the run's folder."""
     from radarsim_addon.signal.pipeline import FrameResult, process_run
 
     for event in process_run(folder):
+        if stop.asked:
+            raise KeyboardInterrupt
         if isinstance(event, FrameResult):
             print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
             for warning in event.warnings:

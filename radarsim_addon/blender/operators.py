@@ -98,7 +98,7 @@ class _TimedOperator:
 
 
 class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
-    """Render every ring of every radar frame, at t and t + delta t. Goes on with a stopped run"""
+    """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
 
     bl_idname = "radarsim.render_frames"
     bl_label = "Render Radar Frames"

@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         print("Interrupted: files written so far are whole.", file=sys.stderr)
-        return 1
+        return 130  # 128 + SIGINT, as shells have it
 
 
 def _process(chosen: argparse.Namespace) -> int:

@@ -106,8 +106,8 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
         )
     if counts.beyond_code:
         found.append(
-            f"{counts.beyond_code} pixels have an echo too far for the range code (R underflows) "
-            "and are left out. Raise the code length k."
+            f"{counts.beyond_code} pixels have an echo beyond the range code (red "
+            "below what float32 carries) and are left out."
         )
     if counts.not_coded:
         found.append(

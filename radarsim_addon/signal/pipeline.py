@@ -34,6 +34,10 @@ from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
 from .uncertainty import ExpectedPower, expected_power
 
+#: Below the strongest cell by more than this is rounding, not an echo: float32 renders, and the
+#: tolerance of the non-uniform FFT [dB].
+_MAP_DYNAMICS_DB = 160.0
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -220,7 +224,7 @@ def _process_frame(
         compressed=compressed,
         profile=profile,
         rd_map=rd_map,
-        edges=leading_edges(profile, 5, by="prominence"),
+        edges=_edges(profile),
         movers=_movers(rd_map, slowest_mps),
         warnings=statistics_warnings(statistics, run.radar),
         files=[],
@@ -252,6 +256,21 @@ def _expected(
     )
 
 
+def _edges(profile: PowerProfile) -> list[LeadingEdge]:
+    """Leading edges, without the paired echoes of stronger ones: see `_movers`."""
+    reach_m = SPEED_OF_LIGHT_MPS * profile.radar.waveform.chirp_length_s / 2
+    found = leading_edges(profile, 12, by="prominence")
+    return [
+        edge
+        for edge in found
+        if not any(
+            abs(edge.peak_range_m - other.peak_range_m) <= 1.02 * reach_m
+            and edge.level_db < other.level_db - 28
+            for other in found
+        )
+    ][:5]
+
+
 def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
     """Peaks off the 0 Hz stripe; none where there are too few pulses to tell.
 
@@ -265,7 +284,10 @@ def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
     reach_m = SPEED_OF_LIGHT_MPS * rd_map.radar.waveform.chirp_length_s / 2
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
+    floor_db = float(rd_map.power_db.max()) - _MAP_DYNAMICS_DB
     for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
+        if peak.level_db < floor_db:
+            continue
         near = [other for other in kept if abs(peak.range_m - other.range_m) < reach_m]
         hidden = any(
             peak.level_db < other.level_db - 40

@@ -188,7 +188,7 @@ def plot_matched_filter(
             color="C0",
             label=f"expected power, no speckle ({profile.window})",
         )
-    if expected is not None:
+    if expected is not None and np.isfinite(expected.profile_error).all():
         band = [
             decibels(np.maximum(value, 0.0), reference, floor_db)
             for value in (

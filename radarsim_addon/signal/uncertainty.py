@@ -98,6 +98,8 @@ def expected_power(
         mean[cells[inside]] += by_shift.mean(axis=0)[inside]
         if shifts > 1:
             variance[cells[inside]] += by_shift.var(axis=0, ddof=1)[inside] / shifts
+        else:
+            variance[:] = np.nan  # one estimate says nothing of its error
     response = _range_response(radar, window, step_m, cells_per_sample)
     doppler = np.abs(_doppler_response(doppler_window, pulses)) ** 2
     grid, spread = mean.reshape(pulses, ranges), variance.reshape(pulses, ranges)

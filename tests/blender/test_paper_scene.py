@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -71,18 +72,31 @@ def test_the_example_file_is_what_its_script_makes(demo: Path) -> None:
     from radarsim_addon.blender import properties
 
     properties.register()
-    settings = []
-    for path in (demo / "paper_scene.blend", ROOT / "blend_examples" / "paper_scene.blend"):
-        bpy.ops.wm.open_mainfile(filepath=str(path), use_scripts=False)
-        scene = bpy.context.scene
-        measurement = properties.read_measurement(scene)
-        places = {
-            item.name: tuple(round(value, 5) for row in item.matrix_world for value in row)
-            for item in bpy.data.objects
-        }
-        settings.append((measurement, places))
-        waveform = measurement.waveform
-        assert waveform.carrier_hz == 5.3e9
-        assert waveform.fm_rate_hz_per_s == pytest.approx(20e12)
-        assert scene.unit_settings.scale_length == 100
-    assert settings[0] == settings[1]
+    try:
+        made, kept = (
+            contents(bpy, path)
+            for path in (
+                demo / "paper_scene.blend",
+                ROOT / "blend_examples" / "paper_scene.blend",
+            )
+        )
+    finally:
+        properties.unregister()
+    assert made == kept
+    waveform = kept[0].waveform
+    assert waveform.carrier_hz == 5.3e9
+    assert waveform.fm_rate_hz_per_s == pytest.approx(20e12)
+
+
+def contents(bpy: Any, path: Path) -> tuple[Any, dict[str, tuple[float, ...]]]:
+    """Settings and places of everything in a file of the paper's scene."""
+    from radarsim_addon.blender import properties
+
+    bpy.ops.wm.open_mainfile(filepath=str(path), use_scripts=False)
+    scene = bpy.context.scene
+    assert scene.unit_settings.scale_length == 100
+    places = {
+        item.name: tuple(round(value, 5) for row in item.matrix_world for value in row)
+        for item in bpy.data.objects
+    }
+    return properties.read_measurement(scene), places

@@ -142,7 +142,7 @@ def test_echoes_beyond_the_code_and_without_it_are_warned_about(tmp_path: Path) 
     setup = Setup(code_length_m=10.0)
     folder = write_run(tmp_path / "a", setup, points(setup, [(1, 1, 900.0, 0, 1e-3)]))
     (result,) = results(folder)
-    assert any("Raise the code length" in text for text in result.warnings)
+    assert any("beyond the range code" in text for text in result.warnings)
     assert result.statistics.counts.beyond_code == 1
 
 

@@ -181,6 +181,23 @@ class Robot:
                 return
         raise TimeoutError("Blender took no notice of the mouse for 10 s")
 
+    def click_until(self, wanted: str, condition: Callable[[], Any], what: str) -> Steps:
+        """Click a button, again where nothing came of it: as a user would.
+
+        Blender keeps drawing a button grey, and refuses it, while the mouse rests on it from
+        before it could be pressed.
+        """
+        for _ in range(4):
+            yield from self.click(wanted)
+            try:
+                yield from self.wait(condition, what, 8)
+                return
+            except TimeoutError:
+                self.log(f"{what}: the click was not taken")
+                subprocess.run(["xdotool", "mousemove_relative", "--", "-400", "-60"], check=True)
+                yield 0.5
+        raise TimeoutError(f"{what} did not happen after four clicks on {wanted}")
+
     def click(self, wanted: str) -> Steps:
         """Find a button and click it with the left mouse button."""
         x, y = yield from self.find(wanted)

@@ -122,8 +122,9 @@ def script(robot: Any) -> Any:
 
     before = snapshot_module.snapshot(scene)
     robot.start_watching()
-    yield from robot.click("radarsim.render_frames")
-    yield from robot.wait(lambda: OPERATOR in robot.modal_operators(), "the run's start", 20)
+    yield from robot.click_until(
+        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
+    )
     first = FOLDER / "run one"
     yield from robot.wait(lambda: len(list(first.rglob("*.exr"))) >= 4, "the first files", 120)
     robot.shot("05_rendering")
@@ -151,7 +152,9 @@ def script(robot: Any) -> Any:
     settings.output_dir = str(second)
     yield 0.3
     before = snapshot_module.snapshot(scene)
-    yield from robot.click("radarsim.render_frames")
+    yield from robot.click_until(
+        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
+    )
     yield from robot.wait(lambda: len(list(second.rglob("*.exr"))) >= 2, "two files", 120)
     robot.press("Escape")
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 30)
@@ -165,8 +168,9 @@ def script(robot: Any) -> Any:
     yield 1.5
 
     # 6. It goes on where it stopped.
-    yield from robot.click("radarsim.render_frames")
-    yield from robot.wait(lambda: OPERATOR in robot.modal_operators(), "the run's start", 20)
+    yield from robot.click_until(
+        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
+    )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield 0.5
     result["continued"] = {
@@ -184,8 +188,9 @@ def script(robot: Any) -> Any:
     robot.view.tag_redraw()
     yield 1.0
     before = snapshot_module.snapshot(scene)
-    yield from robot.click("radarsim.render_frames")
-    yield from robot.wait(lambda: (third / "run.json").exists(), "the run's start", 20)
+    yield from robot.click_until(
+        "radarsim.render_frames", lambda: (third / "run.json").exists(), "the run's start"
+    )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield 1.0
     robot.shot("07_paths")
