@@ -83,7 +83,7 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
             return None
         raise OutputError(
             f"The output folder {folder} holds frames of an unknown run ({error}) "
-            "Choose another folder, or overwrite."
+            "Choose another folder, or overwrite (Radar > Render, or --overwrite)."
         ) from error
 
 

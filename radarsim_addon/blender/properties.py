@@ -215,6 +215,10 @@ class RadarSettings(PathSettings, bpy.types.PropertyGroup):
         name="Output",
         default="//radar_run",
         subtype="DIR_PATH",
+        # From 4.5 on Blender warns of // paths in properties that do not declare them.
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"}
+        if bpy.app.version >= (4, 5, 0)
+        else {"ANIMATABLE"},
         description="Folder of the run; // is the .blend file's folder. Made if its parent exists",
     )
     overwrite: bpy.props.BoolProperty(  # type: ignore[valid-type]

@@ -195,9 +195,9 @@ class RenderJob:
         if earlier is not None and not self._continues(earlier, digests):
             if not self._overwrite:
                 raise OutputError(
-                    f"The output folder {self.folder} holds frames of another run (scene, ring "
-                    "step, passes, resolution, samples, seed or software differ). Choose another "
-                    "folder, or overwrite."
+                    f"The output folder {self.folder} holds frames of another run (scene, "
+                    "acquisition, ring step, passes, resolution, samples, seed or software "
+                    "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
                 )
             output_folder.clear_run(self.folder)
         output_folder.clear_partial(self.folder)
