@@ -37,7 +37,6 @@ from .path_rows import rows_of_view
 from .path_scene import PathScene, ViewWindow
 from .path_tiles import shift_px, view_seed
 from .poses import camera_record, emitter_record
-from .recorder import Recorder
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings
 from .vertex_objects import VertexObjects
@@ -69,7 +68,6 @@ class PathJob(RenderJob):
         self.path_scene: PathScene | None = None
         self._view: View | None = None
         self.code_world = _needs_world_code(scene, options)
-        self._numbers = Recorder()
 
     @property
     def measurement(self) -> Measurement:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..signal.pathtable import FLAG_CODED_LENGTH, FLAG_MIXED, FLAG_NO_CODE, PathRows
+from ..signal.pathtable import FLAG_MIXED, FLAG_NO_CODE, PathRows
 from .path_gates import TracedView
 
 #: Share of the power that may be in flawed rows before the run warns.
@@ -23,7 +23,7 @@ class QualitySums:
     def __init__(self) -> None:
         self.total_w = self.left_order_w = self.left_depth_w = 0.0
         self.mixed_w = self.no_code_w = self._row_w = 0.0
-        self._bias_wm = self._sigma2_wm2 = self._coded_w = 0.0
+        self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
         self.seen: set[int] = set()
         self.echoing: set[int] = set()
@@ -48,13 +48,11 @@ class QualitySums:
             self.echoing.update(np.unique(rows[name]).tolist())
         flags = rows["flags"]
         mixed = flags & FLAG_MIXED != 0
-        coded = flags & FLAG_CODED_LENGTH != 0
         self._row_w += float(power.sum())
         self.mixed_w += float(power[mixed].sum())
         self.no_code_w += float(power[flags & FLAG_NO_CODE != 0].sum())
         # A mixture's range lies between those mixed: it is off by less than the path's own length.
         self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
-        self._coded_w += float(power[coded].sum())
         sigma = rows["length_sigma_m"].astype(np.float64)
         self._sigma2_wm2 += float(np.sum(power * sigma**2))
 

@@ -16,6 +16,8 @@ from ..physics.constants import SPEED_OF_LIGHT_MPS
 
 #: Relative slack when two numbers that should be equal come from a user interface in float32.
 _SLACK = 1e-6
+#: Above 10 THz it is no radar but a slip of the unit, such as hertz where gigahertz are asked for.
+_HIGHEST_CARRIER_HZ = 1e13
 
 
 def _positive(name: str, value: float, unit: str) -> None:
@@ -54,6 +56,11 @@ class Waveform:
                 f"Sampling rate {self.sampling_rate_hz:g} Hz is below the bandwidth "
                 f"{self.bandwidth_hz:g} Hz: complex samples would alias. "
                 "Raise the sampling rate or lower the bandwidth (FM rate x chirp length)."
+            )
+        if self.carrier_hz > _HIGHEST_CARRIER_HZ:
+            raise ConfigError(
+                f"Carrier frequency is {self.carrier_hz:g} Hz; expected at most "
+                f"{_HIGHEST_CARRIER_HZ:g} Hz. Check the unit: the panel and --carrier-ghz take GHz."
             )
         if self.carrier_hz <= self.bandwidth_hz / 2:
             raise ConfigError(

@@ -87,7 +87,7 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
     """What a user should know before trusting a frame's products, in whole sentences."""
     counts, found = statistics.counts, []
     if counts.paths == 0:
-        found.append("No echo in any ring: the map is empty.")
+        found.append("No echo at all: the map is empty.")
     if statistics.beyond_unambiguous_range:
         found.append(
             f"{statistics.beyond_unambiguous_range} paths lie beyond the unambiguous range "

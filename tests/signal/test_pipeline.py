@@ -111,7 +111,7 @@ def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
     (result,) = results(folder, ProcessOptions(plots=False))
     assert not result.rd_map.power.any()
     assert result.statistics.nearest_m is None
-    assert result.warnings == ["No echo in any ring: the map is empty."]
+    assert result.warnings == ["No echo at all: the map is empty."]
     assert json.loads((folder / "products/frame_0001_summary.json").read_text())["movers"] == []
 
 
