@@ -14,6 +14,7 @@ from ..errors import SchemaError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from ..physics.radar_equation import effective_area_m2
 from ..sidecar import file_sha256, read_record
+from .pathgeometry import PathGeometry
 from .pathtable import FLAG_MIXED as ROW_MIXED
 from .pathtable import FLAG_NO_CODE, PathRows, iter_rows, open_table
 
@@ -65,6 +66,19 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> NDArray[np.float64]:
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
+
+
+def geometry_of(rows: PathRows) -> PathGeometry:
+    """Vertices and directions of rows."""
+    return PathGeometry(
+        order=rows["order"].astype(np.int32),
+        transparent_depth=rows["transparent_depth"].astype(np.int32),
+        first_m=np.array(rows["first_m"]),
+        last_m=np.array(rows["last_m"]),
+        direction=np.array(rows["direction"]),
+        first_object=np.array(rows["first_object"]),
+        last_object=np.array(rows["object"]),
+    )
 
 
 def table_parts(

@@ -27,7 +27,9 @@ from .doppler import (
     range_rate,
 )
 from .frames import RadarFrame
-from .pathframes import is_mixed, radiance_of, table_parts, usable
+from .pathframes import geometry_of, is_mixed, radiance_of, table_parts, usable
+from .pathgeometry import PathGeometry, join_geometry
+from .pathmotion import LinearMotion, PathMotion, join_motion
 
 Weighting = Literal["radar-equation", "paper"]
 
@@ -74,6 +76,10 @@ class Paths:
         FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED of :mod:`.doppler`.
     counts
         Of all pixels, those without a path included.
+    geometry
+        Vertices and directions; None where they are not known.
+    motion
+        Lengths over the burst; None: constant range rates, see `lengths`.
     """
 
     radiance: Real
@@ -85,6 +91,8 @@ class Paths:
     col: NDArray[np.int32]
     flags: Flags
     counts: PathCounts = field(default_factory=PathCounts)
+    geometry: PathGeometry | None = None
+    motion: PathMotion | None = None
 
     def __len__(self) -> int:
         return int(self.radiance.size)
@@ -93,6 +101,11 @@ class Paths:
     def range_m(self) -> Real:
         """One-way range at t, half the total length [m]."""
         return self.length_m / 2
+
+    @property
+    def lengths(self) -> PathMotion:
+        """Lengths over the burst: `motion`, or constant range rates where there is none."""
+        return self.motion or LinearMotion(self.length_m, self.range_rate_mps)
 
     def select(self, keep: NDArray[np.bool_] | slice) -> Paths:
         """The rows that `keep` names, with counts of these rows alone."""
@@ -106,7 +119,12 @@ class Paths:
             self.col[keep],
             self.flags[keep],
         )
-        return Paths(*rows, counts=_count_flags(rows[-1]))
+        return Paths(
+            *rows,
+            counts=_count_flags(rows[-1]),
+            geometry=None if self.geometry is None else self.geometry.select(keep),
+            motion=None if self.motion is None else self.motion.select(keep),
+        )
 
 
 def _count_flags(flags: Flags, beyond_code: int = 0, not_coded: int = 0) -> PathCounts:
@@ -207,6 +225,7 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
             col=zeros,
             flags=flags,
             counts=_count_flags(flags, beyond_code=int(np.count_nonzero(~keep))),
+            geometry=geometry_of(rows),
         )
 
 
@@ -227,9 +246,19 @@ def join_paths(parts: Iterable[Paths]) -> Paths:
     tables = list(parts)
     if not tables:
         return make_paths(np.empty(0), np.empty(0))
-    names = [name for name in Paths.__dataclass_fields__ if name != "counts"]
+    others = {"counts", "geometry", "motion"}
+    names = [name for name in Paths.__dataclass_fields__ if name not in others]
     columns = {name: np.concatenate([getattr(t, name) for t in tables]) for name in names}
-    return Paths(**columns, counts=sum((t.counts for t in tables), PathCounts()))
+    geometries = [t.geometry for t in tables if t.geometry is not None]
+    motion = None
+    if any(t.motion is not None for t in tables):
+        motion = join_motion([t.lengths for t in tables])
+    return Paths(
+        **columns,
+        counts=sum((t.counts for t in tables), PathCounts()),
+        geometry=join_geometry(geometries) if len(geometries) == len(tables) else None,
+        motion=motion,
+    )
 
 
 class _RingReader:
