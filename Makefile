@@ -21,11 +21,12 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test lint bench gui-test extension test-all-blenders clean
+.PHONY: help install demo test validate lint bench gui-test extension test-all-blenders clean
 
 help:
 	@echo "make demo               the paper's experiment: scene, render, maps in $(OUT)/"
 	@echo "make test               all tests but the GUI's"
+	@echo "make validate           powers, ranges and losses against closed forms: docs/validation.md"
 	@echo "make gui-test           tests in a real Blender window (root, debootstrap, 1.3 GB)"
 	@echo "make test-all-blenders  make test's tests under Blender 4.5, 5.0 and, with Python 3.13, 5.2"
 	@echo "make lint               ruff and mypy"
@@ -45,6 +46,9 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(PY) -m pytest $(PYTEST_ARGS)
+
+validate: $(STAMP)
+	@$(PY) scripts/validate.py
 
 lint: $(STAMP)
 	@failed=0; for tool in "ruff check" "ruff format --check --quiet" mypy; do \

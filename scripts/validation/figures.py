@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures of the validation: error against time, and what the curves look like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from .case import Outcome
+
+Curves = dict[str, list[dict[str, Any]]]
+
+
+def draw(outcomes: Sequence[Outcome], curves: Curves, folder: Path) -> list[tuple[str, str]]:
+    """All pictures whose numbers are there; returns file names and captions."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, caption, needs, paint in _PICTURES:
+        if needs and needs not in curves:
+            continue
+        figure = paint(pyplot, outcomes, curves)
+        path = folder / f"validation_{name}.png"
+        figure.savefig(path, dpi=110, bbox_inches="tight")
+        pyplot.close(figure)
+        files.append((path.name, caption))
+    return files
+
+
+def _bounds(pyplot: Any, outcomes: Sequence[Outcome], _curves: Curves) -> Any:
+    """Every result: how much of its bound its error takes, against the time of its case."""
+    figure, axis = pyplot.subplots(figsize=(9, 5), layout="constrained")
+    groups = list(dict.fromkeys(o.group for o in outcomes))
+    colours = pyplot.get_cmap("tab20")
+    floor = 1e-6
+    for number, group in enumerate(groups):
+        chosen = [(o, c) for o in outcomes if o.group == group for c in o.checks if c.bound > 0]
+        axis.loglog(
+            [max(o.cpu_s, 1e-3) for o, _ in chosen],
+            [max(abs(c.error) / c.bound, floor) for _, c in chosen],
+            "o",
+            color=colours(number % 20),
+            markersize=5,
+            alpha=0.8,
+            label=group.replace("_", " "),
+        )
+    axis.axhline(1, color="black", linewidth=1)
+    axis.text(0.01, 1.12, "bound", transform=axis.get_yaxis_transform(), fontsize=8)
+    axis.set_xlabel("processor time of the case [s] (below 1 ms: at 1 ms)")
+    axis.set_ylabel("|error| / bound (below 1e-6: at 1e-6)")
+    axis.set_title("Every result of the validation")
+    axis.grid(True, which="major", alpha=0.3)
+    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, axis = pyplot.subplots(figsize=(7.5, 4.8), layout="constrained")
+    points = curves["error_against_time"]
+    for number, scene in enumerate(dict.fromkeys(p["scene"] for p in points)):
+        chosen = [p for p in points if p["scene"] == scene]
+        colour = f"C{number}"
+        time = [p["cpu_s"] for p in chosen]
+        axis.loglog(time, [abs(p["error_db"]) for p in chosen], "o-", color=colour, label=scene)
+        spread = [p["standard_error_db"] for p in chosen]
+        axis.loglog(time, spread, ":", color=colour, label=f"{scene}: standard error")
+    axis.set_xlabel("processor time, scene to power [s]")
+    axis.set_ylabel("|error| of the received power [dB]")
+    axis.set_title("Error against time, 4 sub-pixel shifts, more and more pixels")
+    axis.grid(True, which="major", alpha=0.3)
+    axis.legend(fontsize=8)
+    return figure
+
+
+def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
+    points = curves["sigma0"]
+    media = list(dict.fromkeys(p["medium"] for p in points))
+    slopes = sorted({p["slope"] for p in points})
+    markers = "osD^v"
+    for slope_number, slope in enumerate(slopes):
+        for number, medium in enumerate(media):
+            chosen = [p for p in points if p["medium"] == medium and p["slope"] == slope]
+            angle = [p["angle_deg"] for p in chosen]
+            colour = f"C{slope_number}"
+            first = number == 0
+            style = {"color": colour, "marker": markers[number], "markersize": 4}
+            left.plot(angle, [p["measured_db"] for p in chosen], linestyle="none", **style)
+            left.plot(
+                angle,
+                [p["expected_db"] for p in chosen],
+                color=colour,
+                linewidth=0.8,
+                label=f"slope {slope:g}, model" if first else None,
+            )
+            right.plot(
+                angle,
+                [p["error_db"] for p in chosen],
+                linewidth=0.6,
+                label=f"n = {medium}" if slope_number == 0 else None,
+                **style,
+            )
+    left.set_ylabel("$\\sigma_0$ [dB]")
+    left.legend(fontsize=8)
+    left.set_title("Backscatter (markers: measured; one a medium)")
+    right.axhline(0.1, color="grey", linestyle="--", linewidth=1)
+    right.axhline(-0.1, color="grey", linestyle="--", linewidth=1)
+    right.set_ylabel("measured - model [dB]")
+    right.set_title("Error, colours as on the left, bound dashed")
+    right.legend(fontsize=8)
+    for axis in (left, right):
+        axis.set_xlabel("angle of incidence [deg]")
+        axis.grid(True, alpha=0.3)
+    return figure
+
+
+def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 4.3), layout="constrained")
+    points = curves["power_against_range"]
+    for number, tilt in enumerate(sorted({p["tilt_deg"] for p in points})):
+        chosen = [p for p in points if p["tilt_deg"] == tilt]
+        reach = [p["range_m"] for p in chosen]
+        colour, label = f"C{number}", f"{tilt:g} degrees"
+        left.loglog(reach, [p["expected_w"] for p in chosen], "-", color=colour)
+        left.loglog(reach, [p["measured_w"] for p in chosen], "o", color=colour, label=label)
+        right.semilogx(reach, [p["error_db"] for p in chosen], "o-", color=colour, label=label)
+    left.set_ylabel("received power [W]")
+    left.set_title("Lambert plate of 1 m$^2$, EIRP 1 MW (line: radar equation)")
+    right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
+    right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
+    right.set_ylabel("measured - radar equation [dB]")
+    right.set_title("Error, bound dashed")
+    for axis in (left, right):
+        axis.set_xlabel("range [m]")
+        axis.grid(True, which="major", alpha=0.3)
+        axis.legend(fontsize=8)
+    return figure
+
+
+_Paint = Callable[[Any, Sequence[Outcome], Curves], Any]
+_PICTURES: tuple[tuple[str, str, str, _Paint], ...] = (
+    ("bounds", "Error over bound against processor time, every result", "", _bounds),
+    (
+        "error_against_time",
+        "Error against processor time of one scene with more and more pixels",
+        "error_against_time",
+        _error_against_time,
+    ),
+    ("range", "Power of a Lambert plate against range", "power_against_range", _range),
+    ("sigma0", "sigma_0 of rough surfaces against incidence", "sigma0", _sigma0),
+)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""docs/validation.md and validation.json out of what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from .case import Check, Group, Outcome
+
+Notes = Sequence[tuple[str, str]]
+
+
+def markdown(
+    machine: dict[str, Any],
+    found: Sequence[Group],
+    outcomes: Sequence[Outcome],
+    sections: dict[str, list[str]],
+    pictures: Sequence[tuple[str, str]],
+) -> str:
+    """The whole document.
+
+    Parameters
+    ----------
+    machine
+        Versions, date and machine.
+    found, outcomes
+        Groups that were run and what they gave.
+    sections
+        Further lines of Markdown by group: tables that are no checks.
+    pictures
+        File (relative to the document) and caption.
+    """
+    faults = [fault for outcome in outcomes for fault in outcome.faults]
+    checks = [check for outcome in outcomes for check in outcome.checks]
+    numbers = sum(check.points for check in checks)
+    lines = [
+        "# Validation",
+        "",
+        "<!-- Written by `make validate`: change scripts/validation, not this file. -->",
+        "",
+        (
+            f"Written by `make validate` on {machine['date']}: radarsim {machine['radarsim']}, "
+            f"Blender {machine['blender']}, numpy {machine['numpy']}, "
+            f"Python {machine['python']}, {machine['processor']}, {machine['cpus']} processors "
+            f"(load {machine['load']:.1f} at the start). {machine['cpu_s']:.0f} s of processor "
+            f"time, {machine['wall_s']:.0f} s by the clock."
+        ),
+        "",
+        (
+            f"**{len(checks)} results from {numbers} compared numbers, {len(faults)} broken "
+            f"bound{'' if len(faults) == 1 else 's'}.** Every case goes through the program's "
+            "own chain (scene, renders by Cycles, files, table of paths or signal) and is compared "
+            "with a closed form, an independent integration or an independent table."
+        ),
+        "",
+    ]
+    lines += [f"- BROKEN: {fault}" for fault in faults] + ([""] if faults else [])
+    lines += [
+        (
+            "*Error* is measured against expected, in the unit beside it; *s.e.* its standard "
+            "error, from the sub-pixel shifts or the seeds of the run where there are any (shifts "
+            "of a low-discrepancy sequence are better than independent ones: an upper bound). A "
+            "row that stands for several numbers shows the worst of them. *Time* is processor time "
+            "of the case (its rows are measured together), with its limit on two cores."
+        ),
+        "",
+    ]
+    lines += [line for file, caption in pictures for line in (f"![{caption}]({file})", "")]
+    for group in found:
+        lines += [f"## {group.title}", "", group.text, ""]
+        lines += _table([o for o in outcomes if o.group == group.key])
+        lines += [*sections.get(group.key, []), ""]
+    while lines and not lines[-1]:
+        lines.pop()
+    return "\n".join(lines) + "\n"
+
+
+def _table(outcomes: Sequence[Outcome]) -> list[str]:
+    lines = [
+        "| case | expected | measured | error | s.e. | bound | source | time |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for outcome in outcomes:
+        spent = f"{outcome.cpu_s:.1f} of {outcome.limit_s:g} s"
+        if outcome.error:
+            lines.append(f"| {outcome.case} | | | **{_cell(outcome.error)}** | | | | {spent} |")
+        for check in outcome.checks:
+            lines.append(_row(check, spent))
+            spent = ""
+    return lines
+
+
+def _row(check: Check, spent: str) -> str:
+    name = check.name if check.points == 1 else f"{check.name} (worst of {check.points})"
+    error = f"{check.error:+.2g} {check.error_unit}"
+    if not check.passed:
+        error = f"**{error} BROKEN**"
+    spread = check.standard_error
+    shown = "" if spread is None or math.isnan(spread) else f"{spread:.1g}"
+    cells = (
+        name,
+        f"{number(check.expected)} {check.unit}".strip(),
+        f"{number(check.measured)} {check.unit}".strip(),
+        error,
+        shown,
+        f"{check.bound:.3g}",
+        check.source,
+        spent,
+    )
+    return "| " + " | ".join(_cell(cell) for cell in cells) + " |"
+
+
+def _cell(text: str) -> str:
+    """A text inside a table: a bar would end the cell."""
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def number(value: float) -> str:
+    """A number with the digits that matter."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.6g}" if 1e-4 <= abs(value) < 1e7 else f"{value:.4g}"
+
+
+def console(outcome: Outcome) -> str:
+    """One line for the terminal."""
+    state = "BROKEN" if outcome.faults else "ok"
+    worst = max((abs(c.error) / c.bound for c in outcome.checks if c.bound), default=0.0)
+    return (
+        f"  {state:6} {outcome.group} / {outcome.case}: {len(outcome.checks)} results, worst at "
+        f"{100 * worst:.3g} % of its bound, {outcome.cpu_s:.1f} s cpu, {outcome.wall_s:.1f} s wall"
+    )
