@@ -126,6 +126,40 @@ class EmitterRecord:
 
 
 @dataclass(frozen=True)
+class AntennaRecord:
+    """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.antenna_spec`.
+
+    The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
+    """
+
+    kind: str = "isotropic"
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SystemRecord:
+    """Power budget of the radar; see docs/system.md.
+
+    transmit_power_w is the peak power P_t at the transmitter's output. transmit_loss_db lies
+    between there and the antenna, receive_loss_db between antenna and receiver, other_loss_db holds
+    what remains (atmosphere, processing). With it the emitter's EIRP is the light level of the
+    renders alone: it cancels.
+    """
+
+    transmit_power_w: float = 1.0
+    transmitter: AntennaRecord = field(default_factory=AntennaRecord)
+    receiver: AntennaRecord = field(default_factory=AntennaRecord)
+    transmit_loss_db: float = 0.0
+    receive_loss_db: float = 0.0
+    other_loss_db: float = 0.0
+    noise_figure_db: float = 0.0
+    antenna_temperature_k: float = 290.0
+    weighting: str = "radar-equation"
+    schema: str = "radarsim/system"
+    schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
 class RenderRecord:
     """Sidecar of one EXR file: one ring in one pass of one radar frame."""
 
@@ -210,7 +244,7 @@ class ObjectRecord:
 
     nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t;
     range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
-    null with one pass.
+    null with one pass. collections are those that hold the object, at any depth.
     """
 
     name: str
@@ -218,6 +252,7 @@ class ObjectRecord:
     origin_range_m: float
     range_rate_mps: float | None
     materials: list[str] = field(default_factory=list)
+    collections: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -235,7 +270,8 @@ class SceneRecord:
 class RunRecord:
     """Plan of a run. ``fingerprint`` tells whether a stopped run may be continued.
 
-    waveform and burst hold the fields of signal.config.Waveform and Burst.
+    waveform and burst hold the fields of signal.config.Waveform and Burst. system is the power
+    budget; null: the emitter's EIRP goes in all directions, the receiver is isotropic.
     """
 
     acquisition: str
@@ -260,5 +296,6 @@ class RunRecord:
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    system: SystemRecord | None = None
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION

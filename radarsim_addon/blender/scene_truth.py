@@ -168,9 +168,26 @@ def object_records(
                 origin_range_m=origin_m,
                 range_rate_mps=rate,
                 materials=materials,
+                collections=collections_of(shown.evaluated.original),
             ),
         )
     return [record for _, (_, record) in sorted(nearest.items())]
+
+
+def collections_of(item: Any) -> list[str]:
+    """Names of the collections that hold an object, their parents included, sorted."""
+    held = set(item.users_collection)
+    while True:
+        parents = {
+            outer
+            for outer in bpy.data.collections
+            if outer not in held and any(child in held for child in outer.children)
+        }
+        if not parents:
+            break
+        held |= parents
+    # The scene's own root collection is not among those of the file.
+    return sorted(held_by.name for held_by in held if held_by.name in bpy.data.collections)
 
 
 def _surface_distance(shown: _Shown, point: Array) -> float | None:

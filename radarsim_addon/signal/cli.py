@@ -27,6 +27,8 @@ from .pipeline import (
     Progress,
     process_run,
 )
+from .rcscommand import add_rcs_parser, print_rcs
+from .system import read_system
 from .windows import WINDOW_NAMES
 
 #: Rounding of the range code in float32, relative to code length or path length, whichever is more.
@@ -88,7 +90,12 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument(
         "--range", type=_range_window, metavar="A:B", help="range window in metres [all rings]"
     )
-    process.add_argument("--weighting", choices=get_args(Weighting), default="radar-equation")
+    process.add_argument(
+        "--weighting", choices=get_args(Weighting), help="[the system's, else radar-equation]"
+    )
+    process.add_argument(
+        "--system", metavar="FILE", help="power budget (JSON, see docs/system.md) [the run's own]"
+    )
     process.add_argument("--receiver-gain-db", type=_finite, default=0.0, help="G_r in dBi")
     process.add_argument(
         "--window", default="hamming", help=f"over the band: {', '.join(WINDOW_NAMES)}"
@@ -110,6 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     process.add_argument(
         "--allow-incomplete", action="store_true", help="skip frames that are not all there"
     )
+    add_rcs_parser(commands, _frame_numbers)
     return parser
 
 
@@ -121,6 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
+        if chosen.command == "rcs":
+            return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.system)
         return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
     except RadarSimError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
@@ -146,6 +156,7 @@ def _process(chosen: argparse.Namespace) -> int:
         speckle_seed=chosen.speckle_seed,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
+        system=None if chosen.system is None else read_system(chosen.system),
     )
     live = sys.stderr.isatty()
     events = process_run(
@@ -183,6 +194,8 @@ def _print_frame(result: FrameResult) -> None:
             f"range rate {peak.velocity_mps:+9.3f} m/s   Doppler {peak.doppler_hz:+9.2f} Hz   "
             f"{peak.above_db:.1f} dB above its surroundings"
         )
+    for line in result.budget.lines() if result.budget is not None else []:
+        print(f"  {line}")
     for warning in result.warnings:
         print(f"  warning: {warning}")
     if result.files:

@@ -77,6 +77,11 @@ class RadarFrame:
         return self.record.rings
 
     @property
+    def max_bounces(self) -> int:
+        """Reflections after the first one that the renders hold."""
+        return self.record.max_bounces
+
+    @property
     def passes(self) -> int:
         """1, or 2 where the frame was rendered again at t + delta t."""
         return self.record.passes

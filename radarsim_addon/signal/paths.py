@@ -7,6 +7,7 @@ A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contract import CameraRecord, EmitterRecord
 from ..errors import ConfigError, SchemaError
 from .decode import Decoded, PixelGrid, Real, decode, pixel_grid
 from .doppler import (
@@ -30,6 +32,7 @@ from .frames import RadarFrame
 from .pathframes import geometry_of, is_mixed, radiance_of, table_parts, usable
 from .pathgeometry import PathGeometry, join_geometry
 from .pathmotion import LinearMotion, PathMotion, join_motion
+from .ringgeometry import ring_geometry
 
 Weighting = Literal["radar-equation", "paper"]
 
@@ -80,6 +83,8 @@ class Paths:
         Vertices and directions; None where they are not known.
     motion
         Lengths over the burst; None: constant range rates, see `lengths`.
+    gain
+        What a radar system makes of the power, see :mod:`.link`; None: 1.
     """
 
     radiance: Real
@@ -93,6 +98,7 @@ class Paths:
     counts: PathCounts = field(default_factory=PathCounts)
     geometry: PathGeometry | None = None
     motion: PathMotion | None = None
+    gain: Real | None = None
 
     def __len__(self) -> int:
         return int(self.radiance.size)
@@ -124,6 +130,7 @@ class Paths:
             counts=_count_flags(rows[-1]),
             geometry=None if self.geometry is None else self.geometry.select(keep),
             motion=None if self.motion is None else self.motion.select(keep),
+            gain=None if self.gain is None else self.gain[keep],
         )
 
 
@@ -202,7 +209,10 @@ def iter_paths(
             rate = np.zeros(first.mask.shape)
             flags = np.full(first.mask.shape, FLAG_ONE_PASS, dtype=np.uint8)
         reader.drop_before(ring)
-        yield _ring_paths(ring, first, rate, flags, mixed_tolerance)
+        paths = _ring_paths(ring, first, rate, flags, mixed_tolerance)
+        single = frame.max_bounces == 0
+        geometry = ring_geometry(first, paths.row, paths.col, *reader.antennas, single)
+        yield dataclasses.replace(paths, geometry=geometry)
 
 
 def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
@@ -246,18 +256,22 @@ def join_paths(parts: Iterable[Paths]) -> Paths:
     tables = list(parts)
     if not tables:
         return make_paths(np.empty(0), np.empty(0))
-    others = {"counts", "geometry", "motion"}
+    others = {"counts", "geometry", "motion", "gain"}
     names = [name for name in Paths.__dataclass_fields__ if name not in others]
     columns = {name: np.concatenate([getattr(t, name) for t in tables]) for name in names}
     geometries = [t.geometry for t in tables if t.geometry is not None]
     motion = None
     if any(t.motion is not None for t in tables):
         motion = join_motion([t.lengths for t in tables])
+    gain = None
+    if any(t.gain is not None for t in tables):
+        gain = np.concatenate([np.ones(len(t)) if t.gain is None else t.gain for t in tables])
     return Paths(
         **columns,
         counts=sum((t.counts for t in tables), PathCounts()),
         geometry=join_geometry(geometries) if len(geometries) == len(tables) else None,
         motion=motion,
+        gain=gain,
     )
 
 
@@ -268,6 +282,7 @@ class _RingReader:
         self._frame = frame
         self._kept: dict[tuple[int, int], Decoded] = {}
         self._grids: dict[object, PixelGrid] = {}
+        self._antennas: tuple[CameraRecord, EmitterRecord] | None = None
         self._times_s: dict[int, float] = {}
 
     def get(self, ring: int, pass_index: int) -> Decoded:
@@ -280,12 +295,20 @@ class _RingReader:
                     f"{self._frame.path}: ring {ring}, pass {pass_index} is at {record.time_s} s, "
                     f"other rings of the pass at {time_s} s. Render this frame again."
                 )
+            if pass_index == 0:
+                self._antennas = record.camera, record.emitter
             view = repr(record.camera)
             if view not in self._grids:
                 self._grids.clear()
                 self._grids[view] = pixel_grid(record.camera, record.width_px, record.height_px)
             self._kept[key] = decode(record, channels, self._grids[view])
         return self._kept[key]
+
+    @property
+    def antennas(self) -> tuple[CameraRecord, EmitterRecord]:
+        """Receiver and emitter at t."""
+        assert self._antennas is not None
+        return self._antennas
 
     @property
     def delta_t_s(self) -> float:
@@ -330,7 +353,7 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     """Power that each path brings to the receiver's terminals [W].
 
     P = L A_e dOmega with A_e = G_r lambda^2 / (4 pi). Transmit power and gain are in L already:
-    the lamp's power is the EIRP P_t G_t.
+    the lamp's power is the EIRP P_t G_t. Paths with a ``gain`` have those of a radar system.
 
     Parameters
     ----------
@@ -342,7 +365,8 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
         G_r, linear, over isotropic.
     """
     aperture_m2 = receiver_gain * wavelength_m**2 / (4 * math.pi)
-    return paths.radiance * aperture_m2 * paths.solid_angle_sr
+    power_w = paths.radiance * aperture_m2 * paths.solid_angle_sr
+    return power_w if paths.gain is None else power_w * paths.gain
 
 
 def path_amplitude(
@@ -364,11 +388,13 @@ def path_amplitude(
         "paper": B r^2 (Eq. 10, 14): blue is taken as amplitude, weighted with the square of the
         one-way range. B r^2 is the same number in Blender units (B per unit^2, r in units) and in
         SI (L per m^2, r in m). Follows the radar equation in R for one object, not in its size.
+        Times the root of the paths' gain, so that patterns read the same in dB.
     receiver_gain
         G_r, linear; used by "radar-equation" alone.
     """
     if weighting == "radar-equation":
         return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))
     if weighting == "paper":
-        return paths.radiance * paths.range_m**2
+        amplitude = paths.radiance * paths.range_m**2
+        return amplitude if paths.gain is None else amplitude * np.sqrt(paths.gain)
     raise ConfigError(f"Weighting {weighting!r}; expected one of {get_args(Weighting)}.")

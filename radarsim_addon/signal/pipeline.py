@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..contract import PRODUCTS_DIR
-from ..errors import FrameFileError
+from ..contract import PRODUCTS_DIR, SystemRecord
+from ..errors import ConfigError, FrameFileError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from . import plots
+from .budget import BudgetReport, FrameBudget
 from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
 from .detect import LeadingEdge, Peak, find_peaks, leading_edges
 from .doppler import MAX_SPEED_MPS
@@ -28,10 +29,12 @@ from .echoes import Echoes, EchoSynthesizer, check_window
 from .files import make_folder, write_arrays, write_json
 from .frames import RadarFrame, Run, open_run
 from .framestats import FrameStatistics, StatisticsSum, statistics_warnings
+from .link import Link
 from .nufft import Backend
 from .paths import Weighting, iter_paths
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
+from .system import weighting_of
 from .uncertainty import ExpectedPower, expected_power
 
 #: Below the strongest cell by more than this is rounding, not an echo: float32 renders, and the
@@ -68,6 +71,7 @@ class FrameResult:
     warnings: list[str]
     files: list[Path]
     expected: ExpectedPower | None = None
+    budget: BudgetReport | None = None
 
 
 @dataclass(frozen=True)
@@ -77,9 +81,10 @@ class ProcessOptions:
     Attributes
     ----------
     weighting
-        "radar-equation" or "paper", see :func:`.paths.path_amplitude`.
+        "radar-equation" or "paper", see :func:`.paths.path_amplitude`; None: the system's, or
+        "radar-equation" without one.
     receiver_gain
-        G_r, linear.
+        G_r, linear, for runs without a system.
     window, doppler_window
         Windows over the band and over the pulses, see :mod:`.windows`.
     window_m
@@ -95,9 +100,11 @@ class ProcessOptions:
         Whether to write the four EXR products.
     plots
         Whether to draw pictures; None: where matplotlib is installed.
+    system
+        Power budget, see :mod:`.system`; None: the run's own.
     """
 
-    weighting: Weighting = "radar-equation"
+    weighting: Weighting | None = None
     receiver_gain: float = 1.0
     window: str = "hamming"
     doppler_window: str = "hamming"
@@ -107,6 +114,24 @@ class ProcessOptions:
     speckle_seed: int | None = 0
     products: bool = True
     plots: bool | None = None
+    system: SystemRecord | None = None
+
+    def for_run(self, run: Run) -> ProcessOptions:
+        """These options with what the run itself says filled in.
+
+        Raises
+        ------
+        ConfigError
+            A receiver gain beside a system, which has one already.
+        """
+        system = self.system or run.record.system
+        if system is not None and self.receiver_gain != 1:
+            raise ConfigError(
+                f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
+                "antenna has one. Set gain_dbi there, or leave the receiver gain out."
+            )
+        weighting = self.weighting or weighting_of(system)
+        return dataclasses.replace(self, weighting=weighting, system=system)
 
 
 def process_run(
@@ -147,6 +172,7 @@ def process_run(
     """
     options = options or ProcessOptions()
     run = open_run(path)
+    options = options.for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
     steps = run.record.rings + 3
@@ -186,6 +212,8 @@ def _process_frame(
     run: Run, frame: RadarFrame, folder: Path, options: ProcessOptions
 ) -> Iterator[str | FrameResult]:
     window_m = check_window(options.window_m or run.window_m)
+    assert options.weighting is not None  # by `for_run`
+    budget = FrameBudget(frame, run.radar, options.system)
     synthesizer = EchoSynthesizer(
         run.radar,
         window_m,
@@ -204,6 +232,7 @@ def _process_frame(
     )
     total = StatisticsSum(run.radar, options.receiver_gain)
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
+        paths = budget.apply(paths)
         synthesizer.add(paths)
         accumulator.add(paths)
         total.add(paths)
@@ -216,6 +245,7 @@ def _process_frame(
     statistics = total.result(echoes.outside)
     # windows are at most three cells wide to each side: what is slower hides in the stripe
     slowest_mps = 3 * run.radar.velocity_resolution_mps
+    report = budget.report(statistics.power_w, options.window, options.doppler_window)
     result = FrameResult(
         frame=frame.number,
         time_s=frame.time_s,
@@ -226,9 +256,10 @@ def _process_frame(
         rd_map=rd_map,
         edges=_edges(profile),
         movers=_movers(rd_map, slowest_mps),
-        warnings=statistics_warnings(statistics, run.radar),
+        warnings=statistics_warnings(statistics, run.radar) + report.warnings,
         files=[],
-        expected=_expected(frame, run, window_m, options),
+        expected=_expected(frame, run, window_m, options, budget.link),
+        budget=report,
     )
     yield f"frame {frame.number}: echoes, map"
     result.files.extend(_write_results(result, folder, options))
@@ -242,7 +273,11 @@ def _process_frame(
 
 
 def _expected(
-    frame: RadarFrame, run: Run, window_m: tuple[float, float], options: ProcessOptions
+    frame: RadarFrame,
+    run: Run,
+    window_m: tuple[float, float],
+    options: ProcessOptions,
+    link: Link | None,
 ) -> ExpectedPower | None:
     if frame.acquisition != "paths" or options.weighting != "radar-equation":
         return None
@@ -253,6 +288,7 @@ def _expected(
         window=options.window,
         doppler_window=options.doppler_window,
         receiver_gain=options.receiver_gain,
+        link=link,
     )
 
 
@@ -336,6 +372,7 @@ def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
             "movers": [dataclasses.asdict(peak) for peak in result.movers],
+            "budget": None if result.budget is None else result.budget.summary(),
             "warnings": result.warnings,
         },
     )

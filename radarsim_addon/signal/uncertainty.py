@@ -22,6 +22,7 @@ from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .compress import expected_power_profile
 from .config import Radar
 from .frames import RadarFrame
+from .link import Link
 from .pathframes import open_frame_table, usable
 from .paths import make_paths
 from .pathtable import PathRows
@@ -63,6 +64,7 @@ def expected_power(
     doppler_window: str = "hamming",
     receiver_gain: float = 1.0,
     cells_per_sample: int = 2,
+    link: Link | None = None,
 ) -> ExpectedPower:
     """Expected power of a frame of paths, on range cells of a fraction of the sample spacing.
 
@@ -74,6 +76,8 @@ def expected_power(
         As for the profile and the map.
     cells_per_sample
         Range cells per sample of the echo, at least 2.
+    link
+        Radar system, see :mod:`.link`; None: no gains but `receiver_gain`.
 
     Raises
     ------
@@ -92,6 +96,8 @@ def expected_power(
         number, power = _cells(rows, radar, window_m[0], step_m, ranges, pulses)
         cells, place = np.unique(number, return_inverse=True)
         by_shift = np.zeros((shifts, cells.size))
+        if link is not None:
+            power *= link.factor(rows["length_m"], rows["direction"], rows["last_m"])
         keep = usable(rows)
         np.add.at(by_shift, (rows["shift"][keep], place[keep]), scale * shifts * power[keep])
         inside = cells >= 0
