@@ -120,6 +120,9 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument("--pulses", type=int, metavar="N", help="pulses of a burst")
     parser.add_argument("--seed", type=int, metavar="N", help="Cycles' seed")
     parser.add_argument(
+        "--system", type=Path, metavar="FILE", help="power budget (JSON); else the file's own"
+    )
+    parser.add_argument(
         "--overwrite", action="store_true", help="remove another run's frames from the folder"
     )
     parser.add_argument(
@@ -213,6 +216,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             acquisition=chosen_acquisition(arguments),
             overrides=overrides,
             path_overrides=path_overrides(arguments),
+            system_file=arguments.system,
         )
         job.file_just_opened = arguments.blend is not None
         with job:

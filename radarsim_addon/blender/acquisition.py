@@ -207,11 +207,11 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     """Hash of everything that changes the pixels of a render.
 
-    Waveform and burst are not in it (they come in after rendering), nor are the frames: a run may
-    be continued with more of them.
+    Waveform, burst and system are not in it (they come in after rendering), nor are the frames: a
+    run may be continued with more of them.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
-    for key in ("waveform", "burst", "frames", "rings"):
+    for key in ("waveform", "burst", "system", "frames", "rings"):
         del measurement[key]
     parts = {
         "measurement": measurement,
@@ -262,4 +262,5 @@ def run_record(
         fingerprint=fingerprint(plan, scene_digest, versions),
         warnings=warnings,
         versions=versions,
+        system=measurement.system,
     )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from . import properties
 from .path_job import PathJob
 from .path_properties import read_path_options
 from .render_job import RenderJob
+from .system_properties import read_system_settings
 
 
 def make_job(
@@ -21,6 +23,7 @@ def make_job(
     acquisition: str | None = None,
     overrides: dict[str, Any] | None = None,
     path_overrides: dict[str, Any] | None = None,
+    system_file: Path | None = None,
 ) -> RenderJob:
     """Make the job, unprepared.
 
@@ -36,6 +39,8 @@ def make_job(
         "rings" or "paths"; None: the scene's setting.
     overrides, path_overrides
         Numbers from a command line, see `read_measurement` and `read_path_options`.
+    system_file
+        Power budget (JSON); None: the scene's own.
 
     Raises
     ------
@@ -44,6 +49,8 @@ def make_job(
     """
     settings = getattr(scene, properties.SCENE_PROPERTY)
     measurement = properties.read_measurement(scene, **(overrides or {}))
+    system = read_system_settings(settings, measurement.waveform.wavelength_m, system_file)
+    measurement = dataclasses.replace(measurement, system=system)
     antennas = {"camera": settings.camera, "emitter": settings.emitter}
     kind = acquisition or settings.acquisition.lower()
     if kind == "paths":

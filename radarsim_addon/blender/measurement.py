@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from decimal import Decimal
 
+from ..contract import SystemRecord
 from ..errors import ConfigError
 from ..signal.config import Burst, Radar, Waveform
 
@@ -81,6 +82,8 @@ class Measurement:
         Reflections after the first one: 0 keeps single reflections alone.
     extinction_length_m
         Normalising length of the Radar Material's extinction coefficient [m]; 0: one Blender unit.
+    system
+        Power budget, checked; None: the emitter's EIRP in all directions. It changes no render.
     """
 
     waveform: Waveform
@@ -96,6 +99,7 @@ class Measurement:
     seed: int = 0
     max_bounces: int = 0
     extinction_length_m: float = 0.0
+    system: SystemRecord | None = None
 
     def __post_init__(self) -> None:
         Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval

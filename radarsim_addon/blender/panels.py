@@ -46,7 +46,8 @@ class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
             wrapped(context, layout, str(error), "INFO")
             return
         layout.label(text=f"{rig.camera.name} and {rig.emitter.name}", icon="CHECKMARK")
-        layout.prop(rig.emitter.data, "energy", text="EIRP")
+        # With a power budget the lamp's power cancels: it is the light level of the renders.
+        layout.prop(rig.emitter.data, "energy", text="Lamp" if settings.use_system else "EIRP")
 
 
 class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):

@@ -24,6 +24,7 @@ from .nodes.materials import lets_nothing_through
 from .pass_files import read_passes
 from .path_cameras import aim, camera_kind
 from .path_gates import Gate, Region, RenderRequest, View
+from .pattern_mesh import PATTERN_PROPERTY
 from .poses import rigid_pose
 from .recorder import Recorder
 from .render_settings import NEAR_CLIP_UNITS
@@ -386,7 +387,7 @@ class PathScene:
         self.objects = []
         opaque = set()
         for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
-            if item.type in SURFACE_TYPES:
+            if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
                 self.objects.append(item.name)
                 self._recorder.set(item, "pass_index", len(self.objects))
                 if _is_opaque(item):

@@ -17,6 +17,7 @@ from ..signal.config import Burst, Waveform
 from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
 from .path_properties import PathSettings
+from .system_properties import RadarAntennaSettings, SystemSettings
 
 SCENE_PROPERTY = "radarsim"
 PROGRESS_PROPERTY = "radarsim"
@@ -30,7 +31,7 @@ def _is_lamp(_: Any, item: Any) -> bool:
     return bool(item.type == "LIGHT")
 
 
-class RadarSettings(PathSettings, bpy.types.PropertyGroup):
+class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
     """Settings of a measurement."""
 
     camera: bpy.props.PointerProperty(  # type: ignore[valid-type]
@@ -253,7 +254,7 @@ class RadarProgress(bpy.types.PropertyGroup):
 
 
 def read_measurement(scene: Any, **overrides: Any) -> Measurement:
-    """The scene's settings as a `Measurement`.
+    """The scene's settings as a `Measurement`, without its power budget.
 
     Parameters
     ----------
@@ -370,6 +371,8 @@ _GROUPS = (
 
 def register() -> None:
     """Add ``Scene.radarsim`` and ``WindowManager.radarsim``; a second call changes nothing."""
+    if not RadarAntennaSettings.is_registered:
+        bpy.utils.register_class(RadarAntennaSettings)
     for group, owner, name, label in _GROUPS:
         if not group.is_registered:
             bpy.utils.register_class(group)
@@ -382,3 +385,5 @@ def unregister() -> None:
         if group.is_registered:
             delattr(owner, name)
             bpy.utils.unregister_class(group)
+    if RadarAntennaSettings.is_registered:
+        bpy.utils.unregister_class(RadarAntennaSettings)

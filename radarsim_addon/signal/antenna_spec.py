@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,12 +43,26 @@ from ..physics.radar_equation import to_db
 _GAIN_SLACK_DB = 1.0
 
 
+class PeakedAntenna(Antenna, Protocol):
+    """An antenna that knows the gain at its peak."""
+
+    @property
+    def peak_gain(self) -> float:
+        """Largest gain, linear; that in the steered direction for an array."""
+        ...
+
+
 @dataclass(frozen=True)
 class Scaled:
     """Another antenna's gain times a factor."""
 
-    antenna: Antenna
+    antenna: PeakedAntenna
     factor: float
+
+    @property
+    def peak_gain(self) -> float:
+        """Gain at the pattern's peak."""
+        return self.factor * self.antenna.peak_gain
 
     def gain(self, directions: ArrayLike) -> Real:
         """Power gain over isotropic, linear."""
@@ -61,9 +75,14 @@ class ConstantGain:
 
     gain_dbi: float = 0.0
 
+    @property
+    def peak_gain(self) -> float:
+        """The gain, linear."""
+        return float(10 ** (self.gain_dbi / 10))
+
     def gain(self, directions: ArrayLike) -> Real:
         """Power gain over isotropic, linear."""
-        return np.full(np.shape(directions)[:-1], 10 ** (self.gain_dbi / 10))
+        return np.full(np.shape(directions)[:-1], self.peak_gain)
 
 
 class _Parameters:
@@ -110,7 +129,7 @@ class _Parameters:
 
 def make_antenna(
     record: AntennaRecord, wavelength_m: float, whose: str = "Transmitter's"
-) -> Antenna:
+) -> PeakedAntenna:
     """The antenna that a record describes.
 
     Parameters
@@ -164,11 +183,11 @@ def self_contained(record: AntennaRecord, folder: Path | None = None) -> Antenna
     return AntennaRecord("table", {**others, **arrays, "gain_db": table.gain_db.tolist()})
 
 
-def _isotropic(given: _Parameters, _: float) -> Antenna:
+def _isotropic(given: _Parameters, _: float) -> PeakedAntenna:
     return ConstantGain(given.number("gain_dbi", "dBi", 0.0))
 
 
-def _cosine(given: _Parameters, _: float) -> Antenna:
+def _cosine(given: _Parameters, _: float) -> PeakedAntenna:
     if given.has("beamwidth_deg") and given.has("exponent"):
         raise ConfigError(f"{given.where} has beamwidth_deg and exponent; expected one of them.")
     if given.has("beamwidth_deg"):
@@ -181,19 +200,19 @@ def _cosine(given: _Parameters, _: float) -> Antenna:
     return _with_gain(given, antenna, antenna.peak_gain)
 
 
-def _gaussian(given: _Parameters, _: float) -> Antenna:
+def _gaussian(given: _Parameters, _: float) -> PeakedAntenna:
     widths = [given.number(f"{axis}_beamwidth_deg", "degrees") for axis in ("azimuth", "elevation")]
     antenna = Gaussian(*(float(np.radians(width)) for width in widths))
     return _with_gain(given, antenna, antenna.peak_gain)
 
 
-def _aperture(given: _Parameters, wavelength_m: float) -> Antenna:
+def _aperture(given: _Parameters, wavelength_m: float) -> PeakedAntenna:
     width_m, height_m = given.number("width_m", "m"), given.number("height_m", "m")
     antenna = Aperture(width_m, height_m, wavelength_m)
     return _with_gain(given, antenna, antenna.peak_gain)
 
 
-def _array(given: _Parameters, wavelength_m: float) -> Antenna:
+def _array(given: _Parameters, wavelength_m: float) -> PeakedAntenna:
     spacing = {}
     for axis in ("column", "row"):
         metres, waves = f"{axis}_spacing_m", f"{axis}_spacing_wavelengths"
@@ -222,7 +241,7 @@ def _taper(value: Any) -> str | tuple[float, ...]:
     return value if isinstance(value, str) else tuple(np.atleast_1d(real_array("Taper", value)))
 
 
-def _table(given: _Parameters, _: float) -> Antenna:
+def _table(given: _Parameters, _: float) -> PeakedAntenna:
     if given.has("file"):
         return read_pattern(str(given.take("file")))
     given.take("file")
@@ -244,7 +263,7 @@ def _reopened(azimuth: Real, elevation: Real, gain_db: Real) -> TableAntenna:
     return TableAntenna(azimuth, elevation, gain_db)
 
 
-def _with_gain(given: _Parameters, antenna: Antenna, directivity: float) -> Antenna:
+def _with_gain(given: _Parameters, antenna: PeakedAntenna, directivity: float) -> PeakedAntenna:
     """With the given peak gain, if there is one."""
     wanted_dbi = given.number("gain_dbi", "dBi", float(to_db(directivity)))
     excess_db = wanted_dbi - float(to_db(directivity))
@@ -257,7 +276,7 @@ def _with_gain(given: _Parameters, antenna: Antenna, directivity: float) -> Ante
     return antenna if excess_db == 0 else Scaled(antenna, float(10 ** (excess_db / 10)))
 
 
-_MAKERS: dict[str, Callable[[_Parameters, float], Antenna]] = {
+_MAKERS: dict[str, Callable[[_Parameters, float], PeakedAntenna]] = {
     "isotropic": _isotropic,
     "cosine": _cosine,
     "gaussian": _gaussian,

@@ -19,11 +19,10 @@ from typing import Any, cast, get_args
 
 from ..contract import AntennaRecord, SystemRecord
 from ..errors import ConfigError
-from ..physics.antennas import Antenna
 from ..physics.checks import real_array
 from ..physics.noise import noise_power_w
 from ..physics.radar_equation import from_db
-from .antenna_spec import make_antenna, self_contained
+from .antenna_spec import PeakedAntenna, make_antenna, self_contained
 from .paths import Weighting
 
 #: A file with two antenna tables of a degree's step has about 2 MB.
@@ -46,8 +45,8 @@ class RadarSystem:
     """
 
     record: SystemRecord
-    transmitter: Antenna
-    receiver: Antenna
+    transmitter: PeakedAntenna
+    receiver: PeakedAntenna
     wavelength_m: float
 
     @property

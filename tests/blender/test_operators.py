@@ -62,13 +62,18 @@ def test_registering_twice_and_unregistering(bpy: Any) -> None:
 
 
 def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -> None:
-    from radarsim_addon.blender import operators
+    from radarsim_addon.blender import operators, system_panel
 
-    operator_classes: tuple[Any, ...] = operators.CLASSES
+    operator_classes: tuple[Any, ...] = (*operators.CLASSES, *system_panel.CLASSES[:2])
     panel_classes: tuple[Any, ...] = panels.CLASSES
     assert all(item.__doc__ and item.bl_label for item in operator_classes)
     assert all(item.bl_category == "Radar" for item in panel_classes)
-    for group in (properties.RadarSettings, properties.RadarProgress):
+    groups = (
+        properties.RadarSettings,
+        properties.RadarProgress,
+        properties.RadarAntennaSettings,
+    )
+    for group in groups:
         for prop in group.bl_rna.properties:
             if prop.identifier not in ("rna_type", "name"):
                 assert prop.description, prop.identifier
