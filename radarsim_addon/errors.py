@@ -40,3 +40,7 @@ class RenderError(RadarSimError):
 
 class MissingDependencyError(RadarSimError):
     """A package or a system library that this step needs is not installed."""
+
+
+class PathDataError(RadarSimError):
+    """A path cannot be summed: its length or its amplitude is NaN or infinite."""

@@ -27,6 +27,8 @@ Paths
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer; path_phasors; nufft1; replica, replica_spectrum,
     matched_filter
+Spectra for any waveform
+    SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening
 Compression
     compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
 Standard errors (acquisition "paths")
@@ -78,6 +80,13 @@ from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_ring
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, decibels, range_doppler
 from .speckle import path_phasors
+from .synthesis import (
+    FrequencyGrid,
+    Listening,
+    Spectrum,
+    SpectrumAccumulator,
+    SynthesisReport,
+)
 from .uncertainty import ExpectedPower, expected_power
 from .waveform import matched_filter, replica, replica_spectrum
 from .windows import slow_time_window, window_at
@@ -95,7 +104,9 @@ __all__ = [
     "ExpectedPower",
     "FrameResult",
     "FrameStatistics",
+    "FrequencyGrid",
     "LeadingEdge",
+    "Listening",
     "MissingRender",
     "PathCounts",
     "Paths",
@@ -108,6 +119,9 @@ __all__ = [
     "RadarFrame",
     "RangeDopplerMap",
     "Run",
+    "Spectrum",
+    "SpectrumAccumulator",
+    "SynthesisReport",
     "Waveform",
     "compress",
     "decibels",

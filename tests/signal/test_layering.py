@@ -13,8 +13,8 @@ PACKAGE = Path(__file__).parents[2] / "radarsim_addon"
 #: The flow of signal. A stage imports stages before it only.
 FLOW = [
     "config", "exrheader", "exr", "files", "frames", "decode", "doppler", "paths", "nufft",
-    "windows", "waveform", "echoes", "compress", "rangedoppler", "detect", "products", "plots",
-    "pipeline", "cli",
+    "windows", "waveform", "phase", "synthesis", "echoes", "compress", "rangedoppler", "detect",
+    "products", "plots", "pipeline", "cli",
 ]  # fmt: skip
 
 

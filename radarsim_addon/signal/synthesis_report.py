@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the synthesis chose, what it cost, and how far off the sum can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+Motion = Literal["still", "linear", "smooth", "sampled"]
+Transform = Literal["once", "type 3", "pulse by pulse", "direct sum"]
+
+
+@dataclass
+class SynthesisStep:
+    """Paths of one kind of motion that went one way.
+
+    Attributes
+    ----------
+    motion
+        "still"; "linear": constant range rate within the bound; "smooth": a polynomial fitted
+        within the bound; "sampled": lengths taken at every pulse.
+    transform
+        "once": one 1-D type-1 transform for all pulses; "type 3": 2-D transform over frequency
+        and pulse; "pulse by pulse": a 1-D transform each; "direct sum": term by term.
+    paths
+        Rows (a path folded into the window twice counts twice).
+    transforms
+        Transforms that were needed.
+    cpu_s
+        Processor time in phases and transforms, all threads [s].
+    """
+
+    motion: Motion
+    transform: Transform
+    paths: int = 0
+    transforms: int = 0
+    cpu_s: float = 0.0
+
+
+@dataclass
+class SynthesisReport:
+    """How a spectrum was formed.
+
+    Attributes
+    ----------
+    backend
+        "finufft", "numpy" or "direct".
+    tolerance
+        Relative L2 error that was asked for.
+    paths
+        Rows added.
+    pulses, frequencies
+        Size of the result.
+    steps
+        What was chosen for how many paths, and its cost.
+    error_estimate
+        Relative L2 error to the direct sum: that of the transforms for phases that are random just
+        outside the band, plus that of fitted motion. Cancellation within the band is accounted
+        for. 0 where there is no echo.
+    error_bound
+        The same if all terms of the transforms' error lined up: it holds for any paths.
+    cancellation_db
+        Energy of the result over that of paths with random phases (0 dB); -60 dB: the paths cancel
+        to a millionth, and three digits are lost.
+    motion_error_rad
+        Largest error of phase that fitted motion was allowed.
+    outside
+        Paths, counted once a pulse and divided by pulses, that lie outside the window.
+    folded_range
+        Paths that stand in the window by folding (delay beyond the pulse interval).
+    folded_doppler
+        Moving paths whose phase turns by more than half a cycle from pulse to pulse.
+    wall_s
+        Time spent in all [s].
+    warnings
+        What a user should know, in whole sentences.
+    """
+
+    backend: str
+    tolerance: float
+    paths: int = 0
+    pulses: int = 0
+    frequencies: int = 0
+    steps: list[SynthesisStep] = field(default_factory=list)
+    error_estimate: float = 0.0
+    error_bound: float = 0.0
+    cancellation_db: float | None = None
+    motion_error_rad: float = 0.0
+    outside: float = 0.0
+    folded_range: int = 0
+    folded_doppler: int = 0
+    wall_s: float = 0.0
+    warnings: list[str] = field(default_factory=list)
+
+    def count(
+        self, motion: Motion, transform: Transform, paths: int, transforms: int, cpu_s: float
+    ) -> None:
+        """Add to the step of this kind."""
+        for step in self.steps:
+            if (step.motion, step.transform) == (motion, transform):
+                break
+        else:
+            step = SynthesisStep(motion, transform)
+            self.steps.append(step)
+        step.paths += paths
+        step.transforms += transforms
+        step.cpu_s += cpu_s
+
+    def accuracy_warning(self) -> str | None:
+        """Where the error may be more than was asked for."""
+        if self.error_estimate <= self.tolerance:
+            return None
+        return (
+            f"Echoes of the paths cancel to {self.cancellation_db or 0:.0f} dB, so that the error "
+            f"may be {self.error_estimate:.1e} of the result, more than the {self.tolerance:g} "
+            "asked for. Ask for a smaller tolerance."
+        )
+
+    def with_warnings(self) -> SynthesisReport:
+        """This report, its warnings written."""
+        found = [text for text in [self.accuracy_warning()] if text]
+        if self.folded_range:
+            found.append(
+                f"{self.folded_range} paths are longer than the pulse interval and stand folded "
+                "at a shorter range, as in a radar. Lower the PRF to be rid of the ambiguity."
+            )
+        if self.folded_doppler:
+            found.append(
+                f"{self.folded_doppler} paths turn by more than half a cycle from pulse to pulse "
+                "and stand folded in Doppler, as in a radar. Raise the PRF to be rid of it."
+            )
+        return replace(self, warnings=found)
+
+    def lines(self) -> list[str]:
+        """The report for people, a line each."""
+        found = [
+            f"{step.paths} paths {step.motion}, {step.transform}: {step.transforms} transforms, "
+            f"{step.cpu_s:.3g} s of processor time"
+            for step in self.steps
+        ]
+        found.append(
+            f"{self.backend}, relative error {self.error_estimate:.1e} "
+            f"(asked {self.tolerance:g}), {self.wall_s:.3g} s"
+        )
+        return found
