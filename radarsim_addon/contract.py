@@ -79,6 +79,7 @@ FRAMES_DIR = "frames"
 PRODUCTS_DIR = "products"
 PATHS_TABLE = "paths.npy"
 PATHS_FILE = "paths.json"
+TILES_DIR = "tiles"  # measured tiles of a frame that is not whole yet
 
 
 def frame_dir(frame: int) -> str:
@@ -194,7 +195,8 @@ class PathsRecord:
     objects names the numbers in the table's object columns, from 1. Shares are of total_power_w:
     left_order_share lies in orders above max_order, left_depth_share in gates that were not
     rendered, mixed_share in rows whose pixel held several paths even so, no_code_share in rows
-    without a usable range. reached says which limit ended the refinement.
+    without a usable range. left_order_sigma is the standard error of left_order_share, which is
+    probed by few rays. reached says which limit ended the refinement.
     """
 
     frame: int
@@ -232,6 +234,7 @@ class PathsRecord:
     reached: str
     table_file: str
     table_sha256: str
+    left_order_sigma: float = 0.0
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"

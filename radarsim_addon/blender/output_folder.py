@@ -109,7 +109,11 @@ def clear_run(folder: Path) -> None:
 
 def clear_partial(folder: Path) -> None:
     """Remove what a killed run left half written."""
-    for path in [*folder.glob("*.part"), *_frame_files(folder, "*.part")]:
+    halves = [
+        *_frame_files(folder, "*.part"),
+        *_frame_files(folder, f"{contract.TILES_DIR}/*.part"),
+    ]
+    for path in [*folder.glob("*.part"), *halves]:
         _remove(path)
 
 
@@ -147,6 +151,7 @@ def _own_files(folder: Path) -> list[Path]:
         contract.PATHS_TABLE,
         contract.PATHS_FILE,
         contract.SCENE_FILE,
+        f"{contract.TILES_DIR}/*",
         "*.part",
     )
     return [path for name in names for path in _frame_files(folder, name)]

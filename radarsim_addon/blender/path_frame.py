@@ -4,25 +4,26 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import time
 from collections.abc import Generator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import contract
-from ..errors import OutputError
 from ..sidecar import file_sha256, write_record
 from ..signal.pathtable import write_table
 from .acquisition import Instant
 from .object_motion import ObjectMotion, Poses
+from .path_budget import CellGrid, ErrorBudget, ShiftPowers
 from .path_gates import RenderRequest
+from .path_inserts import lay_over_small
 from .path_options import FINEST_PITCH
+from .path_parts import TileParts, TileRecord
 from .path_quality import QualitySums
-from .path_scene import ViewWindow
-from .path_tiles import CellGrid, ErrorBudget, quarters, split_frame
-from .path_unseen import Rectangle, unseen_warning, view_rectangles
+from .path_tiles import Tile, ViewWindow
+from .path_unseen import unseen_warning, view_rectangles
 from .vertex_objects import VertexObjects
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
-#: Pixels across an object's shorter side below which it may slip between the rays.
-_PIXELS_ACROSS = 2.0
 #: In a scene of more objects in sight, none of them is looked after by itself.
 _MOST_RECTANGLES = 256
 
@@ -52,11 +51,13 @@ class PathTask:
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, shift {self.shift}"
 
 
-@dataclasses.dataclass
-class _Tile:
-    window: ViewWindow
-    level: int
-    parts: list[Path] = dataclasses.field(default_factory=list)
+@dataclasses.dataclass(frozen=True)
+class _Measured:
+    """A tile that was measured, and where its rows are."""
+
+    tile: Tile
+    key: str
+    quality: QualitySums
 
 
 class FrameWork:
@@ -78,134 +79,145 @@ class FrameWork:
         self._poses, self._labels = poses, labels
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
         self._folder = job.folder / contract.frame_dir(frame)
-        self._tiles: dict[int, _Tile] = {}
-        self._rectangles = view_rectangles(
-            poses, job.path_scene.objects if job.path_scene else [], camera, _MOST_RECTANGLES
-        )
+        self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
-        self._quality: dict[int, QualitySums] = {}
+        self._parts = TileParts(self._folder, f"{job.options!r} {job.measurement.seed}")
+        #: What lies beyond the last order, over the whole frame whatever is refined in it.
+        self._further: list[QualitySums] = []
+        self._renders, self._seconds = 0, 0.0
         resolution_m = job.measurement.waveform.range_resolution_m
         reach_m = job.plan.rings * job.measurement.ring_step_m
         self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
         self._budget = ErrorBudget(self._grid.first_object, job.options.refine_by)
 
-    def run(self, start_s: float) -> Generator[PathTask, None, None]:
-        options = self._job.options
-        measurement = self._job.measurement
+    def run(self) -> Generator[PathTask, None, None]:
+        """All renders of the frame; its table and record are written at the end.
+
+        Measured tiles stay on disk until then: where a run is stopped, the next one takes them.
+        """
+        job = self._job
         whole = ViewWindow(
             self._camera.left,
             self._camera.right,
             self._camera.bottom,
             self._camera.top,
-            measurement.width_px,
-            measurement.height_px,
+            job.measurement.width_px,
+            job.measurement.height_px,
         )
-        try:
-            for window in split_frame(whole, options.tile_px):
-                yield from self._measure(_Tile(window, 0))
-            reached = "all tiles"
-            if options.refines:
-                reached = yield from self._refine(start_s)
-            self._write(reached, time.monotonic() - start_s)
-        finally:
-            for tile in self._tiles.values():
-                for part in tile.parts:
-                    part.unlink(missing_ok=True)
+        uniform = tiles = Tile(whole).split(job.options.tile_px)
+        if job.options.refines:
+            names = job.path_scene.objects if job.path_scene else []
+            areas = view_rectangles(self._poses, names, self._camera, _MOST_RECTANGLES)
+            tiles = lay_over_small(uniform, areas, whole, job.options)
+        job.total += len(tiles) - len(uniform)
+        for tile in tiles:
+            yield from self._measure(tile)
+        reached = "all tiles"
+        if job.options.refines:
+            reached = yield from self._refine()
+        self._write(reached)
+        self._parts.remove()
 
-    def _refine(self, start_s: float) -> Generator[PathTask, None, str]:
+    def _refine(self) -> Generator[PathTask, None, str]:
         """Split the worst tiles until a limit is reached; returns which one it was."""
         options = self._job.options
         while True:
+            if options.error_target and self._budget.relative_error() <= options.error_target:
+                return "error target"
             open_tiles = [
                 number
-                for number, tile in self._tiles.items()
-                if tile.level < options.max_level and tile.window.pitch / 2 >= FINEST_PITCH
+                for number, measured in self._tiles.items()
+                if measured.tile.level < options.max_level
+                and measured.tile.window.pitch / 2 >= FINEST_PITCH
             ]
-            worst = self._blind(open_tiles) or self._budget.worst(open_tiles, _ROUND_SHARE)
-            done = self._budget.relative_error() <= options.error_target
-            if options.error_target and done and not self._blind(open_tiles):
-                return "error target"
+            worst = self._budget.worst(open_tiles, _ROUND_SHARE)
             if not worst:
                 return "finest pixels"
-            self._job.total += 4 * len(worst)
             for number in worst:
-                if options.time_budget_s and time.monotonic() - start_s > options.time_budget_s:
+                if options.time_budget_s and self._seconds > options.time_budget_s:
                     return "time budget"
-                # The four take the tile's place only when all of them are measured.
-                parent = self._tiles[number]
-                for window in quarters(parent.window):
-                    yield from self._measure(_Tile(window, parent.level + 1))
-                del self._tiles[number], self._budget.powers[number], self._quality[number]
-                for part in parent.parts:
-                    part.unlink(missing_ok=True)
+                # The parts take the tile's place only when all of them are measured.
+                parts = self._tiles[number].tile.halved()
+                self._job.total += len(parts)
+                for part in parts:
+                    yield from self._measure(part)
+                del self._tiles[number], self._budget.powers[number]
 
-    def _blind(self, open_tiles: list[int]) -> list[int]:
-        """Tiles that cannot know the error of an object in them.
-
-        An object that slips between all rays of a tile leaves no trace there, not in its error
-        either. So tiles with pixels larger than half an object in sight are split; and the parts
-        of an object of up to two tiles are measured with pixels of one size, or a corner of it in
-        a coarser tile would be missing.
-        """
-        wanted = set()
-        for seen in self._rectangles:
-            touched = [n for n, tile in self._tiles.items() if _overlap(tile.window, seen)]
-            finest = max((self._tiles[n].level for n in touched), default=0)
-            side = min(seen.right - seen.left, seen.top - seen.bottom)
-            for number in touched:
-                window = self._tiles[number].window
-                small = side < _PIXELS_ACROSS * window.pitch
-                split = self._tiles[number].level < finest and (
-                    seen.right - seen.left <= 2 * (window.right - window.left)
-                    and seen.top - seen.bottom <= 2 * (window.top - window.bottom)
-                )
-                if small or split:
-                    wanted.add(number)
-        return [number for number in open_tiles if number in wanted]
-
-    def _measure(self, tile: _Tile) -> Generator[PathTask, None, None]:
+    def _measure(self, tile: Tile) -> Generator[PathTask, None, None]:
         number, self._next_number = self._next_number, self._next_number + 1
-        quality = QualitySums()
-        shifts = []
-        for shift in range(self._job.options.shifts):
-            rows = yield from self._job.view_tasks(
-                self._frame,
-                self._instant,
-                number,
-                tile.window,
-                shift,
-                self._emitter_m,
-                quality,
-            )
-            if self._labels is not None:
-                self._labels.label(rows)
-            if self._motion is not None:
-                receiver_m = np.array(self._camera.matrix_world)[:3, 3]
-                self._motion.fill_range_rates(rows, receiver_m, self._emitter_m)
-            quality.add_rows(rows)
-            shifts.append(rows)
-        self._tiles[number] = tile
-        self._quality[number] = quality
-        self._budget.powers[number] = self._grid.powers(shifts)
-        part = self._folder / f"paths_{number:07d}.npy.part"
-        try:
-            with open(part, "wb") as stream:
-                np.save(stream, np.concatenate(shifts), allow_pickle=False)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise OutputError(
-                f"Cannot write {part}: {error.strerror or error}. "
-                "Choose an output folder that exists, is writable and has room."
-            ) from error
-        tile.parts.append(part)
-        self._job.done += 1
+        own = None if tile.own is None else hashlib.sha256(tile.own.tobytes()).hexdigest()
+        key = self._parts.key(dataclasses.astuple(tile.window), tile.level, own)
+        record = self._parts.find(key)
+        if record is None:
+            record, powers = yield from self._trace(tile, number, key)
+            self._job.done += 1
+        else:  # an earlier session measured it
+            shifts = self._parts.shifts(key, record)
+            powers = [self._grid.shift_powers(rows, len(record.rows)) for rows in shifts]
+            self._job.found_done()
+        quality, further = record.sums()
+        self._tiles[number] = _Measured(tile, key, quality)
+        self._further.append(further)
+        self._budget.powers[number] = self._grid.powers(powers)
+        self._renders += record.renders
+        self._seconds += record.seconds
 
-    def _write(self, reached: str, seconds: float) -> None:
+    def _trace(
+        self, tile: Tile, number: int, key: str
+    ) -> Generator[PathTask, None, tuple[TileRecord, list[ShiftPowers]]]:
+        """Measure a tile shift by shift, each written before the next one."""
+        job = self._job
+        start_s = time.monotonic()
+        count = job.options.shifts
+        quality, further = QualitySums(), QualitySums()
+        powers: list[ShiftPowers] = []
+        rows_of: list[int] = []
+        renders = 0
+        with self._parts.writer(key) as part:
+            for shift in range(count):
+                rows, traced = yield from job.view_tasks(
+                    self._frame, self._instant, number, tile, shift, self._emitter_m
+                )
+                renders += traced.renders
+                quality.add_view(traced, job.watts_per_unit / count)
+                # One shift of each tile of the unrefined frame asked for more than its paths.
+                further.add_beyond(traced, job.watts_per_unit)
+                if self._labels is not None:
+                    self._labels.label(rows)
+                if self._motion is not None:
+                    receiver_m = np.array(self._camera.matrix_world)[:3, 3]
+                    self._motion.fill_range_rates(rows, receiver_m, self._emitter_m)
+                quality.add_rows(rows)
+                powers.append(self._grid.shift_powers(rows, count))
+                rows_of.append(rows.size)
+                part.add(rows)
+            digest = part.finish()
+        record = TileRecord(
+            rows_of,
+            digest,
+            quality.numbers(),
+            further.numbers(),
+            sorted(quality.seen),
+            sorted(quality.echoing),
+            renders,
+            time.monotonic() - start_s,
+        )
+        self._parts.keep(key, record)
+        return record, powers
+
+    def _write(self, reached: str) -> None:
         job = self._job
         table = self._folder / contract.PATHS_TABLE
-        parts = (np.load(part) for tile in self._tiles.values() for part in tile.parts)
-        rows = write_table(table, parts)
-        quality = QualitySums.joined(self._quality.values())
+        rows = write_table(
+            table,
+            (
+                rows
+                for number, measured in self._tiles.items()
+                for rows in self._parts.chunks(measured.key, number)
+            ),
+        )
+        parts = [*(measured.quality for measured in self._tiles.values()), *self._further]
+        quality = QualitySums.joined(parts)
         wavelength_m = job.measurement.waveform.wavelength_m
         scene = job.path_scene
         assert scene is not None
@@ -238,13 +250,14 @@ class FrameWork:
             seed=job.measurement.seed,
             tiles=len(self._tiles),
             shifts=job.options.shifts,
-            finest_level=max((tile.level for tile in self._tiles.values()), default=0),
-            renders=scene.renders,
-            render_time_s=seconds,
+            finest_level=max((m.tile.level for m in self._tiles.values()), default=0),
+            renders=self._renders,
+            render_time_s=self._seconds,
             rows=rows,
             objects=scene.objects,
             total_power_w=quality.total_w,
             left_order_share=quality.share(quality.left_order_w),
+            left_order_sigma=quality.left_order_sigma,
             left_depth_share=quality.share(quality.left_depth_w),
             mixed_share=quality.share(quality.mixed_w),
             no_code_share=quality.share(quality.no_code_w),
@@ -264,14 +277,3 @@ class FrameWork:
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"
         )
         write_record(self._folder / contract.PATHS_FILE, record)
-
-
-def _overlap(window: ViewWindow, seen: Rectangle) -> bool:
-    # A pixel more to each side: shifts move the grid by half a pixel.
-    margin = window.pitch
-    return (
-        seen.left < window.right + margin
-        and seen.right > window.left - margin
-        and seen.bottom < window.top + margin
-        and seen.top > window.bottom - margin
-    )

@@ -13,6 +13,7 @@ closed form in tests.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -69,7 +70,8 @@ class RenderRequest:
     coded: with the range code, all_channels: in blue too (a plain render tells the amplitude);
     vertex: the emitter also carries where it shines; region: the only
     pixels that can hold something (the others are 0 in the view), None for all; coarse: this many
-    pixels a side may share one ray, for sums that need no more.
+    pixels a side may share one ray, for sums that need no more; probe: it asks for more than the
+    paths, of all pixels whosever they are.
     """
 
     gate: Gate
@@ -78,6 +80,7 @@ class RenderRequest:
     region: Region | None = None
     coarse: int = 1
     all_channels: bool = False
+    probe: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,8 @@ class View:
         First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
     object_index
         Its object's number in the run's list, 0 where there is none.
+    coarse
+        Pixels a side that shared one ray.
     """
 
     red: Real
@@ -99,6 +104,12 @@ class View:
     blue: Real
     position: Real | None = None
     object_index: NDArray[np.int32] | None = None
+    coarse: int = 1
+
+    def only(self, pixels: NDArray[np.bool_]) -> View:
+        """The same view with no light but in these pixels; what is seen there stays."""
+        red, green, blue = (np.where(pixels, c, 0.0) for c in (self.red, self.green, self.blue))
+        return dataclasses.replace(self, red=red, green=green, blue=blue)
 
     def channels(self) -> Real:
         """(3, h, w) red, green, blue."""
@@ -138,7 +149,8 @@ class TracedView:
 
     Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
     left_depth of the part of it that was not followed, beyond of the orders above the limit (0
-    unless it was asked for). open_view is the first render: what is seen first in each pixel.
+    unless it was asked for), beyond_variance the square of its standard error. open_view is the
+    first render: what is seen first in each pixel.
     """
 
     layers: list[GateLayer] = field(default_factory=list)
@@ -147,6 +159,7 @@ class TracedView:
     left_order: float = 0.0
     left_depth: float = 0.0
     beyond: float = 0.0
+    beyond_variance: float = 0.0
     renders: int = 0
     coloured: bool = False
 
@@ -223,10 +236,40 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     found.left_order = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
         gate = Gate(limits.max_order + 1, limits.max_order + PROBED_ORDERS)
-        view = yield RenderRequest(gate, coded=not limits.world_code, coarse=PROBE_COARSE)
+        view = yield RenderRequest(
+            gate, coded=not limits.world_code, coarse=PROBE_COARSE, probe=True
+        )
         found.renders += 1
-        found.beyond = tracer.power(tracer.amplitude(view))
+        probed = tracer.amplitude(view) * weight
+        found.beyond = float(np.sum(probed))
+        found.beyond_variance = coarse_variance(probed, view.coarse)
     return found
+
+
+def coarse_variance(power: Real, coarse: int) -> float:
+    """Variance of the sum of an image whose blocks of `coarse` pixels a side share one ray.
+
+    Each ray stands for its block, by chance (where its reflections went) and by where it happened
+    to meet the surface. Blocks that lie side by side have the same expectation but for what the
+    surface changes from one to the next, so half the squared difference of two is the variance of
+    one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007, ch. 8,
+    for systematic samples). A single block may be wrong by all of itself.
+    """
+    rows, cols = power.shape
+    blocks = np.add.reduceat(power, _starts(rows, coarse), axis=0)
+    blocks = np.add.reduceat(blocks, _starts(cols, coarse), axis=1)
+    if blocks.size == 1:
+        return float(blocks[0, 0] ** 2)
+    steps = [np.diff(blocks, axis=axis) for axis in (0, 1)]
+    pairs = sum(step.size for step in steps)
+    squares = sum(float(np.sum(step**2)) for step in steps)
+    return blocks.size * squares / (2 * pairs)
+
+
+def _starts(count: int, coarse: int) -> NDArray[np.intp]:
+    """First pixel of each block, as a coarse render is spread over the pixels."""
+    blocks = -(-count // coarse)
+    return np.flatnonzero(np.diff(np.arange(count) * blocks // count, prepend=-1))
 
 
 class _Tracer:

@@ -30,12 +30,12 @@ from .measurement import Measurement
 from .nodes import is_radar_material
 from .object_motion import ObjectMotion
 from .path_frame import FrameWork, PathTask
-from .path_gates import TraceLimits, View, trace_view
+from .path_gates import TracedView, TraceLimits, View, trace_view
 from .path_options import PathOptions
-from .path_quality import QualitySums
+from .path_parts import TileParts
 from .path_rows import rows_of_view
-from .path_scene import PathScene, ViewWindow
-from .path_tiles import shift_px, view_seed
+from .path_scene import PathScene
+from .path_tiles import Tile, shift_px, view_seed
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings
@@ -125,6 +125,8 @@ class PathJob(RenderJob):
         # More where tiles are refined: the total grows as they are split.
         self.total = tiles * len(frames)
         self.done = self._done_before = tiles * (len(frames) - len(self._frames_left))
+        for frame in set(frames) - set(self._frames_left):  # a kill may have left them
+            TileParts(self.folder / contract.frame_dir(frame), "").remove()
 
     def _is_done(self, frame: int) -> bool:
         folder = self.folder / contract.frame_dir(frame)
@@ -176,7 +178,6 @@ class PathJob(RenderJob):
 
     def _frame_tasks(self, frame: int) -> Generator[PathTask, None, None]:
         assert self.path_scene is not None
-        start = time.monotonic()
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
         instants = self.plan.instants(frame)
@@ -199,21 +200,31 @@ class PathJob(RenderJob):
         if self.options.max_order > 1:
             labels = VertexObjects(self.path_scene.objects, now, depsgraph, units)
         work = FrameWork(self, frame, instants[0], camera, emitter, motion, now, labels)
-        yield from work.run(start)
+        yield from work.run()
+
+    def found_done(self) -> None:
+        """A tile that an earlier session measured."""
+        self.done += 1
+        self._done_before += 1
+
+    @property
+    def watts_per_unit(self) -> float:
+        """Received power of a unit of radiance times solid angle, per square Blender unit [W]."""
+        area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
+        return area_m2 / self.plan.metres_per_unit**2
 
     def view_tasks(
         self,
         frame: int,
         instant: Instant,
-        tile: int,
-        window: ViewWindow,
+        number: int,
+        tile: Tile,
         shift: int,
         emitter_m: NDArray[np.float64],
-        quality: QualitySums,
-    ) -> Generator[PathTask, None, PathRows]:
-        """All renders of one view; returns its rows."""
+    ) -> Generator[PathTask, None, tuple[PathRows, TracedView]]:
+        """All renders of one view; returns its rows, and what was found."""
         assert self.path_scene is not None
-        options = self.options
+        options, window = self.options, tile.window
         seed = view_seed(self._measurement.seed, window, shift)
         record = self.path_scene.look(window, shift_px(shift), seed)
         rays = pixel_rays(record, window.width_px, window.height_px)
@@ -224,23 +235,24 @@ class PathJob(RenderJob):
             lottery_free=not self.code_world,
             world_code=self.code_world,
             amplitude=options.amplitude,
-            probe=shift == 0,
+            # What lies beyond is asked once, of the whole frame: finer tiles would ask it again.
+            probe=shift == 0 and tile.level == 0,
             opaque=self.path_scene.opaque,
         )
         trace = trace_view(limits, rays.solid_angle_sr)
         request = next(trace)
         while True:
-            yield PathTask(frame, instant, tile, shift, request)
+            yield PathTask(frame, instant, number, shift, request)
             assert self._view is not None
+            view = self._view
+            if tile.own is not None and not request.probe:
+                view = view.only(tile.own)
             try:
-                request = trace.send(self._view)
+                request = trace.send(view)
             except StopIteration as stop:
-                traced = stop.value
+                traced: TracedView = stop.value
                 break
-        area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
-        share = 1 / options.shifts
-        quality.add_view(traced, area_m2 * share / self.plan.metres_per_unit**2, options.shifts)
-        return rows_of_view(
+        rows = rows_of_view(
             traced,
             rays,
             record,
@@ -248,11 +260,12 @@ class PathJob(RenderJob):
             self.plan.code_length_m,
             self.plan.metres_per_unit,
             self._vertex_map,
-            area_m2,
-            share,
-            tile,
+            float(effective_area_m2(self._measurement.waveform.wavelength_m)),
+            1 / options.shifts,
+            number,
             shift,
         )
+        return rows, traced
 
 
 def _vertex_map(

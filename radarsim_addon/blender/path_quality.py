@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -22,24 +22,28 @@ class QualitySums:
 
     def __init__(self) -> None:
         self.total_w = self.left_order_w = self.left_depth_w = 0.0
+        self.left_order_variance_w2 = 0.0
         self.mixed_w = self.no_code_w = self._row_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
         self.seen: set[int] = set()
         self.echoing: set[int] = set()
 
-    def add_view(self, traced: TracedView, watts_per_unit: float, views_per_probe: int = 1) -> None:
-        """Add what a view found; `watts_per_unit` turns its powers into watts.
-
-        One of `views_per_probe` views of the tile measured what lies beyond the last order.
-        """
-        beyond_w = traced.beyond * watts_per_unit * views_per_probe
-        self.total_w += traced.total * watts_per_unit + beyond_w
-        self.left_order_w += traced.left_order * watts_per_unit + beyond_w
+    def add_view(self, traced: TracedView, watts_per_unit: float) -> None:
+        """Add what a view found; `watts_per_unit` turns its powers into watts."""
+        self.total_w += traced.total * watts_per_unit
+        self.left_order_w += traced.left_order * watts_per_unit
         self.left_depth_w += traced.left_depth * watts_per_unit
         self.coloured |= traced.coloured
         if traced.open_view is not None and traced.open_view.object_index is not None:
             self.seen.update(np.unique(traced.open_view.object_index).tolist())
+
+    def add_beyond(self, traced: TracedView, watts_per_unit: float) -> None:
+        """Add what a view found beyond the last order, as far as it was asked for."""
+        beyond_w = traced.beyond * watts_per_unit
+        self.total_w += beyond_w
+        self.left_order_w += beyond_w
+        self.left_order_variance_w2 += traced.beyond_variance * watts_per_unit**2
 
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
@@ -55,6 +59,23 @@ class QualitySums:
         self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
         sigma = rows["length_sigma_m"].astype(np.float64)
         self._sigma2_wm2 += float(np.sum(power * sigma**2))
+
+    def numbers(self) -> dict[str, float]:
+        """The sums by name; sets left out."""
+        return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
+
+    @classmethod
+    def from_numbers(
+        cls, numbers: Mapping[str, float], seen: Iterable[int] = (), echoing: Iterable[int] = ()
+    ) -> QualitySums:
+        """What `numbers` gave, and the sets."""
+        found = cls()
+        for name, value in numbers.items():
+            setattr(found, name, value)
+        found.coloured = bool(found.coloured)
+        found.seen.update(seen)
+        found.echoing.update(echoing)
+        return found
 
     @classmethod
     def joined(cls, parts: Iterable[QualitySums]) -> QualitySums:
@@ -74,6 +95,11 @@ class QualitySums:
         return watts / self.total_w if self.total_w > 0 else 0.0
 
     @property
+    def left_order_sigma(self) -> float:
+        """Standard error of the share of power in orders that were not followed."""
+        return self.share(float(np.sqrt(self.left_order_variance_w2)))
+
+    @property
     def length_sigma_m(self) -> float:
         """Power-weighted rms of the standard deviation of a path's length [m]."""
         return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
@@ -86,11 +112,13 @@ class QualitySums:
     def warnings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[str]:
         """What a user should know of this frame; `objects` names the numbers from 1."""
         found = []
+        left = self.share(self.left_order_w)
+        if max(left, self.left_order_sigma) > _WARN_SHARE:
+            found.append(
+                f"{100 * left:.2g} % (standard error {100 * self.left_order_sigma:.1g} %) of the "
+                "power is in more reflections than were followed. Raise the order."
+            )
         for share, text in (
-            (
-                self.share(self.left_order_w),
-                "of the power is in more reflections than were followed. Raise the order.",
-            ),
             (
                 self.share(self.left_depth_w),
                 "of the power is behind more transparent surfaces, or below the residual.",

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from .nodes.materials import lets_nothing_through
 from .pass_files import read_passes
 from .path_cameras import aim, camera_kind
 from .path_gates import Gate, Region, RenderRequest, View
+from .path_tiles import ViewWindow
 from .pattern_mesh import PATTERN_PROPERTY
 from .poses import rigid_pose
 from .recorder import Recorder
@@ -37,6 +37,9 @@ _CAMERA = "radarsim view (temporary)"
 _CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
 _CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
+#: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
+#: they save, in twice the processor time.
+_ONE_THREAD_BELOW_PX = 1 << 13
 #: Least width and height that Blender renders.
 _LEAST_PX = 4
 _BORDER = (
@@ -47,25 +50,6 @@ _BORDER = (
     "border_min_y",
     "border_max_y",
 )
-
-
-@dataclass(frozen=True)
-class ViewWindow:
-    """A part of the field of view: tangents of its edges, and its pixels."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-    width_px: int
-    height_px: int
-
-    @property
-    def pitch(self) -> float:
-        """Largest tangent step of a pixel."""
-        return max(
-            (self.right - self.left) / self.width_px, (self.top - self.bottom) / self.height_px
-        )
 
 
 class PathScene:
@@ -106,6 +90,7 @@ class PathScene:
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
+        self._threads = ("AUTO", 0)
         self._coarse = 1
         self._request = RenderRequest(Gate())
         self.objects: list[str] = []
@@ -147,6 +132,9 @@ class PathScene:
     def place(self, depsgraph: Any) -> None:
         """Put our camera where the receiver is at the depsgraph's time."""
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
+        # The pose is kept as location and angles: what comes back differs by float32 rounding, and
+        # is what Cycles renders with.
+        self._view_layer.update()
 
     def look(
         self, window: ViewWindow, shift_px: tuple[float, float], seed: int
@@ -233,6 +221,13 @@ class PathScene:
         elif region is None and self._canvas != self._size:
             region = Region(0, self._size[0], 0, self._size[1])
         render.resolution_x, render.resolution_y = width, height
+        mode, threads = self._threads
+        if width * height < _ONE_THREAD_BELOW_PX:
+            mode, threads = "FIXED", 1
+        if (render.threads_mode, render.threads) != (mode, threads):
+            render.threads_mode = mode
+            if mode == "FIXED":
+                render.threads = threads
         render.use_border = render.use_crop_to_border = region is not None
         if region is not None:
             # A quarter of a pixel inside: Blender cuts the product with the width down to a whole
@@ -300,6 +295,7 @@ class PathScene:
             blue,
             position=position,
             object_index=number,
+            coarse=self._coarse,
         )
 
     def _whole(self, plane: np.ndarray) -> np.ndarray:
@@ -326,15 +322,21 @@ class PathScene:
 
     def _keep_changing(self) -> None:
         """Remember what changes from render to render."""
+        render = self._scene.render
+        mode = render.threads_mode
+        render.threads_mode = "FIXED"  # else `threads` is that of the machine
+        self._threads = (mode, render.threads)
         kept = (
             (self._scene.cycles, ("seed", *_BOUNCES)),
-            (self._scene.render, ("resolution_x", "resolution_y", *_BORDER)),
+            (render, ("resolution_x", "resolution_y", *_BORDER, "threads")),
         )
         before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
 
         def undo() -> None:
+            render.threads_mode = "FIXED"
             for owner, name, value in before:
                 setattr(owner, name, value)
+            render.threads_mode = mode
 
         # The recorder's own `set` leaves equal values alone, and so would not put these back.
         self._recorder.on_restore("seed, bounces and frame", undo)

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from .. import contract
 from .object_motion import Poses, Shown
+from .path_tiles import Area
 
 #: Objects of fewer pixels than this can lie between all rays of a view.
 _SURELY_HIT_PX = 2.0
@@ -66,25 +66,11 @@ def _is_small_in_view(
 ) -> bool:
     seen = view_rectangle(shown, pose, camera)
     # The shorter side decides whether it can slip through between rays.
-    return seen is not None and min(seen.right - seen.left, seen.top - seen.bottom) < (
-        _SURELY_HIT_PX * pitch
-    )
+    return seen is not None and seen.shorter < _SURELY_HIT_PX * pitch
 
 
-@dataclass(frozen=True)
-class Rectangle:
-    """Where an object's box lies in a perspective view: tangents."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-
-def view_rectangle(
-    shown: Shown, pose: np.ndarray, camera: contract.CameraRecord
-) -> Rectangle | None:
-    """Rectangle around an object's box; None out of sight, around the receiver, or in a view of
+def view_rectangle(shown: Shown, pose: np.ndarray, camera: contract.CameraRecord) -> Area | None:
+    """Area around an object's box; None out of sight, around the receiver, or in a view of
     another projection."""
     if camera.kind != "perspective":
         return None
@@ -102,7 +88,7 @@ def view_rectangle(
     if depth.min() <= 0:
         return None
     u, v = local[:, 0] / depth, local[:, 1] / depth
-    found = Rectangle(float(u.min()), float(u.max()), float(v.min()), float(v.max()))
+    found = Area(float(u.min()), float(u.max()), float(v.min()), float(v.max()))
     inside = (
         found.right > camera.left
         and found.left < camera.right
@@ -114,8 +100,8 @@ def view_rectangle(
 
 def view_rectangles(
     poses: Poses, names: Sequence[str], camera: contract.CameraRecord, most: int
-) -> list[Rectangle]:
-    """Rectangles of the objects in view; none if there are more than `most`."""
+) -> list[Area]:
+    """Areas of the objects in view; none if there are more than `most`."""
     pose = np.array(camera.matrix_world, dtype=np.float64)
     found = []
     for name in names:

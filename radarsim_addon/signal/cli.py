@@ -287,7 +287,8 @@ def _print_quality(frame: RadarFrame) -> None:
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
     print(
-        f"  power left out   {100 * record.left_order_share:.2g} % in higher orders, "
+        f"  power left out   {100 * record.left_order_share:.2g} % in higher orders (standard "
+        f"error {100 * record.left_order_sigma:.1g} %), "
         f"{100 * record.left_depth_share:.2g} % behind more transparent surfaces"
     )
     print(

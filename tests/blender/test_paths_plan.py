@@ -12,25 +12,18 @@ import pytest
 
 pytest.importorskip("bpy")
 
+from radarsim_addon.blender.path_budget import CellGrid, CellPowers, ErrorBudget
 from radarsim_addon.blender.path_gates import (
     Gate,
     RenderRequest,
     TracedView,
     TraceLimits,
     View,
+    coarse_variance,
     trace_view,
 )
 from radarsim_addon.blender.path_options import PathOptions
-from radarsim_addon.blender.path_scene import ViewWindow
-from radarsim_addon.blender.path_tiles import (
-    CellGrid,
-    ErrorBudget,
-    part_of,
-    quarters,
-    shift_px,
-    split_frame,
-    view_seed,
-)
+from radarsim_addon.blender.path_tiles import shift_px
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.pathtable import FLAG_NO_CODE, PATH_DTYPE
 
@@ -206,6 +199,30 @@ def test_what_is_left_out_is_told(max_order: int, max_depth: int, lottery_free: 
     assert in_layers + found.left_order + found.left_depth == pytest.approx(found.total)
 
 
+@pytest.mark.parametrize("coarse", [1, 4])
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_variance_of_a_coarse_image(coarse: int, slope: float) -> None:
+    """Rays that lots are drawn for, over a surface that brightens across: by trial."""
+    rng = np.random.default_rng(2)
+    height, width = 38, 53  # no multiple of the blocks
+    rows = np.arange(height) * -(-height // coarse) // height
+    cols = np.arange(width) * -(-width // coarse) // width
+    expected = (1 + slope * np.arange(cols[-1] + 1)) * np.ones((rows[-1] + 1, 1))
+    sums, variances = [], []
+    for _ in range(400):
+        # one ray in twenty meets something, and is that much brighter
+        rays = expected * (rng.random(expected.shape) < 0.05) / 0.05
+        image = rays[rows][:, cols]
+        sums.append(image.sum())
+        variances.append(coarse_variance(image, coarse))
+    assert np.mean(variances) == pytest.approx(np.var(sums), rel=0.2)
+
+
+def test_variance_of_a_single_block() -> None:
+    assert coarse_variance(np.full((3, 4), 2.0), 4) == 24.0**2
+    assert coarse_variance(np.zeros((8, 8)), 4) == 0.0
+
+
 def test_the_residual_ends_it() -> None:
     """What lies below the threshold is not rendered, and is in the sums."""
     paths = [Path(0, 0, 1, d, 10.0 + d, 10.0**-d) for d in range(8)]
@@ -282,66 +299,15 @@ def test_shifts_fill_the_pixel() -> None:
     assert np.abs(shifts[:64].mean(axis=0)).max() < 0.02
 
 
-FRAME = ViewWindow(-0.31, 0.42, -0.17, 0.29, 53, 37)
-
-
-def corners(window: ViewWindow) -> tuple[float, ...]:
-    return (window.left, window.right, window.bottom, window.top)
-
-
-@pytest.mark.parametrize("most", [4, 10, 37, 64, 1000])
-def test_tiles_cover_the_frame(most: int) -> None:
-    """Every pixel of the frame is in exactly one tile, at its place; edges are shared exactly."""
-    tiles = split_frame(FRAME, most)
-    pitch_u = (FRAME.right - FRAME.left) / FRAME.width_px
-    pitch_v = (FRAME.top - FRAME.bottom) / FRAME.height_px
-    seen = np.zeros((FRAME.height_px, FRAME.width_px), dtype=int)
-    for tile in tiles:
-        assert tile.width_px <= most
-        assert tile.height_px <= most
-        col = round((tile.left - FRAME.left) / pitch_u)
-        row = round((FRAME.top - tile.top) / pitch_v)
-        seen[row : row + tile.height_px, col : col + tile.width_px] += 1
-        assert tile.right - tile.left == pytest.approx(tile.width_px * pitch_u, rel=1e-12)
-        assert tile.top - tile.bottom == pytest.approx(tile.height_px * pitch_v, rel=1e-12)
-    assert np.all(seen == 1)
-    edges = {e for t in tiles for e in (t.left, t.right)}
-    assert len(edges) == math.ceil(FRAME.width_px / most) + 1
-
-
-def test_quarters_cover_a_tile_down_to_the_finest() -> None:
-    """Ten halvings: areas add up, neighbours share edges bit by bit, the pitch is halved."""
-    tile = part_of(FRAME, 16, 32, 16, 32)
-    for _ in range(10):
-        parts = quarters(tile)
-        area = sum((p.right - p.left) * (p.top - p.bottom) for p in parts)
-        assert area == pytest.approx((tile.right - tile.left) * (tile.top - tile.bottom), rel=1e-9)
-        assert min(p.left for p in parts) == tile.left
-        assert max(p.right for p in parts) == pytest.approx(tile.right, abs=1e-16)
-        assert min(p.bottom for p in parts) == pytest.approx(tile.bottom, abs=1e-16)
-        assert max(p.top for p in parts) == tile.top
-        assert parts[0].right == parts[1].left
-        assert parts[0].bottom == parts[2].top
-        for part in parts:
-            assert (part.width_px, part.height_px) == (tile.width_px, tile.height_px)
-            assert part.pitch == pytest.approx(tile.pitch / 2, rel=1e-6)
-        tile = parts[3]
-
-
-def test_seeds_tell_views_apart() -> None:
-    """By place and shift, whatever the order; within what Cycles takes."""
-    tiles = [t for tile in split_frame(FRAME, 16) for t in (tile, *quarters(tile))]
-    seeds = [view_seed(7, tile, shift) for tile in tiles for shift in range(8)]
-    assert len(set(seeds)) == len(seeds)
-    assert all(0 <= seed < 2**31 for seed in seeds)
-    assert view_seed(7, tiles[0], 3) == seeds[3]
-    assert view_seed(8, tiles[0], 3) != seeds[3]
-
-
 def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
     rows = np.zeros(len(lengths), dtype=PATH_DTYPE)
     rows["length_m"], rows["power_w"], rows["object"] = lengths, powers, objects
     return rows
+
+
+def powers_of(grid: CellGrid, shifts: list[np.ndarray]) -> CellPowers:
+    """Cell powers of a tile from the rows of its shifts."""
+    return grid.powers([grid.shift_powers(rows, len(shifts)) for rows in shifts])
 
 
 def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarray:
@@ -357,7 +323,7 @@ def test_cell_powers() -> None:
         rows_at([7.4, 7.6], [3.0, 1.0], [1, 1]),
     ]
     shifts[1]["flags"][1] = FLAG_NO_CODE
-    powers = grid.powers(shifts)
+    powers = powers_of(grid, shifts)
     found = dict(
         zip(powers.cells.tolist(), zip(powers.mean, powers.variance, strict=True), strict=True)
     )
@@ -374,7 +340,7 @@ def test_an_object_of_a_few_pixels_is_uncertain_even_where_shifts_agree() -> Non
     """A square of n grid points has n +- 0.54 n^(1/4) of them, by how the grid happens to lie."""
     grid = CellGrid(bin_m=1.0, bins=10)
     for hits in (1, 16, 400):
-        powers = grid.powers([many(7.0, 1.0, 1, hits)] * 2)
+        powers = powers_of(grid, [many(7.0, 1.0, 1, hits)] * 2)
         place = powers.cells.tolist().index(grid.first_object + 1)
         relative = math.sqrt(powers.variance[place]) / powers.mean[place]
         assert relative == pytest.approx(0.5385 * hits**-0.75 / math.sqrt(2), rel=1e-3)
@@ -398,16 +364,16 @@ def test_refinement_goes_where_the_error_is() -> None:
     """A strong tile that is known well, a faint one whose shifts disagree, one without echo."""
     grid = CellGrid(bin_m=1.0, bins=100)
     budget = ErrorBudget(grid.first_object)
-    budget.powers[0] = grid.powers([many(20.0, 100.0 + d, 1) for d in (0.0, 0.1)])
-    budget.powers[1] = grid.powers([many(90.0, 1e-3 * d, 2) for d in (1.0, 2.0)])
-    budget.powers[2] = grid.powers([rows_at([], [], []) for _ in range(2)])
+    budget.powers[0] = powers_of(grid, [many(20.0, 100.0 + d, 1) for d in (0.0, 0.1)])
+    budget.powers[1] = powers_of(grid, [many(90.0, 1e-3 * d, 2) for d in (1.0, 2.0)])
+    budget.powers[2] = powers_of(grid, [rows_at([], [], []) for _ in range(2)])
     assert budget.worst([0, 1, 2], 0.8) == [1]
     before = budget.relative_error()
-    budget.powers[1] = grid.powers([many(90.0, 1.5e-3, 2) for _ in range(2)])
+    budget.powers[1] = powers_of(grid, [many(90.0, 1.5e-3, 2) for _ in range(2)])
     assert budget.relative_error() < before
     # A small object is refined though its shifts agree, ground without number is not.
-    budget.powers[1] = grid.powers([many(90.0, 1.5e-3, 2, hits=2) for _ in range(2)])
-    budget.powers[3] = grid.powers([many(50.0, 1.0, 0) for _ in range(2)])
+    budget.powers[1] = powers_of(grid, [many(90.0, 1.5e-3, 2, hits=2) for _ in range(2)])
+    budget.powers[3] = powers_of(grid, [many(50.0, 1.0, 0) for _ in range(2)])
     assert budget.worst([0, 1, 2, 3], 0.9) == [1]
     assert budget.worst([2, 3], 1.0) == []
 
@@ -423,7 +389,7 @@ def test_relative_error_in_closed_form() -> None:
         )
         for s in (1, -1)
     ]
-    budget.powers[0] = grid.powers(rows)
+    budget.powers[0] = powers_of(grid, rows)
     bins = [(1.0, 0.1), (4.0, 0.2), (5.0, 0.9 / 5)]  # the third is object 0
     weight = [math.sqrt(p) for p, _ in bins]
     want = math.sqrt(sum(w * e**2 for w, (_, e) in zip(weight, bins, strict=True)) / sum(weight))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -179,6 +180,32 @@ def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
 # -- repeated, stopped, continued ------------------------------------------------------------------
 
 
+def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
+    """Finished tiles are taken as they are, parents that were refined too; the table is that of an
+    uninterrupted run, bit by bit, also where a kept tile was damaged."""
+    options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
+    size = {"width_px": 24, "height_px": 24}
+    furnished_scene(clutter=False)
+    whole = ph.run_paths(tmp_path / "whole", options=options, **size)
+    folder = tmp_path / "stopped"
+    for limit in (60, 60):
+        ph.run_paths(folder, options=options, limit=limit, **size)
+    tiles = sorted((folder / contract.frame_dir(1) / contract.TILES_DIR).glob("*.rows"))
+    assert len(tiles) >= 3
+    assert not list(folder.rglob("*.part"))
+    tiles[0].write_bytes(tiles[0].read_bytes()[:-1] + b"?")
+    run = ph.run_paths(folder, options=options, **size)
+    table = Path(contract.frame_dir(1)) / contract.PATHS_TABLE
+    assert (folder / table).read_bytes() == (whole.folder / table).read_bytes()
+    ours, theirs = run.record(), whole.record()
+    changed = {"render_time_s": ours.render_time_s}
+    assert dataclasses.replace(theirs, **changed) == ours
+    assert run.job.path_scene is not None
+    assert run.job.path_scene.renders < theirs.renders - 20
+    assert not tiles[1].parent.exists()
+    assert (run.job.done, run.job.total) == (whole.job.done, whole.job.total)
+
+
 def test_same_seed_same_bits(tmp_path: Path) -> None:
     """Bit-identical with refinement and lots drawn; another seed draws other lots."""
     options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
@@ -200,7 +227,7 @@ def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
     tables = sorted(tmp_path.glob("frames/*/paths.npy"))
     assert 0 < len(tables) < 3
     times = {path: path.stat().st_mtime_ns for path in tables}
-    left_over = tmp_path / contract.frame_dir(3) / "paths_0000000.npy.part"
+    left_over = tmp_path / contract.frame_dir(3) / contract.TILES_DIR / "0.rows.part"
     left_over.parent.mkdir(parents=True, exist_ok=True)
     left_over.write_bytes(b"half")
     run = ph.run_paths(tmp_path, frames=(1, 2, 3))

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which tiles the error of a frame comes from. No bpy.
+
+Each tile is measured with several sub-pixel shifts of its grid; they are replicates, so their
+scatter is the tile's own error. What counts is the *relative* error of each range bin and of each
+object's power: a faint far target matters as much as strong near ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..signal.pathtable import FLAG_NO_CODE, PathRows
+
+Real = NDArray[np.float64]
+
+#: Variance of the number of grid points in a convex shape of n of them on average, over sqrt(n): a
+#: randomly shifted grid misses or gains points along the edge alone, whose length goes as sqrt(n)
+#: (Kendall 1948: 0.0728 of the perimeter in grid steps, 4 sqrt(n) for a square).
+_EDGE_VARIANCE = 0.29
+#: Cells this far below the strongest one do not drive refinement [power ratio].
+FAINTEST = 1e-8
+
+
+@dataclass
+class CellPowers:
+    """Powers of one tile by cell (range bins, then objects): mean over the shifts and its variance.
+
+    `cells` are the numbers of those that hold power; `variance` is of the mean.
+    """
+
+    cells: NDArray[np.int64]
+    mean: Real
+    variance: Real
+
+
+@dataclass(frozen=True)
+class ShiftPowers:
+    """One shift of a tile: power of its cells that are not zero, and the pixels on each object as
+    a share of one of all shifts."""
+
+    cells: NDArray[np.int64]
+    power: Real
+    hits: Real
+
+
+@dataclass
+class CellGrid:
+    """Numbers cells: range bins first, then objects."""
+
+    bin_m: float
+    bins: int
+
+    @property
+    def first_object(self) -> int:
+        """Number of object 0, the unknown one; the cell before it is all beyond the bins."""
+        return self.bins + 1
+
+    def shift_powers(self, rows: PathRows, count: int) -> ShiftPowers:
+        """Cell powers of one of `count` shifts of a tile (each row's power is its share)."""
+        size = self.first_object
+        known = rows["flags"] & FLAG_NO_CODE == 0
+        place = np.clip(rows["length_m"][known] / 2 / self.bin_m, 0, self.bins).astype(np.int64)
+        power = rows["power_w"] * count
+        by_bin = np.bincount(place, power[known], minlength=1)
+        by_object = np.bincount(rows["object"], power, minlength=1)
+        bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
+        return ShiftPowers(
+            np.concatenate([bins, objects + size]),
+            np.concatenate([by_bin[bins], by_object[objects]]),
+            np.bincount(rows["object"], minlength=1) / count,
+        )
+
+    def powers(self, shifts: Sequence[ShiftPowers]) -> CellPowers:
+        """Means and variances of a tile's cells over its shifts."""
+        count = len(shifts)
+        cells = np.unique(np.concatenate([shift.cells for shift in shifts]))
+        total = np.zeros((count, cells.size))
+        hits = np.zeros(max(shift.hits.size for shift in shifts))
+        for number, shift in enumerate(shifts):
+            total[number, np.searchsorted(cells, shift.cells)] = shift.power
+            hits[: shift.hits.size] += shift.hits
+        mean = total.mean(axis=0)
+        if count > 1:
+            variance = total.var(axis=0, ddof=1) / count
+        else:
+            variance = mean**2
+        known_object = cells > self.first_object
+        hits = hits[cells[known_object] - self.first_object]
+        # A few shifts may happen to agree on an object of a few pixels.
+        least = (mean[known_object] / hits) ** 2 * _EDGE_VARIANCE * np.sqrt(hits) / count
+        variance[known_object] = np.maximum(variance[known_object], least)
+        return CellPowers(cells, mean, variance)
+
+
+@dataclass
+class ErrorBudget:
+    """Sums the cells of all tiles, and says which tiles the error comes from.
+
+    first_object is the number of the first cell that is an object; None where all are range bins.
+    by says which of them count: "both", "ranges" or "objects".
+    """
+
+    first_object: int | None = None
+    by: str = "both"
+    powers: dict[int, CellPowers] = field(default_factory=dict)
+
+    def totals(self) -> tuple[Real, Real]:
+        """Mean and variance of every cell over all tiles."""
+        size = 1 + max((int(p.cells.max(initial=0)) for p in self.powers.values()), default=0)
+        mean, variance = np.zeros(size), np.zeros(size)
+        for part in self.powers.values():
+            mean[part.cells] += part.mean
+            variance[part.cells] += part.variance
+        return mean, variance
+
+    def relative_error(self) -> float:
+        """Relative standard error of the cells: half of it from range bins, half from objects.
+
+        Range bins weigh by the root of their power: between all alike (noise in empty ranges
+        would rule) and by power (only the strongest would count). All objects weigh the same, so
+        that a small target counts as much as the ground it stands on.
+        """
+        mean, variance = self.totals()
+        return math.sqrt(float(np.sum(variance * self._weights(mean))))
+
+    def _weights(self, mean: Real) -> Real:
+        """Weight of each cell's variance in the squared relative error."""
+        number = np.arange(mean.size)
+        first = mean.size if self.first_object is None else self.first_object
+        strong = mean > FAINTEST * mean.max(initial=0.0)
+        # The first object is the unknown one.
+        bins, objects = strong & (number < first), strong & (number > first)
+        weight = np.zeros_like(mean)
+        counted = {"ranges": (bins,), "objects": (objects,)}.get(self.by, (bins, objects))
+        groups = [group for group in counted if group.any()]
+        for group in groups:
+            importance = np.sqrt(mean[group]) if group is bins else np.ones(int(group.sum()))
+            weight[group] = importance / importance.sum() / mean[group] ** 2 / len(groups)
+        return weight
+
+    def worst(self, tiles: Iterable[int], share: float) -> list[int]:
+        """Tiles that carry `share` of the squared error, worst first."""
+        weight = self._weights(self.totals()[0])
+        score = {
+            tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
+            for tile in tiles
+            if tile in self.powers
+        }
+        total = sum(score.values())
+        chosen, carried = [], 0.0
+        for tile in sorted(score, key=lambda t: (-score[t], t)):
+            if carried >= share * total or score[tile] <= 0:
+                break
+            chosen.append(tile)
+            carried += score[tile]
+        return chosen
