@@ -273,8 +273,9 @@ class SceneRecord:
 class RunRecord:
     """Plan of a run. ``fingerprint`` tells whether a stopped run may be continued.
 
-    waveform and burst hold the fields of signal.config.Waveform and Burst. system is the power
-    budget; null: the emitter's EIRP goes in all directions, the receiver is isotropic.
+    waveform and burst hold the fields of the waveform, see signal.waveform_files, and of Burst. An
+    LFM pulse carries no "kind". system is the power budget; null: the emitter's EIRP goes in all
+    directions, the receiver is isotropic.
     """
 
     acquisition: str
@@ -292,7 +293,7 @@ class RunRecord:
     metres_per_unit: float
     code_length_m: float
     extinction_length_m: float
-    waveform: dict[str, float]
+    waveform: dict[str, Any]
     burst: dict[str, float]
     blend_file: str
     fingerprint: str

@@ -14,7 +14,8 @@ Conventions: SI, float64; one-way range is half the path's length; range rate is
 receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
 
 Radar
-    Waveform, Burst, Radar
+    Waveform (LFM pulse), FmcwWaveform, SteppedWaveform, PmcwWaveform, PhaseCodedPulse,
+    ArbitraryPulse, Burst, Radar; waveform_from_dict, waveform_to_dict, load_radar
 Files
     open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; Run.missing -> MissingRender;
     read_exr, write_exr
@@ -89,6 +90,9 @@ from .synthesis import (
 )
 from .uncertainty import ExpectedPower, expected_power
 from .waveform import matched_filter, replica, replica_spectrum
+from .waveform_files import load_radar, waveform_from_dict, waveform_to_dict
+from .waveform_lines import FmcwWaveform, PmcwWaveform, SteppedWaveform
+from .waveform_pulses import ArbitraryPulse, PhaseCodedPulse
 from .windows import slow_time_window, window_at
 
 __all__ = [
@@ -96,12 +100,14 @@ __all__ = [
     "FLAG_MIXED",
     "FLAG_ONE_PASS",
     "FLAG_TOO_FAST",
+    "ArbitraryPulse",
     "Burst",
     "Compressed",
     "Decoded",
     "EchoSynthesizer",
     "Echoes",
     "ExpectedPower",
+    "FmcwWaveform",
     "FrameResult",
     "FrameStatistics",
     "FrequencyGrid",
@@ -111,7 +117,9 @@ __all__ = [
     "PathCounts",
     "Paths",
     "Peak",
+    "PhaseCodedPulse",
     "PixelGrid",
+    "PmcwWaveform",
     "PowerProfile",
     "ProcessOptions",
     "Progress",
@@ -121,6 +129,7 @@ __all__ = [
     "Run",
     "Spectrum",
     "SpectrumAccumulator",
+    "SteppedWaveform",
     "SynthesisReport",
     "Waveform",
     "compress",
@@ -135,6 +144,7 @@ __all__ = [
     "join_paths",
     "leading_edges",
     "level_above",
+    "load_radar",
     "make_paths",
     "matched_filter",
     "nufft1",
@@ -156,6 +166,8 @@ __all__ = [
     "save",
     "slow_time_window",
     "synthesize",
+    "waveform_from_dict",
+    "waveform_to_dict",
     "window_at",
     "write_exr",
     "write_products",

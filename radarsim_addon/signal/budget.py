@@ -8,18 +8,15 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from ..contract import SystemRecord
-from ..physics.noise import SnrPrediction, predict_snr, window_loss_db
+from ..physics.noise import SnrPrediction, predict_snr
 from .config import Radar
 from .frames import RadarFrame
 from .link import Link, frame_antennas
+from .noisefloor import coherent_samples, map_noise_gain
 from .objects import ObjectEcho, object_echoes
 from .paths import Paths
 from .system import RadarSystem, make_system
-from .waveform import matched_filter, replica_spectrum, replica_times_s
-from .windows import slow_time_window
 
 #: Share of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
@@ -30,16 +27,11 @@ _LEAST_DB = -200.0
 def compression_loss_db(radar: Radar, window: str, doppler_window: str) -> float:
     """SNR that the windows over band and pulses cost against the matched filter [dB], 0 or more.
 
-    With replica W and filter H the SNR of the compressed peak is |sum W H|^2 / (sum |H|^2
-    sum |W|^2) of the matched filter's.
+    Both from the noise that comes through: see :mod:`.noisefloor`.
     """
-    size = 4 * replica_times_s(radar.waveform).size
-    replica = replica_spectrum(radar.waveform, size)
-    applied = matched_filter(radar.waveform, size, window)
-    peak = abs(np.sum(replica * applied)) ** 2
-    share = peak / (np.sum(np.abs(applied) ** 2) * np.sum(np.abs(replica) ** 2))
-    doppler_db = window_loss_db(slow_time_window(doppler_window, radar.burst.pulses))
-    return max(-10 * math.log10(share), 0.0) + max(doppler_db, 0.0)
+    gain = map_noise_gain(radar, window, doppler_window)
+    ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
+    return max(10 * math.log10(gain / ideal), 0.0)
 
 
 def predicted_snr(
@@ -47,9 +39,9 @@ def predicted_snr(
 ) -> SnrPrediction:
     """What the map shows of a point target of this received power; see `predict_snr`.
 
-    The energy of the pulse as it is sampled: as many samples as the replica has.
+    The energy of the pulse as it is sampled: as many samples as carry its echo.
     """
-    pulse_s = replica_times_s(radar.waveform).size / radar.waveform.sampling_rate_hz
+    pulse_s = coherent_samples(radar) / radar.waveform.sampling_rate_hz
     return predict_snr(
         power_w,
         pulse_s,

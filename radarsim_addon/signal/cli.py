@@ -216,11 +216,14 @@ def _info(folder: str) -> int:
         ("code length k", f"{record.code_length_m:g} m"),
         ("extinction length", f"{record.extinction_length_m:g} m"),
         ("carrier", f"{waveform.carrier_hz / 1e9:g} GHz, {waveform.wavelength_m:.6g} m"),
-        ("bandwidth", f"{waveform.bandwidth_hz / 1e6:g} MHz in {waveform.chirp_length_s:g} s"),
+        (
+            "bandwidth",
+            f"{waveform.bandwidth_hz / 1e6:g} MHz in {waveform.duration_s:g} s ({waveform.kind})",
+        ),
         ("sampling rate", f"{waveform.sampling_rate_hz / 1e6:g} MHz"),
         ("burst", f"{burst.pulses} pulses at {burst.prf_hz:g} Hz"),
         ("range resolution", f"{waveform.range_resolution_m:.4g} m (c / 2B)"),
-        ("unambiguous range", f"{burst.unambiguous_range_m:.6g} m"),
+        ("unambiguous range", f"{radar.unambiguous_range_m:.6g} m"),
         ("unambiguous speed", f"+-{radar.max_velocity_mps:.4g} m/s"),
         ("speed resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
     ]

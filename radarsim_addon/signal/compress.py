@@ -13,9 +13,17 @@ from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
 from .echoes import MAX_SAMPLES, Echoes, check_window
+from .linecompress import LinePower, compress_lines, line_range_axis
 from .nufft import Backend, nufft1, smooth_size
 from .paths import Paths, Weighting, path_amplitude
-from .waveform import frequencies_hz, matched_filter, replica_spectrum, replica_times_s
+from .waveform import (
+    band_window,
+    frequencies_hz,
+    matched_filter,
+    replica_count,
+    replica_spectrum,
+)
+from .waveform_lines import LineWaveform
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -69,6 +77,8 @@ class PowerProfile:
 def _range_axis(radar: Radar, window_m: tuple[float, float], oversample: int) -> Real:
     if not (isinstance(oversample, int) and 1 <= oversample <= 64):
         raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
+    if isinstance(radar.waveform, LineWaveform):
+        return line_range_axis(radar.waveform, window_m, oversample)
     step_m = radar.waveform.sample_spacing_m / oversample
     count = int(np.floor((window_m[1] - window_m[0]) / step_m + 1e-9)) + 1
     return np.asarray(window_m[0] + step_m * np.arange(count))
@@ -85,7 +95,10 @@ def _interpolate(spectrum: Complex, oversample: int) -> Complex:
 
 
 def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Compressed:
-    """Matched filter: multiply with conj(W(f)) and a window over the band.
+    """Range profiles of a burst that peak at the power of a path, whatever the waveform.
+
+    Pulses go through the matched filter: conj(W(f)) and a window over the band. What an FMCW or
+    stepped radar samples is transformed over its frequencies, PMCW correlated with its code.
 
     Parameters
     ----------
@@ -104,7 +117,11 @@ def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Co
     """
     waveform = echoes.radar.waveform
     range_m = _range_axis(echoes.radar, echoes.window_m, oversample)
-    chirp = replica_times_s(waveform).size
+    window = band_window(waveform, window)
+    if isinstance(waveform, LineWaveform):
+        values = compress_lines(waveform, echoes.samples, range_m, window, oversample)
+        return Compressed(values, range_m, echoes.radar, window)
+    chirp = replica_count(waveform)
     size = smooth_size(echoes.samples.shape[1] + chirp)
     if size * oversample * echoes.samples.shape[0] > MAX_SAMPLES:
         raise ConfigError(
@@ -140,12 +157,18 @@ class ProfileAccumulator:
                 f"Oversampling is {oversample!r}; power has twice the band of the echo, so at "
                 "least 2 is needed."
             )
-        self._radar, self._window = radar, window
+        self._radar, self._window = radar, band_window(radar.waveform, window)
         self._weighting: Weighting = weighting
         self._gain = receiver_gain
         self._method: Backend = method
         self._range_m = _range_axis(radar, check_window(window_m), oversample)
-        chirp = replica_times_s(radar.waveform).size
+        self._lines: LinePower | None = None
+        if isinstance(radar.waveform, LineWaveform):
+            self._lines = LinePower(
+                radar.waveform, check_window(window_m), window, oversample, method
+            )
+            return
+        chirp = replica_count(radar.waveform)
         self._base = smooth_size(-(-self._range_m.size // oversample) + 4 * chirp)
         self._oversample = oversample
         self._size = self._base * oversample
@@ -163,6 +186,9 @@ class ProfileAccumulator:
         power = path_amplitude(
             paths, self._radar.waveform.wavelength_m, self._weighting, self._gain
         )
+        if self._lines is not None:
+            self._lines.add(paths.range_m, power**2)
+            return
         offset_m = paths.range_m - self._range_m[0]
         span_m = self._range_m[-1] - self._range_m[0]
         near = (offset_m > -self._margin_m) & (offset_m < span_m + self._margin_m)
@@ -173,6 +199,9 @@ class ProfileAccumulator:
 
     def result(self) -> PowerProfile:
         """Profile of all paths added so far."""
+        if self._lines is not None:
+            power = self._lines.result()
+            return PowerProfile(power, self._range_m, self._radar, self._window)
         waveform = self._radar.waveform
         response = replica_spectrum(waveform, self._base) * matched_filter(
             waveform, self._base, self._window

@@ -23,7 +23,7 @@ from .config import Radar
 from .nufft import TOLERANCE, Backend, nufft1, smooth_size
 from .paths import Paths, Weighting, path_amplitude
 from .speckle import path_phasors
-from .waveform import replica_spectrum, replica_times_s
+from .waveform import replica_count, replica_spectrum
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -119,7 +119,7 @@ class EchoSynthesizer:
         self._chunk = chunk
         self._speckle_seed = speckle_seed
         rate_hz = radar.waveform.sampling_rate_hz
-        chirp = replica_times_s(radar.waveform).size
+        chirp = replica_count(radar.waveform)
         start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.window_m)
         self._count = int(np.ceil((stop_s - start_s) * rate_hz)) + chirp + 1
         # An echo that only just reaches into the window needs a chirp's length of room before and
@@ -242,7 +242,9 @@ def synthesize(
     Echoes beyond the unambiguous range c/2PRF stand at their true delay, not folded back: every
     echo is taken to be listened to after its own pulse.
     """
-    synthesizer = EchoSynthesizer(
+    from .families import synthesizer_for  # it knows of all kinds, this module among them
+
+    synthesizer = synthesizer_for(
         radar,
         window_m,
         weighting=weighting,

@@ -28,8 +28,9 @@ from ..contract import (
 )
 from ..errors import ConfigError, FrameFileError, SchemaError
 from ..sidecar import file_sha256, read_record
-from .config import Burst, Radar, Waveform
+from .config import Radar
 from .exr import FloatImage, read_exr
+from .waveform_files import burst_from_dict, waveform_from_dict
 
 #: Slack between numbers of the plan and of a sidecar: they went through Blender's float32.
 _RELATIVE_SLACK = 1e-5
@@ -310,16 +311,10 @@ def open_run(path: str | Path) -> Run:
 
 def _radar(record: RunRecord, where: Path) -> Radar:
     try:
-        burst = dict(record.burst)
-        pulses = burst.pop("pulses")
-        if pulses != int(pulses):
-            raise ConfigError(f"{where}: pulses is {pulses!r}; expected a whole number.")
-        return Radar(Waveform(**record.waveform), Burst(pulses=int(pulses), **burst))
-    except (TypeError, KeyError) as error:
-        raise FrameFileError(
-            f"{where}: waveform {sorted(record.waveform)} and burst {sorted(record.burst)} are "
-            f"not the fields that this version reads ({error}). Render the run again."
-        ) from error
+        waveform = waveform_from_dict(dict(record.waveform), where.parent)
+        return Radar(waveform, burst_from_dict(dict(record.burst)))
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
 
 
 def _ranges_text(numbers: list[int]) -> str:

@@ -15,6 +15,20 @@ from .paths import PathCounts, Paths, iter_paths, path_power_w
 #: Share of the received power in mixed pixels above which a frame carries a warning.
 MIXED_POWER_WARNING = 0.05
 
+_BEYOND_PRF = (
+    "(c / 2 PRF). They stand at their true range; "
+    "a radar would show them folded. Lower the PRF to be rid of the ambiguity."
+)
+#: What becomes of paths beyond the unambiguous range, by kind of waveform.
+_BEYOND = {
+    "fmcw": "(the ADC's band). The anti-alias filter takes them out. Sample faster, or lower the "
+    "slope.",
+    "stepped": "(c / 2 step). They fold back, as in a radar. Take smaller steps to be rid of the "
+    "ambiguity.",
+    "pmcw": "(the code's length). They fold back, as in a radar. Take a longer code to be rid of "
+    "the ambiguity.",
+}
+
 
 @dataclass(frozen=True)
 class FrameStatistics:
@@ -55,7 +69,7 @@ class StatisticsSum:
         range_m = paths.range_m
         self._nearest = min(self._nearest, float(range_m.min()))
         self._farthest = max(self._farthest, float(range_m.max()))
-        self._far += int(np.count_nonzero(range_m > self._radar.burst.unambiguous_range_m))
+        self._far += int(np.count_nonzero(range_m > self._radar.unambiguous_range_m))
         speed = np.abs(paths.range_rate_mps)
         self._fast += int(np.count_nonzero(speed > self._radar.max_velocity_mps))
 
@@ -91,8 +105,7 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
     if statistics.beyond_unambiguous_range:
         found.append(
             f"{statistics.beyond_unambiguous_range} paths lie beyond the unambiguous range "
-            f"{radar.burst.unambiguous_range_m:.6g} m (c / 2 PRF). They stand at their true range; "
-            "a radar would show them folded. Lower the PRF to be rid of the ambiguity."
+            f"{radar.unambiguous_range_m:.6g} m " + _BEYOND.get(radar.waveform.kind, _BEYOND_PRF)
         )
     if statistics.beyond_max_velocity:
         found.append(

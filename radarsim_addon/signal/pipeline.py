@@ -23,9 +23,11 @@ from ..physics.constants import SPEED_OF_LIGHT_MPS
 from . import plots
 from .budget import BudgetReport, FrameBudget
 from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
+from .config import Radar
 from .detect import LeadingEdge, Peak, find_peaks, leading_edges
 from .doppler import MAX_SPEED_MPS
-from .echoes import Echoes, EchoSynthesizer, check_window
+from .echoes import Echoes, check_window
+from .families import synthesizer_for
 from .files import make_folder, write_arrays, write_json
 from .frames import RadarFrame, Run, open_run
 from .framestats import FrameStatistics, StatisticsSum, statistics_warnings
@@ -36,6 +38,7 @@ from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
 from .system import weighting_of
 from .uncertainty import ExpectedPower, expected_power
+from .waveform_files import waveform_to_dict
 
 #: Below the strongest cell by more than this is rounding, not an echo: float32 renders, and the
 #: tolerance of the non-uniform FFT [dB].
@@ -214,7 +217,7 @@ def _process_frame(
     window_m = check_window(options.window_m or run.window_m)
     assert options.weighting is not None  # by `for_run`
     budget = FrameBudget(frame, run.radar, options.system)
-    synthesizer = EchoSynthesizer(
+    synthesizer = synthesizer_for(
         run.radar,
         window_m,
         weighting=options.weighting,
@@ -292,9 +295,16 @@ def _expected(
     )
 
 
+def _paired_reach_m(radar: Radar) -> float:
+    """How far from a strong echo its paired echoes may lie: a pulse's length."""
+    if radar.waveform.family != "pulse":
+        return 0.0
+    return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
+
+
 def _edges(profile: PowerProfile) -> list[LeadingEdge]:
     """Leading edges, without the paired echoes of stronger ones: see `_movers`."""
-    reach_m = SPEED_OF_LIGHT_MPS * profile.radar.waveform.chirp_length_s / 2
+    reach_m = _paired_reach_m(profile.radar)
     found = leading_edges(profile, 12, by="prominence")
     return [
         edge
@@ -317,7 +327,7 @@ def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
     """
     if rd_map.radar.burst.pulses < 16:
         return []
-    reach_m = SPEED_OF_LIGHT_MPS * rd_map.radar.waveform.chirp_length_s / 2
+    reach_m = _paired_reach_m(rd_map.radar)
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
     floor_db = float(rd_map.power_db.max()) - _MAP_DYNAMICS_DB
@@ -366,7 +376,7 @@ def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -
             "frame": result.frame,
             "time_s": result.time_s,
             "options": dataclasses.asdict(options),
-            "waveform": dataclasses.asdict(rd_map.radar.waveform),
+            "waveform": waveform_to_dict(rd_map.radar.waveform),
             "burst": dataclasses.asdict(rd_map.radar.burst),
             "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
             "statistics": dataclasses.asdict(result.statistics),

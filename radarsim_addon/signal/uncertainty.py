@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .compress import expected_power_profile
 from .config import Radar
@@ -85,7 +86,8 @@ def expected_power(
         The frame's table is missing or damaged.
     """
     step_m = radar.waveform.sample_spacing_m / cells_per_sample
-    ranges = int((window_m[1] - window_m[0]) / step_m) + 1
+    stop_m = min(window_m[1], radar.waveform.unambiguous_range_m)
+    ranges = int((stop_m - window_m[0]) / step_m) + 1
     pulses = radar.burst.pulses
     mean, variance = np.zeros(pulses * ranges), np.zeros(pulses * ranges)
     record, table = open_frame_table(frame.path, frame.number)
@@ -142,18 +144,22 @@ def _cells(
 
 def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: int) -> Real:
     """|h|^2 on the cells, its peak in the middle."""
-    # the compressed pulse reaches one chirp length to each side; twice that leaves nothing out
-    half_m = radar.waveform.chirp_length_s * SPEED_OF_LIGHT_MPS
-    cells = int(half_m / step_m)
-    centre_m = (cells + 2) * step_m
+    if radar.waveform.family == "line":
+        # it repeats with the range: half a period to each side
+        cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
+        if cells < 1:
+            raise ConfigError("The waveform has too few range cells for an expected profile.")
+    else:
+        # the compressed pulse reaches its length to each side; twice that leaves nothing out
+        cells = int(radar.waveform.duration_s * SPEED_OF_LIGHT_MPS / step_m)
+    middle = cells + 2
     point = expected_power_profile(
-        make_paths(1.0, 2 * centre_m),
+        make_paths(1.0, 2 * middle * step_m),
         radar,
-        window_m=(0.0, 2 * centre_m),
+        window_m=(0.0, 2 * middle * step_m),
         window=window,
         oversample=cells_per_sample,
     )
-    middle = cells + 2
     response = point.power[middle - cells : middle + cells + 1]
     return np.asarray(response / response[cells])
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The transmitted chirp, its spectrum, and the matched filter.
+"""The transmitted pulse, its spectrum, and the matched filter.
 
-The chirp is a sampled one, as a digital generator plays it: w(t) = exp(j pi K t^2) at
-t_n = (n - (N-1)/2)/fs, |t_n| <= T_p/2 (Eq. 10-11, time counted from the middle of the pulse, so
-that the instantaneous frequency runs over -B/2 ... B/2). Between samples it is the band-limited
-interpolation of these, which makes W(f) sum a_i exp(-j 2 pi (f0+f) tau_i) exact for every delay.
+For the family "pulse": linear chirp, phase code, samples from a file. The chirp is a sampled one,
+as a digital generator plays it: w(t) = exp(j pi K t^2) at t_n = (n - (N-1)/2)/fs, |t_n| <= T_p/2
+(Eq. 10-11, time counted from the middle of the pulse, so that the instantaneous frequency runs over
+-B/2 ... B/2). Between samples every pulse is the band-limited interpolation of these, which makes
+W(f) sum a_i exp(-j 2 pi (f0+f) tau_i) exact for every delay.
 """
 
 from __future__ import annotations
@@ -13,21 +14,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigError
-from .config import Waveform
+from .config import AnyWaveform, Waveform
+from .waveform_lines import PmcwWaveform
+from .waveform_pulses import ArbitraryPulse, PhaseCodedPulse
 from .windows import window_at
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def replica_times_s(waveform: Waveform) -> Real:
-    """Sample times t_n of the chirp, from its middle [s].
+def replica_times_s(waveform: AnyWaveform) -> Real:
+    """Sample times t_n of the pulse, from its middle [s].
 
     Raises
     ------
     ConfigError
-        The chirp is shorter than two samples.
+        The chirp is shorter than two samples, or the waveform is no pulse.
     """
+    count = replica_count(waveform)
+    return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
+
+
+def replica_count(waveform: AnyWaveform) -> int:
+    """Samples of the pulse; errors as :func:`replica_times_s`."""
+    if not isinstance(waveform, Waveform):
+        return int(replica(waveform).size)
     # a tiny slack: 2.5e-6 * 60e6 is 149.99999999999997
     count = int(np.floor(waveform.chirp_length_s * waveform.sampling_rate_hz * (1 + 1e-9)))
     if count < 2:
@@ -36,22 +47,30 @@ def replica_times_s(waveform: Waveform) -> Real:
             f"{waveform.sampling_rate_hz:g} Hz; at least 2 are needed. "
             "Lengthen the chirp or raise the sampling rate."
         )
-    return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
+    return count
 
 
-def replica(waveform: Waveform) -> Complex:
-    """Samples w(t_n) = exp(j pi K t_n^2)."""
-    times = replica_times_s(waveform)
-    samples: Complex = np.exp(1j * np.pi * waveform.fm_rate_hz_per_s * times**2)
+def replica(waveform: AnyWaveform) -> Complex:
+    """Samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, those of a file."""
+    if isinstance(waveform, PhaseCodedPulse | ArbitraryPulse | PmcwWaveform):
+        return waveform.replica_samples()
+    if not isinstance(waveform, Waveform):
+        raise ConfigError(
+            f"A waveform of kind {waveform.kind!r} has no pulse to correlate with; its range "
+            "profile is a Fourier transform of its samples."
+        )
+    samples: Complex = np.exp(
+        1j * np.pi * waveform.fm_rate_hz_per_s * replica_times_s(waveform) ** 2
+    )
     return samples
 
 
-def frequencies_hz(waveform: Waveform, size: int) -> Real:
+def frequencies_hz(waveform: AnyWaveform, size: int) -> Real:
     """Baseband frequencies of a transform of `size` samples, in numpy's FFT order [Hz]."""
     return np.fft.fftfreq(size, 1 / waveform.sampling_rate_hz)
 
 
-def replica_spectrum(waveform: Waveform, size: int) -> Complex:
+def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
     """W(f) = sum_n w(t_n) exp(-j 2 pi f t_n) at :func:`frequencies_hz`."""
     samples = replica(waveform)
     if samples.size > size:
@@ -62,17 +81,18 @@ def replica_spectrum(waveform: Waveform, size: int) -> Complex:
     return spectrum
 
 
-def matched_filter(waveform: Waveform, size: int, window: str = "none") -> Complex:
+def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Complex:
     """conj(W(f)) times a window over the band, with unit response to a unit path.
 
     Parameters
     ----------
     waveform
-        Chirp.
+        Of the family "pulse".
     size
         Length of the transform.
     window
-        Window over |f| <= B/2, see :mod:`.windows`; frequencies outside the band are cut.
+        Window over |f| <= B/2, see :mod:`.windows`; frequencies outside the band are cut. A phase
+        code has its sidelobes from the code, and none is laid over it, see :func:`band_window`.
 
     Returns
     -------
@@ -80,6 +100,9 @@ def matched_filter(waveform: Waveform, size: int, window: str = "none") -> Compl
         (size,), in FFT order: the inverse FFT of W times this peaks at exactly 1.
     """
     spectrum = replica_spectrum(waveform, size)
+    if isinstance(waveform, PhaseCodedPulse):
+        plain = np.conj(spectrum) / np.mean(np.abs(spectrum) ** 2)
+        return np.asarray(plain, dtype=np.complex128)
     position = frequencies_hz(waveform, size) / waveform.bandwidth_hz
     # A bin that the band's edge cuts counts with its share inside; else the width of the response
     # would hang on where the bins of a transform happen to lie.
@@ -88,3 +111,8 @@ def matched_filter(waveform: Waveform, size: int, window: str = "none") -> Compl
     weight = window_at(window, np.clip(position, -0.5, 0.5)) * share
     gain = float(np.mean(np.abs(spectrum) ** 2 * weight))
     return np.asarray(np.conj(spectrum) * (weight / gain), dtype=np.complex128)
+
+
+def band_window(waveform: AnyWaveform, window: str) -> str:
+    """The window that is laid over the band: "none" for phase codes, else the one asked for."""
+    return "none" if isinstance(waveform, PhaseCodedPulse | PmcwWaveform) else window

@@ -4,7 +4,7 @@
 import numpy as np
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.signal import Paths, Radar, path_amplitude
+from radarsim_addon.signal import Paths, Radar, Waveform, path_amplitude
 
 
 def echo_at(
@@ -12,6 +12,7 @@ def echo_at(
 ) -> np.ndarray:
     """s = sum_i a_i rect((tau-tau_i)/T_p) exp(j pi K (tau-tau_i)^2) exp(-j 2 pi f0 tau_i)."""
     waveform = radar.waveform
+    assert isinstance(waveform, Waveform)
     amplitude = path_amplitude(paths, waveform.wavelength_m)
     samples = np.zeros((slow_time_s.size, fast_time_s.size), dtype=complex)
     for pulse, time_s in enumerate(slow_time_s):

@@ -13,6 +13,7 @@ import numpy as np
 from radarsim_addon import contract, sidecar
 from radarsim_addon.signal.config import Burst, Radar, Waveform
 from radarsim_addon.signal.exr import write_exr
+from radarsim_addon.signal.waveform_files import waveform_to_dict
 
 #: The paper's radar (Table I), 128 pulses.
 PAPER_RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 128))
@@ -133,7 +134,7 @@ def run_record(setup: Setup) -> contract.RunRecord:
         metres_per_unit=setup.metres_per_unit,
         code_length_m=setup.code_length_m,
         extinction_length_m=setup.metres_per_unit,
-        waveform=dataclasses.asdict(setup.radar.waveform),
+        waveform=waveform_to_dict(setup.radar.waveform),
         burst=dataclasses.asdict(setup.radar.burst),
         blend_file="synthetic.blend",
         fingerprint="synthetic",

@@ -155,7 +155,7 @@ def test_phase_at_long_stand_off_at_77_ghz() -> None:
 
 
 def test_echoes_from_outside_do_not_wrap_into_the_window() -> None:
-    chirp_m = SPEED_OF_LIGHT_MPS * RADAR.waveform.chirp_length_s / 2
+    chirp_m = SPEED_OF_LIGHT_MPS * RADAR.waveform.duration_s / 2
     far = [WINDOW_M[0] - 1.01 * chirp_m, WINDOW_M[1] + 1.01 * chirp_m, 50e3, 400e3]
     echoes = synthesize(unit_paths(RADAR, far), RADAR, window_m=WINDOW_M)
     assert not echoes.samples.any()

@@ -138,9 +138,9 @@ def test_negative_radiance(folder: Path) -> None:
         ({"frames": []}, FrameFileError, "lists 0 frames"),
         ({"frame_times_s": [0.0]}, FrameFileError, "4 frames and 1 times"),
         ({"burst": {"prf_hz": 1000.0, "pulses": 12.5}}, ConfigError, "pulses is 12.5"),
-        ({"burst": {"prf_hz": 1000.0}}, FrameFileError, "not the fields"),
+        ({"burst": {"prf_hz": 1000.0}}, ConfigError, "an object with pulses"),
         ({"burst": {"prf_hz": 500e3, "pulses": 128.0}}, ConfigError, "longer than the pulse"),
-        ({"waveform": {"carrier_hz": 5e9}}, FrameFileError, "not the fields"),
+        ({"waveform": {"carrier_hz": 5e9}}, ConfigError, "lacks bandwidth_hz"),
     ],
 )
 def test_plan_that_does_not_fit(

@@ -12,8 +12,9 @@ PACKAGE = Path(__file__).parents[2] / "radarsim_addon"
 
 #: The flow of signal. A stage imports stages before it only.
 FLOW = [
-    "config", "exrheader", "exr", "files", "frames", "decode", "doppler", "paths", "nufft",
-    "windows", "waveform", "phase", "synthesis", "echoes", "compress", "rangedoppler", "detect",
+    "config", "codes", "waveform_pulses", "waveform_lines", "waveform_files", "exrheader", "exr",
+    "files", "frames", "decode", "doppler", "paths", "nufft", "windows", "waveform", "phase",
+    "synthesis", "echoes", "linesynthesis", "linecompress", "compress", "rangedoppler", "detect",
     "products", "plots", "pipeline", "cli",
 ]  # fmt: skip
 

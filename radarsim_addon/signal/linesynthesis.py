@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Echoes of waveforms whose receiver samples frequencies (family "line").
+
+Sample k of a pulse that begins at t_m is taken at t = t_m + u_k, when the transmitter is at
+f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
+
+    s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
+
+with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
+3519, 2007): a stepped tone has settled by the time it is sampled. The path moves while the ramp
+runs: tau = tau_0 + tau' (u - u_0) about the middle of the band makes
+
+    f_k tau = f0 tau_0 + (k - k0) df (tau_0 + tau' f0 / K) + K tau' (u - u_0)^2
+
+The second term is the range-Doppler coupling of such radars: a mover stands at its range f0/K
+later. The third, at most B T v / 2c cycles at the ends of the ramp, is left out: 0.009 rad for
+1 GHz, 50 us and 17 m/s. PMCW holds all frequencies at once and has neither.
+
+Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigError
+from ..physics.constants import SPEED_OF_LIGHT_MPS
+from .config import Radar
+from .echoes import MAX_SAMPLES, Echoes, check_window
+from .nufft import TOLERANCE, Backend, nufft1
+from .paths import Paths, Weighting, path_amplitude
+from .speckle import path_phasors
+from .waveform import replica
+from .waveform_lines import FmcwWaveform, LineWaveform, PmcwWaveform
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: Lengths (rows x pulses) asked of a motion at a time: 8 MB.
+_MAX_LENGTHS = 1 << 20
+
+
+def line_waveform(radar: Radar) -> LineWaveform:
+    """The radar's waveform, which must be of the family "line".
+
+    Raises
+    ------
+    ConfigError
+        It is a pulse.
+    """
+    waveform = radar.waveform
+    if not isinstance(waveform, LineWaveform):
+        raise ConfigError(f"A waveform of kind {waveform.kind!r} does not sample frequencies.")
+    return waveform
+
+
+def line_times_s(radar: Radar) -> Real:
+    """When each row of samples begins, from the frame's time [s].
+
+    One row a pulse; PMCW has one a code, `repeats` of them a pulse.
+    """
+    waveform = radar.waveform
+    times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz
+    if isinstance(waveform, PmcwWaveform):
+        codes_s = np.arange(waveform.repeats) * waveform.code_s
+        times_s = (times_s[:, None] + codes_s).ravel()
+    return np.asarray(times_s)
+
+
+class LineSynthesizer:
+    """Adds up the samples of paths that come in parts; as :class:`.echoes.EchoSynthesizer`.
+
+    Parameters
+    ----------
+    radar
+        With a waveform of the family "line".
+    window_m
+        One-way ranges that the profile will show [m]. Every echo within the waveform's own range
+        is in the samples, whatever the window.
+    weighting, receiver_gain, method, tolerance, chunk, speckle_seed
+        As for :func:`.echoes.synthesize`.
+
+    Notes
+    -----
+    FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
+    ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        window_m: tuple[float, float],
+        *,
+        weighting: Weighting = "radar-equation",
+        receiver_gain: float = 1.0,
+        method: Backend = "auto",
+        tolerance: float = TOLERANCE,
+        chunk: int = 1 << 18,
+        speckle_seed: int | None = None,
+    ) -> None:
+        if chunk < 1:
+            raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
+        self.radar = radar
+        self.window_m = check_window(window_m)
+        self._waveform = line_waveform(radar)
+        self._weighting: Weighting = weighting
+        self._gain = receiver_gain
+        self._method: Backend = method
+        self._tolerance = tolerance
+        self._chunk = chunk
+        self._seed = speckle_seed
+        self._times_s = line_times_s(radar)
+        count = self._waveform.grid_count
+        if count * self._times_s.size > MAX_SAMPLES:
+            raise ConfigError(
+                f"{self._times_s.size} rows of {count} samples are more than {MAX_SAMPLES}. "
+                "Choose fewer pulses or fewer samples."
+            )
+        self._still = np.zeros(count, dtype=np.complex128)
+        self._moving: Complex | None = None
+        self._outside = 0
+
+    def add(self, paths: Paths) -> None:
+        """Add the echoes of these paths."""
+        amplitude = path_amplitude(paths, self._waveform.wavelength_m, self._weighting, self._gain)
+        weights = amplitude.astype(np.complex128)
+        if self._seed is not None:
+            weights *= path_phasors(paths, self._seed)
+        motion = paths.lengths
+        moving = motion.moving
+        still = np.flatnonzero(~moving)
+        for start in range(0, still.size, self._chunk):
+            rows = still[start : start + self._chunk]
+            length_m = motion.lengths_m(self._times_s[:1], rows)[:, 0]
+            self._still += self._transform(weights[rows], length_m, None, self._times_s.size)
+        rows_moving = np.flatnonzero(moving)
+        if rows_moving.size and self._moving is None:
+            self._moving = np.zeros((self._times_s.size, self._still.size), dtype=np.complex128)
+        for start in range(0, rows_moving.size, self._chunk):
+            self._add_moving(paths, weights, rows_moving[start : start + self._chunk])
+
+    def _add_moving(self, paths: Paths, weights: Complex, rows: NDArray[np.intp]) -> None:
+        assert self._moving is not None
+        waveform = self._waveform
+        middle_s = waveform.grid_middle_s
+        half_s = waveform.grid_count * waveform.grid_interval_s / 2
+        block = max(1, _MAX_LENGTHS // rows.size)
+        for first in range(0, self._times_s.size, block):
+            times_s = self._times_s[first : first + block] + middle_s
+            lengths_m = paths.lengths.lengths_m(times_s, rows)
+            rates_mps: Real | None = None
+            if half_s > 0:
+                ends = [paths.lengths.lengths_m(times_s + s * half_s, rows) for s in (-1.0, 1.0)]
+                rates_mps = (ends[1] - ends[0]) / (2 * half_s)
+            for i in range(times_s.size):
+                self._moving[first + i] += self._transform(
+                    weights[rows],
+                    lengths_m[:, i],
+                    None if rates_mps is None else rates_mps[:, i],
+                    1,
+                )
+
+    def _transform(
+        self, weights: Complex, length_m: Real, rate_mps: Real | None, pulses: int
+    ) -> Complex:
+        """Samples of one pulse, from the lengths in the middle of its band and their rates."""
+        waveform = self._waveform
+        delay_s = length_m / SPEED_OF_LIGHT_MPS
+        seen_s = delay_s
+        if rate_mps is not None:
+            slope = waveform.grid_step_hz / waveform.grid_interval_s
+            seen_s = delay_s + rate_mps / SPEED_OF_LIGHT_MPS * (waveform.carrier_hz / slope)
+        if isinstance(waveform, FmcwWaveform):
+            limit_s = 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS
+            heard = (seen_s >= 0) & (seen_s < limit_s)
+            lost = int(np.count_nonzero(~heard))
+            if lost:
+                self._outside += lost * pulses
+                weights, length_m = weights[heard], length_m[heard]
+                delay_s, seen_s = delay_s[heard], seen_s[heard]
+        # cycles of the carrier from the length in float64: 1e-9 rad at 10 km and 77 GHz
+        cycles = length_m * (waveform.carrier_hz / SPEED_OF_LIGHT_MPS)
+        cycles = cycles - np.round(cycles)
+        if isinstance(waveform, FmcwWaveform):
+            cycles = cycles - waveform.slope_hz_per_s * delay_s**2 / 2
+        # the transform counts k from -(N // 2)
+        count = waveform.grid_count
+        cycles = cycles - (waveform.grid_middle - count // 2) * waveform.grid_step_hz * seen_s
+        values = weights * np.exp(-2j * np.pi * cycles)
+        points = 2 * np.pi * waveform.grid_step_hz * seen_s
+        return nufft1(points, values, count, self._tolerance, self._method)
+
+    def response(self) -> Complex:
+        """The scene's response at the frequencies, (rows, N), before the code of PMCW."""
+        if self._moving is None:
+            return np.tile(self._still, (self._times_s.size, 1))
+        return np.asarray(self._moving + self._still)
+
+    def result(self) -> Echoes:
+        """Echoes of all paths added so far."""
+        waveform = self._waveform
+        samples = self.response()
+        if isinstance(waveform, PmcwWaveform):
+            code = np.fft.fft(replica(waveform))
+            samples = np.fft.ifft(np.fft.ifftshift(samples, axes=1) * code, axis=1)
+        if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
+            samples = samples.real.astype(np.complex128)
+        return Echoes(
+            samples,
+            waveform.grid_start_s,
+            self.window_m,
+            self.radar,
+            self._weighting,
+            self._outside / self._times_s.size,
+        )
