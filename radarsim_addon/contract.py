@@ -50,6 +50,15 @@ ATTR_RING_MAX = "radarsim_ring_max"
 ATTR_EXTINCTION_LENGTH = "radarsim_extinction_length"
 """Normalising length of the extinction coefficient, Blender units. 0 means: one Blender unit."""
 
+ATTR_WAVELENGTH = "radarsim_wavelength"
+"""Vacuum wavelength at the carrier, Blender units, for materials of physical inputs. 0 means: one
+Blender unit."""
+ATTR_POLARISATION = "radarsim_polarisation"
+"""Of waves that pass through walls: 0 mean of both, 1 vertical, 2 horizontal (of world Z)."""
+OBJECT_LAYER_NORMAL = "radarsim_layer_normal"
+"""Custom property of an object, three numbers: normal of its plane-parallel faces in object space,
+for absorption and delay at an angle. Absent: those of normal incidence whatever the angle."""
+
 # Gates of the acquisition "paths" (absent: no gate). Half-integers, so that no comparison in a
 # shader depends on rounding.
 ATTR_ORDER_MIN = "radarsim_order_min"

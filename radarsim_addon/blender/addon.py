@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, panels, properties, system_panel
+from . import material_panel, operators, panels, properties, system_panel
 
 #: Every class besides the settings, in the order of registration.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
     *panels.CLASSES,
     *system_panel.CLASSES,
+    *material_panel.CLASSES,
 )
 
 

@@ -58,6 +58,10 @@ def parse_frames(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(frames))
 
 
+#: Polarisations of a run, in the order of the scene attribute's values 0, 1, 2.
+POLARISATIONS = ("average", "vertical", "horizontal")
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One run: radar, rings, passes, frames and how they are rendered.
@@ -84,6 +88,8 @@ class Measurement:
         Normalising length of the Radar Material's extinction coefficient [m]; 0: one Blender unit.
     system
         Power budget, checked; None: the emitter's EIRP in all directions. It changes no render.
+    polarisation
+        Of waves that go through physical materials: one of `POLARISATIONS`.
     """
 
     waveform: Waveform
@@ -100,6 +106,7 @@ class Measurement:
     max_bounces: int = 0
     extinction_length_m: float = 0.0
     system: SystemRecord | None = None
+    polarisation: str = "average"
 
     def __post_init__(self) -> None:
         Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval
@@ -146,6 +153,11 @@ class Measurement:
             raise ConfigError(
                 f"Extinction length is {self.extinction_length_m!r} m; "
                 "expected a positive number of metres, or 0 for one Blender unit."
+            )
+        if self.polarisation not in POLARISATIONS:
+            raise ConfigError(
+                f"Polarisation is {self.polarisation!r}; expected one of "
+                f"{', '.join(POLARISATIONS)}."
             )
 
     @property

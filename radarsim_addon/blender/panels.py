@@ -66,6 +66,7 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
                 text=f"{item.name}: " + ("Radar Material" if known else "no Radar Material"),
                 icon="CHECKMARK" if known else "INFO",
             )
+        layout.prop(settings, "polarisation")
         column = layout.column(align=True)
         column.label(text="Extinction is normalised to:")
         column.row(align=True).prop(settings, "extinction", expand=True)

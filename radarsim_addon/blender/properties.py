@@ -14,10 +14,12 @@ import bpy
 
 from ..errors import ConfigError, OutputError
 from ..signal.config import Burst, Waveform
+from .material_properties import MATERIAL_PROPERTY, MaterialSettings
 from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
 from .path_properties import PathSettings
 from .system_properties import RadarAntennaSettings, SystemSettings
+from .physical_materials import refresh_materials
 
 SCENE_PROPERTY = "radarsim"
 PROGRESS_PROPERTY = "radarsim"
@@ -32,6 +34,12 @@ def _is_lamp(_: Any, item: Any) -> bool:
 
 
 class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
+def _carrier_changed(settings: Any, _: Any) -> None:
+    # What cannot be evaluated there is told by the material's panel, and by the run.
+    refresh_materials(typed(settings.carrier_ghz, 9))
+
+
+class RadarSettings(PathSettings, bpy.types.PropertyGroup):
     """Settings of a measurement."""
 
     camera: bpy.props.PointerProperty(  # type: ignore[valid-type]
@@ -70,13 +78,24 @@ class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
         description="Normalising length in metres; 0: one Blender unit",
     )
 
+    polarisation: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Polarisation",
+        items=(
+            ("AVERAGE", "Average", "Half the power in the plane of incidence, half across it"),
+            ("VERTICAL", "Vertical", "Field in the vertical plane of the ray (world Z is up)"),
+            ("HORIZONTAL", "Horizontal", "Field level"),
+        ),
+        description="Of waves that go through physical materials; it matters at an angle",
+    )
+
     carrier_ghz: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Carrier [GHz]",
         default=5.3,
         min=1e-6,
         soft_max=300.0,
         precision=4,
-        description="Carrier frequency; sets wavelength and Doppler",
+        description="Carrier; sets wavelength, Doppler and the index of physical materials",
+        update=_carrier_changed,
     )
     sweep_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Sweep by",
@@ -312,6 +331,7 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
         seed=whole("seed"),
         max_bounces=whole("max_bounces"),
         extinction_length_m=_extinction_length_m(settings, waveform),
+        polarisation=given.get("polarisation", settings.polarisation.lower()),
     )
 
 
@@ -366,6 +386,7 @@ def output_folder(scene: Any) -> Path:
 _GROUPS = (
     (RadarSettings, bpy.types.Scene, SCENE_PROPERTY, "Radar"),
     (RadarProgress, bpy.types.WindowManager, PROGRESS_PROPERTY, "Radar progress"),
+    (MaterialSettings, bpy.types.Material, MATERIAL_PROPERTY, "Radar material"),
 )
 
 
@@ -373,6 +394,7 @@ def register() -> None:
     """Add ``Scene.radarsim`` and ``WindowManager.radarsim``; a second call changes nothing."""
     if not RadarAntennaSettings.is_registered:
         bpy.utils.register_class(RadarAntennaSettings)
+    """Add ``radarsim`` to scenes, materials, window manager; a second call changes nothing."""
     for group, owner, name, label in _GROUPS:
         if not group.is_registered:
             bpy.utils.register_class(group)
@@ -380,7 +402,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove both."""
+    """Remove them."""
     for group, owner, name, _ in reversed(_GROUPS):
         if group.is_registered:
             delattr(owner, name)

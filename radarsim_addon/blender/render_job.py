@@ -33,6 +33,7 @@ from .advice import warnings_for
 from .exr_check import verify_exr
 from .measurement import Measurement, typed
 from .nodes import refresh_groups
+from .physical_materials import is_physical
 from .poses import camera_record, emitter_record
 from .recorder import Recorder
 from .render_settings import MeasurementSettings
@@ -135,6 +136,10 @@ class RenderJob:
         self.plan: Plan = self._make_plan(extent)
         digests = [file_digest] if file_digest else []
         digests.append(geometry_digest)
+        # The carrier changes what a physical material reflects; the others render alike at any.
+        if any(is_physical(material) for material in bpy.data.materials):
+            at = f"+{self._measurement.waveform.carrier_hz!r} Hz"
+            digests = [digest + at for digest in digests]
         self._open_folder(digests)
         self._settings = self._make_settings()
         self._settings.apply()

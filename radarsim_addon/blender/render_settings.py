@@ -10,12 +10,19 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Any
 
+import bpy
+
 from .. import contract
 from ..errors import SceneError
 from .acquisition import Plan
 from .isolation import isolate
+from .layers import set_layer_normals
+from .measurement import POLARISATIONS
+from .nodes.materials import VOLUME_STEP_RATE, is_radar_material
+from .physical_materials import update_materials
 from .recorder import Recorder
 from .rig import Rig
+from .scene_truth import evaluated_depsgraph
 
 #: Least near clip plane that Blender takes, in Blender units; it shortens each first segment.
 NEAR_CLIP_UNITS = 1e-6
@@ -82,7 +89,8 @@ class MeasurementSettings:
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            self.warnings = isolate(
+            self.warnings = self._set_materials()
+            self.warnings += isolate(
                 self._recorder, self._scene, self._rig.emitter, self._any_material
             )
         except BaseException:
@@ -261,10 +269,22 @@ class MeasurementSettings:
             put(linking, "receiver_collection", None)
             put(linking, "blocker_collection", None)
 
+    def _set_materials(self) -> list[str]:
+        """Physical materials at the run's carrier, and the layers that waves go through."""
+        for material in bpy.data.materials:
+            if is_radar_material(material):
+                self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
+        failures = update_materials(self._plan.measurement.waveform.carrier_hz, self._recorder)
+        set_layer_normals(self._recorder, evaluated_depsgraph(self._view_layer))
+        return failures
+
     def _set_code(self) -> None:
         put = self._recorder.set_item
-        units = self._plan.metres_per_unit
+        units, measurement = self._plan.metres_per_unit, self._plan.measurement
         put(self._scene, contract.ATTR_INVERSE_CODE_LENGTH, units / self._plan.code_length_m)
         put(self._scene, contract.ATTR_EXTINCTION_LENGTH, self._plan.extinction_length_m / units)
+        waveform, name = measurement.waveform, measurement.polarisation
+        put(self._scene, contract.ATTR_WAVELENGTH, waveform.wavelength_m / units)
+        put(self._scene, contract.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
         put(self._scene, contract.ATTR_RING_MIN, 0.0)
         put(self._scene, contract.ATTR_RING_MAX, 0.0)

@@ -7,7 +7,8 @@ A group is a :class:`GroupDefinition`: its sockets, and a function that draws it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,6 +95,16 @@ class TreeBuilder:
         self.tree = tree
         self._group_input: Any = None
         self._group_output: Any = None
+        self._prefix = ""
+
+    @contextmanager
+    def prefixed(self, prefix: str) -> Iterator[None]:
+        """Labels of the nodes made within begin with `prefix`: labels are unique in a tree."""
+        before, self._prefix = self._prefix, prefix
+        try:
+            yield
+        finally:
+            self._prefix = before
 
     def node(
         self,
@@ -116,7 +127,7 @@ class TreeBuilder:
             Attributes of the node, set before the inputs.
         """
         node = self.tree.nodes.new(idname)
-        node.name = node.label = label
+        node.name = node.label = self._prefix + label
         for name, value in properties.items():
             setattr(node, name, value)
         for key, source in (inputs or {}).items():

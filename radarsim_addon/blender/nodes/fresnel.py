@@ -95,15 +95,20 @@ def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
     nothing: below `OPAQUE_BELOW_TRANSMITTANCE` at normal incidence,
     1 - F(0) = 4 n / ((n + 1)^2 + kappa^2), nothing is let through.
     """
+    open_ = is_open(build, n, kappa)
+    rest = build.math("SUBTRACT", "1 - F", 1.0, power, clamp=True)
+    return build.math("MULTIPLY", "T", rest, open_)
+
+
+def is_open(build: TreeBuilder, n: Any, kappa: Any) -> Any:
+    """1, or 0 for a conductor, see `transmittance`."""
     math = build.math
     above = math("ADD", "n + 1 (T)", n, 1.0)
     kappa2 = math("MULTIPLY", "kappa^2 (T)", kappa, kappa)
     bottom = math("MULTIPLY_ADD", "(n + 1)^2 + kappa^2", above, above, kappa2)
     four_n = math("MULTIPLY", "4 n", n, 4.0)
     normal = math("DIVIDE", "1 - F at normal incidence", four_n, bottom)
-    open_ = math("GREATER_THAN", "not a conductor", normal, OPAQUE_BELOW_TRANSMITTANCE)
-    rest = math("SUBTRACT", "1 - F", 1.0, power, clamp=True)
-    return math("MULTIPLY", "T", rest, open_)
+    return math("GREATER_THAN", "not a conductor", normal, OPAQUE_BELOW_TRANSMITTANCE)
 
 
 def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:

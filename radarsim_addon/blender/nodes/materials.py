@@ -13,9 +13,15 @@ import bpy
 from ...errors import ConfigError, SceneError
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .groups import KIND_PROPERTY, ensure_group
+from .physical_material import KIND as PHYSICAL_KIND
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 
 PRESET_PROPERTY = "radarsim_preset"
+MATERIAL_KINDS = (KIND, PHYSICAL_KIND)
+"""Groups that carry the range code, have lobes chosen by the gate, and the inputs of an index."""
+VOLUME_STEP_RATE = 1000.0
+"""Of materials of ours. Inside an object they are uniform, so one step is exact; with several,
+Cycles stops absorbing as soon as 1e-6 is left: echoes below -60 dB come out too strong."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,8 @@ PRESETS: dict[str, MaterialPreset] = {
 
 
 def group_node(material: Any) -> Any | None:
-    """The material's Radar Material group node that feeds its output's Surface, or None."""
+    """The Radar Material group node, simple or physical, that feeds the output's Surface; None
+    where there is none."""
     if material is None or material.node_tree is None:
         return None
     for output in material.node_tree.nodes:
@@ -85,7 +92,7 @@ def group_node(material: Any) -> Any | None:
             continue
         for link in output.inputs["Surface"].links:
             tree = getattr(link.from_node, "node_tree", None)
-            if tree is not None and tree.get(KIND_PROPERTY) == KIND:
+            if tree is not None and tree.get(KIND_PROPERTY) in MATERIAL_KINDS:
                 return link.from_node
     return None
 
@@ -104,9 +111,35 @@ def lets_nothing_through(material: Any) -> bool:
     index, extinction = node.inputs.get(INDEX), node.inputs.get(EXTINCTION)
     if index is None or extinction is None or index.is_linked or extinction.is_linked:
         return False
-    n, kappa = float(index.default_value), float(extinction.default_value)
+    return is_conductor(complex(index.default_value, extinction.default_value))
+
+
+def is_conductor(index: complex) -> bool:
+    """Whether the groups take a medium as opaque, with certainty (see :func:`.fresnel.is_open`)."""
     # Twice as sure as the node group, which rounds.
-    return 4 * n / ((n + 1) ** 2 + kappa**2) < OPAQUE_BELOW_TRANSMITTANCE / 2
+    passed = 4 * index.real / ((index.real + 1) ** 2 + index.imag**2)
+    return passed < OPAQUE_BELOW_TRANSMITTANCE / 2
+
+
+def link_group(material: Any, group: Any, penetrable: bool) -> Any:
+    """Give a material a group of ours as its only nodes; returns the group's node."""
+    if material.node_tree is None:  # always there from 5.0 on, where use_nodes warns
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    output.location = (260, 0)
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.label = group.name
+    node.width = 220
+    tree.links.new(node.outputs["Surface"], output.inputs["Surface"])
+    if penetrable:
+        tree.links.new(node.outputs["Volume"], output.inputs["Volume"])
+    # Nothing here shines; sampling it as a light would only cost time.
+    material.cycles.emission_sampling = "NONE"
+    material.cycles.volume_step_rate = VOLUME_STEP_RATE
+    return node
 
 
 def make_material(
@@ -149,16 +182,7 @@ def make_material(
     group = ensure_group(KIND)
     material = bpy.data.materials.new(name)
     try:
-        if material.node_tree is None:  # always there from 5.0 on, where use_nodes warns
-            material.use_nodes = True
-        tree = material.node_tree
-        tree.nodes.clear()
-        output = tree.nodes.new("ShaderNodeOutputMaterial")
-        output.location = (260, 0)
-        node = tree.nodes.new("ShaderNodeGroup")
-        node.node_tree = group
-        node.label = group.name
-        node.width = 220
+        node = link_group(material, group, penetrable)
         for socket, value in (
             (INDEX, n),
             (EXTINCTION, kappa),
@@ -166,11 +190,6 @@ def make_material(
             (ROUGHNESS, roughness),
         ):
             node.inputs[socket].default_value = value
-        tree.links.new(node.outputs["Surface"], output.inputs["Surface"])
-        if penetrable:
-            tree.links.new(node.outputs["Volume"], output.inputs["Volume"])
-        # Nothing here shines; sampling it as a light would only cost time.
-        material.cycles.emission_sampling = "NONE"
     except BaseException:
         bpy.data.materials.remove(material)
         raise

@@ -49,7 +49,7 @@ def _draw_surface(
     power = reflectance(build, n, kappa, cos_incidence(build))
     code = range_code(build, ray_length(build), inverse_k)
 
-    reflects, transmits = _camera_lobes(build)
+    reflects, transmits = camera_lobes(build)
     scattered = math("MULTIPLY", "F, or 0 before the gate", power, reflects)
     specular = math("MULTIPLY", "F s", scattered, specularity)
     diffuse = math("SUBTRACT", "F (1 - s)", scattered, specular)
@@ -81,7 +81,7 @@ def _draw_surface(
     build.group_output("Surface", total.outputs[0])
 
 
-def _camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
+def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
     """Factors of reflection and transmission on camera rays when a gate asks for certainty.
 
     With both lobes, Cycles follows one of them at random. Before the gate there is transmission

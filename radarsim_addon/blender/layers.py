@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects are plane-parallel layers, and how their faces lie.
+
+A wave that goes through a layer at an angle is refracted: absorption and delay inside follow from
+the angle to the layer's faces (see :mod:`.nodes.physical_material`). Inside an object a shader does
+not know those faces, so the object carries their normal as a custom property.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import contract
+from .nodes.groups import KIND_PROPERTY
+from .nodes.materials import group_node
+from .nodes.physical_material import KIND
+from .recorder import Recorder
+
+Real = NDArray[np.float64]
+
+#: Share of an object's surface that must lie in one pair of directions for it to be a layer.
+LAYER_SHARE = 0.6
+#: Faces within this of each other count as parallel (difference of unit normals).
+_PARALLEL = 0.02
+#: Directions with the most area that are tried.
+_CANDIDATES = 8
+
+
+def layer_normal(normals: Real, areas: Real) -> Real | None:
+    """Normal of the plane-parallel faces that most of a surface lies in; None where there are none.
+
+    Parameters
+    ----------
+    normals
+        Unit normals of the faces, (n, 3).
+    areas
+        Their areas, (n,).
+    """
+    total = float(areas.sum())
+    if not total > 0:
+        return None
+    # Opposite normals are one direction; rounded, equal ones fall together.
+    sign = np.where(normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)] < 0, -1.0, 1.0)
+    directions = normals * sign[:, None]
+    keys = np.round(directions / _PARALLEL).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    by_cell = np.bincount(inverse.ravel(), areas, len(first))
+    for cell in np.argsort(-by_cell)[:_CANDIDATES]:
+        near = np.abs(np.abs(directions @ directions[first[cell]]) - 1) < _PARALLEL**2 / 2
+        if areas[near].sum() >= LAYER_SHARE * total:
+            # Signs agree with the candidate: near the border of a cube of signs they may not.
+            flip = np.sign(directions[near] @ directions[first[cell]])
+            mean = (directions[near] * (flip * areas[near])[:, None]).sum(axis=0)
+            return np.asarray(mean / np.linalg.norm(mean), dtype=np.float64)
+    return None
+
+
+def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
+    """Layer normal of an object as evaluated, in its own space; None where it is no layer."""
+    evaluated = item.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return None
+    try:
+        count = len(mesh.polygons)
+        if not count:
+            return None
+        normals = np.empty(count * 3, dtype=np.float32)
+        areas = np.empty(count, dtype=np.float32)
+        mesh.polygons.foreach_get("normal", normals)
+        mesh.polygons.foreach_get("area", areas)
+    finally:
+        evaluated.to_mesh_clear()
+    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+    if abs(np.linalg.det(linear)) < 1e-30:
+        return None
+    # Area vectors under a linear map: det(A) A^-T.
+    vectors = (normals.reshape(-1, 3) * areas[:, None].astype(np.float64)) @ np.linalg.inv(linear)
+    lengths = np.linalg.norm(vectors, axis=1)
+    kept = lengths > 0
+    world = layer_normal(vectors[kept] / lengths[kept, None], lengths[kept])
+    if world is None:
+        return None
+    # Back to the object's space, so that the normal turns with it.
+    local = linear.T @ world
+    return np.asarray(local / np.linalg.norm(local), dtype=np.float64)
+
+
+def set_layer_normals(recorder: Recorder, depsgraph: Any) -> None:
+    """Give every object with a penetrable physical material its layer normal, for a run.
+
+    A property that the user has set is left alone; [0, 0, 0] there means: no layer.
+    """
+    for item in bpy.data.objects:
+        if item.hide_render or item.library is not None or contract.OBJECT_LAYER_NORMAL in item:
+            continue
+        if not any(is_entered(slot.material) for slot in item.material_slots):
+            continue
+        if item.name not in depsgraph.objects:
+            continue
+        normal = object_layer_normal(item, depsgraph)
+        if normal is not None:
+            recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+            item.update_tag()
+
+
+def is_entered(material: Any) -> bool:
+    """Whether a physical material has an interior: its Volume is connected."""
+    node = group_node(material)
+    if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
+        return False
+    return any(
+        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Volume"].is_linked
+        for node in material.node_tree.nodes
+    )

@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar Material, physical: a medium of complex index n + j kappa with a smooth or rough surface.
+
+Surface::
+
+    smooth     Glossy, sharp          code R
+    rough      Metallic (conductor)   code F(half vector), Beckmann: Kirchhoff's model in its
+                                      geometric-optics limit
+    either     Transparent            T x transmission  (no code: the ray's length runs on)
+
+R and T of :mod:`.interface`, for the run's polarisation. The Metallic BSDF evaluates Fresnel's
+equations where they belong, at the facet that reflects, but takes no colour: so there are three of
+them, each with the index in one channel and vacuum (F = 0) in the others, mixed with black by
+that channel's code. From inside, their unpolarised F is scaled by R/F.
+
+Volume, per Blender unit along a ray, with c the cosine outside to the layer's normal and
+q = sqrt(epsilon - 1 + c^2)::
+
+    B: alpha = 4 pi Im(q) c / wavelength
+    R: alpha + c (Re q - c)/k         G: alpha + 2 c (Re q - c)/k
+
+A layer of thickness d is crossed over d/c: absorption exp(-2 k0 Im(q) d) and optical delay
+d (Re q - c), as the refracted wave has them. Without a layer normal c is 1: 4 pi kappa / wavelength
+and n - 1.
+"""
+
+from __future__ import annotations
+
+import math as _math
+from typing import Any
+
+from ... import contract
+from ...physics.rough_transmission import RAMP_BELOW
+from .build import GroupDefinition, SocketSpec, TreeBuilder
+from .fresnel import cos_incidence
+from .interface import Wave, interface_power, wave_inside
+from .radar_material import EXTINCTION, INDEX, ROUGHNESS, camera_lobes
+from .range_code import inverse_code_length, range_code, ray_length
+
+KIND = "radar_physical"
+
+TRANSMISSION = "Transmission"
+GRAZING_TRANSMISSION = "Grazing Transmission"
+
+SMOOTH_BELOW = 0.01
+"""Roughness (alpha 1e-4) below which a surface is taken as a mirror."""
+
+
+def _draw(build: TreeBuilder) -> None:
+    n = build.group_input(INDEX)
+    kappa = build.group_input(EXTINCTION)
+    inverse_k = inverse_code_length(build)
+    _draw_surface(build, n, kappa, inverse_k)
+    _draw_volume(build, n, kappa, inverse_k)
+
+
+def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+    math = build.math
+    roughness = build.group_input(ROUGHNESS)
+    cosine = cos_incidence(build)
+    power = interface_power(build, n, kappa, wave_inside(build, n, kappa, cosine))
+    code = range_code(build, ray_length(build), inverse_k)
+    reflects, transmits = camera_lobes(build)
+    is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
+    is_smooth = math("SUBTRACT", "smooth", 1.0, is_rough)
+
+    weight = math("MULTIPLY", "R of a mirror", power.reflected, is_smooth)
+    weight = math("MULTIPLY", "R, or 0 before the gate", weight, reflects)
+    colour = build.node(
+        "ShaderNodeVectorMath", "Mirror colour", {0: code, "Scale": weight}, operation="SCALE"
+    )
+    mirror = build.node(
+        "ShaderNodeBsdfAnisotropic",
+        "Mirror",
+        {"Color": colour.outputs[0], "Roughness": 0.0},
+        distribution="BECKMANN",
+    )
+    rough = _rough_lobes(build, n, kappa, roughness, code, power, reflects, is_rough)
+    passed = math("MULTIPLY", "T, scaled", power.passed, _transmission(build, cosine))
+    through = build.node(
+        "ShaderNodeBsdfTransparent",
+        "Transmission",
+        {"Color": math("MULTIPLY", "T, or 0 at the gate", passed, transmits)},
+    )
+    reflected = build.node("ShaderNodeAddShader", "Reflection", {0: mirror.outputs[0], 1: rough})
+    total = build.node(
+        "ShaderNodeAddShader", "Surface", {0: reflected.outputs[0], 1: through.outputs[0]}
+    )
+    build.group_output("Surface", total.outputs[0])
+
+
+def _transmission(build: TreeBuilder, cosine: Any) -> Any:
+    """Factor on T: the first input, and below RAMP_BELOW linear to the second at grazing."""
+    math = build.math
+    ramp = math("MULTIPLY_ADD", "ramp", cosine, -1.0 / RAMP_BELOW, 1.0, clamp=True)
+    flat = math("SUBTRACT", "1 - ramp", 1.0, ramp)
+    low = math("MULTIPLY", "grazing part", build.group_input(GRAZING_TRANSMISSION), ramp)
+    return math("MULTIPLY_ADD", "factor on T", build.group_input(TRANSMISSION), flat, low)
+
+
+def _rough_lobes(
+    build: TreeBuilder,
+    n: Any,
+    kappa: Any,
+    roughness: Any,
+    code: Any,
+    power: Any,
+    reflects: Any,
+    is_rough: Any,
+) -> Any:
+    """Three Metallic BSDFs, one a channel."""
+    math = build.math
+    back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
+    inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
+    ratio = build.select("1, or R / F from inside", back, 1.0, inside)
+    weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
+    weight = math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
+    codes = build.node("ShaderNodeSeparateXYZ", "Code by channel", {0: code}).outputs
+    total = None
+    for axis, channel in enumerate("RGB"):
+        index = build.node(
+            "ShaderNodeCombineXYZ",
+            f"Index in {channel}",
+            {i: n if i == axis else 1.0 for i in range(3)},
+        )
+        extinction = build.node(
+            "ShaderNodeCombineXYZ",
+            f"Extinction in {channel}",
+            {i: kappa if i == axis else 0.0 for i in range(3)},
+        )
+        lobe = build.node(
+            "ShaderNodeBsdfMetallic",
+            f"Facets, {channel}",
+            {
+                "IOR": index.outputs[0],
+                "Extinction": extinction.outputs[0],
+                "Roughness": roughness,
+            },
+            distribution="BECKMANN",
+            fresnel_type="PHYSICAL_CONDUCTOR",
+        )
+        coded = build.node(
+            "ShaderNodeMixShader",
+            f"Code on {channel}",
+            {
+                0: math("MULTIPLY", f"Weight of {channel}", weight, codes[axis]),
+                2: lobe.outputs[0],
+            },
+        ).outputs[0]
+        if total is None:
+            total = coded
+        else:
+            total = build.node(
+                "ShaderNodeAddShader", f"Facets to {channel}", {0: total, 1: coded}
+            ).outputs[0]
+    return total
+
+
+def _layer_cosine(build: TreeBuilder) -> Any:
+    """Cosine to the object's layer normal, 1 where it has none."""
+    math = build.math
+    normal = build.node(
+        "ShaderNodeAttribute",
+        "Layer normal",
+        attribute_type="OBJECT",
+        attribute_name=contract.OBJECT_LAYER_NORMAL,
+    ).outputs["Vector"]
+    world = build.node(
+        "ShaderNodeVectorTransform",
+        "Layer normal, world",
+        {0: normal},
+        vector_type="NORMAL",
+        convert_from="OBJECT",
+        convert_to="WORLD",
+    ).outputs[0]
+    unit = build.vector_math("NORMALIZE", "Unit layer normal", {0: world})
+    ray = build.node("ShaderNodeNewGeometry", "Ray inside").outputs["Incoming"]
+    dot = build.node(
+        "ShaderNodeVectorMath", "I . layer normal", {0: ray, 1: unit}, operation="DOT_PRODUCT"
+    ).outputs["Value"]
+    length = build.node(
+        "ShaderNodeVectorMath", "|layer normal|", {0: normal}, operation="LENGTH"
+    ).outputs["Value"]
+    given = math("GREATER_THAN", "layer normal given", length, 0.5)
+    cosine = math("ABSOLUTE", "|I . layer normal|", dot, clamp=True)
+    return build.select("c to the layer", given, 1.0, cosine)
+
+
+def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+    math = build.math
+    cosine = _layer_cosine(build)
+    with build.prefixed("Volume: "):
+        wave = wave_inside(build, n, kappa, cosine)
+    given = build.scene_attribute(contract.ATTR_WAVELENGTH)
+    is_given = math("GREATER_THAN", "wavelength given", given, 0.0)
+    wavelength = build.select("wavelength", is_given, 1.0, given)
+    normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
+    rate = math("MULTIPLY", "4 pi Im(q) c", normal_rate, cosine)
+    alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, wavelength)
+    world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
+    any_inverse_k = math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
+    longer = math("MULTIPLY", "c (Re q - c)", cosine, _excess(build, wave))
+    # A light wave that runs ahead (n < 1) cannot be told by absorption.
+    delay = math(
+        "MULTIPLY", "c (Re q - c) / k", math("MAXIMUM", "from 0 up", longer, 0.0), any_inverse_k
+    )
+    double_delay = math("MULTIPLY", "2 c (Re q - c) / k", delay, 2.0)
+    # One node with Density x (1 - Color), as in the Radar Material.
+    density = math("ADD", "alpha + 2 c (Re q - c) / k", alpha, double_delay)
+    red = math("DIVIDE", "Spared in red", delay, density)
+    blue = math("DIVIDE", "Spared in blue", double_delay, density)
+    colour = build.node("ShaderNodeCombineXYZ", "Spared", {0: red, 1: 0.0, 2: blue})
+    interior = build.node(
+        "ShaderNodeVolumeAbsorption", "Interior", {"Color": colour.outputs[0], "Density": density}
+    )
+    build.group_output("Volume", interior.outputs[0])
+
+
+def _excess(build: TreeBuilder, wave: Wave) -> Any:
+    """Re q - c = Re((epsilon - 1)/(q + c)), which keeps its digits near n = 1."""
+    math = build.math
+    re = math("ADD", "Re(q + c)", wave.u, wave.cosine)
+    bottom = math(
+        "MULTIPLY_ADD", "|q + c|^2", re, re, math("MULTIPLY", "Im(q + c)^2", wave.v, wave.v)
+    )
+    top = math(
+        "MULTIPLY_ADD",
+        "Re((epsilon - 1)(q + c)*)",
+        wave.excess,
+        re,
+        math("MULTIPLY", "Im(epsilon) Im(q)", wave.epsilon_im, wave.v),
+    )
+    return math("DIVIDE", "Re q - c", top, bottom)
+
+
+RADAR_PHYSICAL = GroupDefinition(
+    kind=KIND,
+    name="Radar Material, physical",
+    version=1,
+    description=(
+        "Smooth or rough surface of a medium of complex index n + j kappa, with what the wave does "
+        "inside: Fresnel losses, absorption and delay at the angle at which it goes through"
+    ),
+    sockets=(
+        SocketSpec(
+            "Surface",
+            "OUTPUT",
+            "NodeSocketShader",
+            "Reflected and transmitted power. Connect to Surface of the Material Output",
+        ),
+        SocketSpec(
+            "Volume",
+            "OUTPUT",
+            "NodeSocketShader",
+            "Absorption and optical delay along the depth inside. Connect to Volume of the "
+            "Material Output where the object is a closed mesh that radar waves enter",
+        ),
+        SocketSpec(
+            INDEX,
+            "INPUT",
+            "NodeSocketFloat",
+            "Real part n of the complex index of refraction at the carrier (no unit). Set from the "
+            "material's medium whenever the carrier changes; a link here takes its place",
+            default=2.3,
+            minimum=0.0,
+            maximum=1e5,
+        ),
+        SocketSpec(
+            EXTINCTION,
+            "INPUT",
+            "NodeSocketFloat",
+            "Imaginary part kappa of the complex index at the carrier (no unit), physical: power "
+            "falls as exp(-4 pi kappa d / wavelength) with the depth d. Set from the medium",
+            default=0.0,
+            minimum=0.0,
+            maximum=1e5,
+        ),
+        SocketSpec(
+            ROUGHNESS,
+            "INPUT",
+            "NodeSocketFloat",
+            "Roughness of the surface as Cycles takes it: roughness^2 = alpha = sqrt(2) x rms "
+            "slope. 0 is a mirror, which sends no echo straight back to a point antenna",
+            default=0.0,
+            subtype="FACTOR",
+        ),
+        SocketSpec(
+            TRANSMISSION,
+            "INPUT",
+            "NodeSocketFloat",
+            "Factor on the power that goes through each face, up to 60 degrees. 1, but for rough "
+            "surfaces, whose facets reflect a little more than a smooth one: no power is created",
+            default=1.0,
+            subtype="FACTOR",
+        ),
+        SocketSpec(
+            GRAZING_TRANSMISSION,
+            "INPUT",
+            "NodeSocketFloat",
+            "The same at grazing incidence; between 60 degrees and there it is linear in the "
+            "cosine. Set from medium and roughness, as the factor above",
+            default=1.0,
+            subtype="FACTOR",
+        ),
+    ),
+    draw=_draw,
+)

@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials by their physics: a medium of the library, a rough surface; kept in the material.
+
+What the user gives is kept as custom properties of the material, in SI and float64, so that it is
+there in every Blender, registered add-on or not, and survives saving and appending:
+
+=================================  =================================================================
+``radarsim_medium``                name of the model in `physics.materials` ("concrete", "index"...)
+``radarsim_medium_<parameter>``    its parameters, by the names the model gives them
+``radarsim_medium_path``           CSV file of the model "table"
+``radarsim_rms_height_m``          rms height h of the surface [m]
+``radarsim_correlation_length_m``  correlation length l of a Gaussian surface [m]
+``radarsim_rms_slope``             rms slope m; taken where h and l do not give it, m = sqrt(2) h/l
+=================================  =================================================================
+
+The surface's three may be set on any material (also of the simple Radar Material, or none of ours)
+for what else needs them; `surface_of` reads them. The index n + jk at the carrier is derived from
+the medium by `update_material`: when the carrier changes, and when a run starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ..errors import ConfigError, RadarSimError
+from ..physics.constants import SPEED_OF_LIGHT_MPS
+from ..physics.material_model import MaterialModel
+from ..physics.materials import TABLE, material_model
+from ..physics.rough import cycles_roughness, kirchhoff_limits, rms_slope, slope_from_roughness
+from ..physics.rough_transmission import transmission_factors
+from .nodes.groups import KIND_PROPERTY, ensure_group
+from .nodes.materials import group_node, is_conductor, link_group
+from .nodes.physical_material import (
+    EXTINCTION,
+    GRAZING_TRANSMISSION,
+    INDEX,
+    KIND,
+    ROUGHNESS,
+    TRANSMISSION,
+)
+from .recorder import Recorder
+
+MEDIUM = "radarsim_medium"
+PARAMETER_PREFIX = "radarsim_medium_"
+PATH = "radarsim_medium_path"
+RMS_HEIGHT = "radarsim_rms_height_m"
+CORRELATION_LENGTH = "radarsim_correlation_length_m"
+RMS_SLOPE = "radarsim_rms_slope"
+
+
+@dataclass(frozen=True)
+class Medium:
+    """A model of the library with its parameters; `path` is the CSV file of the model 'table'."""
+
+    name: str
+    parameters: dict[str, float] = field(default_factory=dict)
+    path: str | None = None
+
+    @property
+    def model(self) -> MaterialModel:
+        """The library's model. ConfigError where there is none of that name."""
+        path = None if self.path is None else bpy.path.abspath(self.path)
+        return material_model(self.name, path)
+
+    def index(self, carrier_hz: float) -> complex:
+        """n + jk at the carrier; ConfigError outside the band of validity, which it names."""
+        return complex(self.model.index(carrier_hz, **self.parameters))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Rough surface: rms height and correlation length [m], 0 where not given; rms slope."""
+
+    rms_height_m: float = 0.0
+    correlation_length_m: float = 0.0
+    rms_slope: float = 0.0
+
+    @property
+    def slope(self) -> float:
+        """sqrt(2) h/l where both are given, else the slope that is."""
+        if self.rms_height_m > 0 and self.correlation_length_m > 0:
+            return float(rms_slope(self.rms_height_m, self.correlation_length_m))
+        return self.rms_slope
+
+    @property
+    def correlation_length(self) -> float:
+        """l [m], from h and the slope where it was not given; 0 where neither says."""
+        if self.correlation_length_m > 0:
+            return self.correlation_length_m
+        if self.rms_height_m > 0 and self.rms_slope > 0:
+            return math.sqrt(2) * self.rms_height_m / self.rms_slope
+        return 0.0
+
+
+# -- reading and writing ---------------------------------------------------------------------------
+
+
+def medium_of(material: Any) -> Medium | None:
+    """The medium that a material was given; None for a simple or foreign one."""
+    name = material.get(MEDIUM)
+    if not isinstance(name, str) or not name:
+        return None
+    if name == TABLE:
+        return Medium(name, {}, str(material.get(PATH, "")))
+    parameters = {}
+    for parameter in material_model(name).parameters:
+        value = material.get(PARAMETER_PREFIX + parameter.name)
+        if value is not None:
+            parameters[parameter.name] = float(value)
+    return Medium(name, parameters)
+
+
+def surface_of(material: Any) -> Surface | None:
+    """Roughness that a material was given; None where it has none of the three numbers.
+
+    The slope of a Radar Material without any is that of its Roughness.
+    """
+    keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
+    if material is None:
+        return None
+    values = [float(material.get(key, 0.0)) for key in keys]
+    node = group_node(material)
+    if not any(value > 0 for value in values):
+        return None
+    surface = Surface(*values)
+    if surface.slope == 0 and node is not None and not node.inputs[ROUGHNESS].is_linked:
+        slope = float(slope_from_roughness(node.inputs[ROUGHNESS].default_value))
+        return Surface(surface.rms_height_m, surface.correlation_length_m, slope)
+    return surface
+
+
+def is_physical(material: Any) -> bool:
+    """Whether a material has the physical group."""
+    node = group_node(material)
+    return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND
+
+
+def make_physical_material(
+    name: str,
+    medium: str,
+    *,
+    carrier_hz: float,
+    rms_height_m: float = 0.0,
+    correlation_length_m: float = 0.0,
+    rms_slope: float = 0.0,
+    path: str | None = None,
+    penetrable: bool | None = None,
+    **parameters: float,
+) -> Any:
+    """Make a material from a medium of the library and a rough or smooth surface.
+
+    Parameters
+    ----------
+    name
+        Name of the data-block; Blender numbers it where taken.
+    medium, path, parameters
+        As `physics.materials.material` takes them.
+    carrier_hz
+        Where the medium is evaluated now; a run evaluates it at its own carrier.
+    rms_height_m, correlation_length_m, rms_slope
+        Surface. All 0: smooth.
+    penetrable
+        Link the interior. None: unless the medium is a conductor at this carrier.
+
+    Raises
+    ------
+    ConfigError
+        Unknown medium or parameter, carrier outside the band, slope too steep.
+    """
+    ensure_group(KIND)
+    material = bpy.data.materials.new(name)
+    try:
+        write_medium(material, Medium(medium, parameters, path))
+        write_surface(material, Surface(rms_height_m, correlation_length_m, rms_slope))
+        index = Medium(medium, parameters, path).index(carrier_hz)
+        make_physical(material, not is_conductor(index) if penetrable is None else penetrable)
+        update_material(material, carrier_hz)
+    except BaseException:
+        bpy.data.materials.remove(material)
+        raise
+    return material
+
+
+def make_physical(material: Any, penetrable: bool = True) -> None:
+    """Put the physical group into a material in place of whatever nodes it has."""
+    link_group(material, ensure_group(KIND), penetrable)
+
+
+def write_medium(material: Any, medium: Medium) -> None:
+    """Keep a medium in a material; ConfigError for an unknown name or parameter."""
+    known = {parameter.name for parameter in medium.model.parameters}
+    unknown = sorted(set(medium.parameters) - known)
+    if unknown:
+        raise ConfigError(
+            f"Medium {medium.name!r} does not know the parameter {unknown[0]!r}; its parameters: "
+            f"{', '.join(sorted(known)) or 'none'}."
+        )
+    for key in [key for key in material.keys() if key.startswith(PARAMETER_PREFIX)]:
+        del material[key]
+    material[MEDIUM] = medium.name
+    for name, value in medium.parameters.items():
+        material[PARAMETER_PREFIX + name] = float(value)
+    if medium.path is not None:
+        material[PATH] = medium.path
+
+
+def write_surface(material: Any, surface: Surface) -> None:
+    """Keep a surface in a material; ConfigError for numbers below 0."""
+    values = {
+        RMS_HEIGHT: surface.rms_height_m,
+        CORRELATION_LENGTH: surface.correlation_length_m,
+        RMS_SLOPE: surface.rms_slope,
+    }
+    for key, value in values.items():
+        if not (math.isfinite(value) and value >= 0):
+            raise ConfigError(f"{key} is {value!r}; expected a number from 0 up.")
+        if value > 0:
+            material[key] = float(value)
+        elif key in material:
+            del material[key]
+
+
+# -- what follows at a carrier ---------------------------------------------------------------------
+
+
+def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
+    """Values of the group's inputs at a carrier, by socket name.
+
+    Raises
+    ------
+    ConfigError
+        Names the material: carrier outside the band, parameter missing, slope too steep.
+    """
+    medium = medium_of(material)
+    if medium is None:
+        return {}
+    try:
+        index = medium.index(carrier_hz)
+        slope = (surface_of(material) or Surface()).slope
+        roughness = float(cycles_roughness(slope))
+        through, through_grazing = 1.0, 1.0
+        if not is_conductor(index):
+            through, through_grazing = transmission_factors(index, slope)
+    except RadarSimError as error:
+        raise ConfigError(f"Material {material.name!r}: {error}") from error
+    return {
+        INDEX: index.real,
+        EXTINCTION: index.imag,
+        ROUGHNESS: roughness,
+        TRANSMISSION: through,
+        GRAZING_TRANSMISSION: through_grazing,
+    }
+
+
+def update_material(material: Any, carrier_hz: float, recorder: Recorder | None = None) -> None:
+    """Set a physical material's inputs for a carrier; sockets that the user linked are left.
+
+    Raises
+    ------
+    ConfigError
+        As `inputs_at`.
+    """
+    node = group_node(material)
+    if node is None or not is_physical(material):
+        return
+    for name, value in inputs_at(material, carrier_hz).items():
+        socket = node.inputs[name]
+        if socket.is_linked:
+            continue
+        if recorder is not None:
+            recorder.set(socket, "default_value", value)
+        elif socket.default_value != value:
+            socket.default_value = value
+
+
+def update_materials(carrier_hz: float, recorder: Recorder | None = None) -> list[str]:
+    """Evaluate every physical material of the file at a carrier.
+
+    Returns
+    -------
+    list of str
+        What could not be evaluated, of materials that no rendered object wears.
+
+    Raises
+    ------
+    ConfigError
+        A material that an object in the render wears cannot be evaluated.
+    """
+    worn = _worn(bpy.data.objects)
+    failures = []
+    for material in bpy.data.materials:
+        try:
+            update_material(material, carrier_hz, recorder)
+        except ConfigError as error:
+            if material.name in worn:
+                raise
+            failures.append(str(error))
+    return failures
+
+
+def refresh_materials(carrier_hz: float) -> None:
+    """As `update_materials`; a material that cannot be evaluated keeps its numbers."""
+    for material in bpy.data.materials:
+        try:
+            update_material(material, carrier_hz)
+        except ConfigError:
+            continue
+
+
+def limits_of(material: Any, carrier_hz: float) -> tuple[str, ...]:
+    """Why the model of a material's rough surface does not hold there; empty where it does."""
+    surface = surface_of(material)
+    if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
+        return ()
+    return kirchhoff_limits(
+        surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
+    )
+
+
+def _worn(objects: Iterable[Any]) -> set[str]:
+    return {
+        slot.material.name
+        for item in objects
+        if not item.hide_render
+        for slot in item.material_slots
+        if slot.material is not None
+    }
