@@ -18,8 +18,8 @@ from .material_properties import MATERIAL_PROPERTY, MaterialSettings
 from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
 from .path_properties import PathSettings
-from .system_properties import RadarAntennaSettings, SystemSettings
 from .physical_materials import refresh_materials
+from .system_properties import RadarAntennaSettings, SystemSettings
 
 SCENE_PROPERTY = "radarsim"
 PROGRESS_PROPERTY = "radarsim"
@@ -33,13 +33,12 @@ def _is_lamp(_: Any, item: Any) -> bool:
     return bool(item.type == "LIGHT")
 
 
-class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
 def _carrier_changed(settings: Any, _: Any) -> None:
     # What cannot be evaluated there is told by the material's panel, and by the run.
     refresh_materials(typed(settings.carrier_ghz, 9))
 
 
-class RadarSettings(PathSettings, bpy.types.PropertyGroup):
+class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
     """Settings of a measurement."""
 
     camera: bpy.props.PointerProperty(  # type: ignore[valid-type]
@@ -391,10 +390,9 @@ _GROUPS = (
 
 
 def register() -> None:
-    """Add ``Scene.radarsim`` and ``WindowManager.radarsim``; a second call changes nothing."""
+    """Add ``radarsim`` to scenes, materials, window manager; a second call changes nothing."""
     if not RadarAntennaSettings.is_registered:
         bpy.utils.register_class(RadarAntennaSettings)
-    """Add ``radarsim`` to scenes, materials, window manager; a second call changes nothing."""
     for group, owner, name, label in _GROUPS:
         if not group.is_registered:
             bpy.utils.register_class(group)
