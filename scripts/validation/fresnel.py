@@ -105,13 +105,13 @@ def special_angles(_bench: Bench) -> list[Check]:
     return checks
 
 
-def _closed_form(index: complex, angle_deg: float) -> float:
-    """Textbook form with Snell's angle, mean of both polarisations (Born and Wolf 1.5.2)."""
-    cos_i = math.cos(math.radians(angle_deg))
-    cos_t = np.sqrt(1 - (math.sin(math.radians(angle_deg)) / index) ** 2 + 0j)
+def textbook_reflectance(index: complex, angle_deg: Any) -> Any:
+    """Mean of |r_s|^2 and |r_p|^2 with Snell's angle (Born and Wolf 1.5.2), in the plain form."""
+    cos_i = np.cos(np.radians(angle_deg))
+    cos_t = np.sqrt(1 - (np.sin(np.radians(angle_deg)) / index) ** 2 + 0j)
     r_s = (cos_i - index * cos_t) / (cos_i + index * cos_t)
     r_p = (index * cos_i - cos_t) / (index * cos_i + cos_t)
-    return float(abs(r_s) ** 2 + abs(r_p) ** 2) / 2
+    return (np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2
 
 
 def _radiance(rows: Any) -> Real:
@@ -183,7 +183,7 @@ def every_angle(bench: Bench) -> list[Check]:
         reach_m = 1 / cosine[used]
         irradiance = EIRP_W / (4 * math.pi * reach_m**2) * cosine[used]
         seen = _radiance(run.rows)[used] / irradiance * math.pi
-        want = np.array([_closed_form(index, a) for a in angle_deg[used]])
+        want = textbook_reflectance(index, angle_deg[used])
         worst = int(np.argmax(np.abs(np.log(seen / want))))
         for a, s, w in zip(angle_deg[used][::37], seen[::37], want[::37], strict=True):
             bench.point("reflectance", medium=f"{index:g}", angle_deg=a, expected=w, measured=s)
