@@ -19,6 +19,7 @@ Real = NDArray[np.float64]
 #: s0 as a function of the cosines towards transmitter and receiver.
 Coefficient = Callable[[Real, Real], Real]
 ORIGIN = np.zeros(3)
+_erfc = np.vectorize(math.erfc, otypes=[np.float64])
 
 
 def lambert_coefficient(albedo: float) -> Coefficient:
@@ -39,6 +40,16 @@ def kirchhoff_coefficient(index: complex, slope: float) -> Coefficient:
         return np.asarray(reflectance * np.exp(-tan2 / (2 * slope**2)) / (2 * slope**2 * c**4))
 
     return value
+
+
+def smith_lambda(alpha: float, cosine: Real) -> Real:
+    """Smith's Lambda of a Beckmann surface, exact (Smith 1967; Heitz 2014, table 1).
+
+    (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan); shadowing is 1/(1 + sum Lambda).
+    """
+    sine = np.sqrt(np.maximum(1 - cosine**2, 0))
+    a = np.clip(cosine / np.maximum(alpha * sine, 1e-12), 1e-9, 25.0)
+    return np.asarray((np.exp(-(a**2)) / (a * math.sqrt(math.pi)) - _erfc(a)) / 2)
 
 
 def power_over(

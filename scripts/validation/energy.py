@@ -15,6 +15,7 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes.materials import preset_material
 
 from .case import Bench, Case, Check, Group, absolute_check, worst_of
+from .closed_forms import smith_lambda
 from .fresnel import textbook_reflectance
 from .furnace import look_down, radiance, sky_scene
 from .scenes import add_box, add_plate, facing_plate, metallic
@@ -24,7 +25,6 @@ ANGLES_DEG = (0.0, 30.0, 60.0, 75.0)
 #: Nothing may send back more than it gets, but for sampling noise.
 MOST = 1.002
 MOST_SOURCE = "no surface sends back more than it gets"
-_erfc = np.vectorize(math.erfc, otypes=[np.float64])
 
 
 def smith_albedo(
@@ -45,15 +45,9 @@ def smith_albedo(
     cos_o = 2 * facing * cos_m - cos_i
     seen = (facing > 0) & (cos_o > 0)
 
-    def smith(cosine: Real) -> Real:
-        sine = np.sqrt(np.maximum(1 - cosine**2, 0))
-        a = cosine / np.maximum(alpha * sine, 1e-12)
-        a = np.clip(a, 1e-9, 25.0)
-        return np.asarray((np.exp(-(a**2)) / (a * math.sqrt(math.pi)) - _erfc(a)) / 2)
-
-    shadow = 1 / (1 + smith(np.array(cos_i)) + smith(np.where(seen, cos_o, 1.0)))
+    lost = smith_lambda(alpha, np.array(cos_i)) + smith_lambda(alpha, np.where(seen, cos_o, 1.0))
     fresnel = 1.0 if reflectance is None else reflectance(np.clip(facing, 0, 1))
-    value = np.where(seen, fresnel * facing / (cos_i * cos_m) * shadow, 0.0)
+    value = np.where(seen, fresnel * facing / (cos_i * cos_m) / (1 + lost), 0.0)
     return float(np.sum(weight[:, None] * value) / 320)
 
 

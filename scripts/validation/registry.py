@@ -15,6 +15,7 @@ MODULES = (
     "fresnel",
     "materials",
     "scale",
+    "antennas",
     "energy",
 )
 

@@ -128,6 +128,23 @@ def add_box(name: str, low_m: Sequence[float], high_m: Sequence[float], material
     return add_mesh(name, corners, faces, material, (low + high) / 2)
 
 
+def add_wall(
+    name: str,
+    centre_m: Sequence[float],
+    thickness_m: float,
+    angle_deg: float,
+    material: Any,
+    half_m: float = 3.0,
+) -> Real:
+    """A closed box across +Y, turned about Z by an angle; returns the normal of its faces."""
+    half = (half_m, thickness_m / 2, half_m)
+    item = add_box(name, [-h for h in half], half, material)
+    angle = math.radians(angle_deg)
+    item.location = np.asarray(centre_m, dtype=np.float64) / metres_per_unit()
+    item.rotation_euler = (0.0, 0.0, angle)
+    return np.array([-math.sin(angle), math.cos(angle), 0.0])
+
+
 def add_sphere(
     name: str, centre_m: Sequence[float], radius_m: float, material: Any, subdivisions: int = 6
 ) -> Any:
@@ -239,11 +256,13 @@ def acquire(
     *,
     height_px: int | None = None,
     carrier_hz: float = CARRIER_HZ,
+    polarisation: str | None = None,
     waveform: Waveform | None = None,
     burst: Burst | None = None,
     **options: Any,
 ) -> Acquired:
     """Measure the current scene by the acquisition "paths", from job to files and back."""
+    extra: dict[str, Any] = {"polarisation": polarisation} if polarisation else {}
     measurement = Measurement(
         waveform=waveform or Waveform(carrier_hz, 50e6, 2.5e-6, 60e6),
         burst=burst or Burst(1000.0, 16),
@@ -254,6 +273,7 @@ def acquire(
         width_px=side_px,
         height_px=height_px or side_px,
         samples=1,
+        **extra,
     )
     scene, folder = bpy.context.scene, bench.fresh()
     chosen = PathOptions(shifts=shifts, **options)
