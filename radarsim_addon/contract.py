@@ -19,6 +19,8 @@ and, instead of the rings, for the acquisition "paths"::
 
     frames/frame_0001/paths.npy           one row a path                        (signal.pathtable)
     frames/frame_0001/paths.json          its sidecar                           (PathsRecord)
+    frames/frame_0001/motion.json         how what echoes moves in the burst    (MotionRecord)
+    frames/frame_0001/motion_tracks.npz   motion of deforming surfaces      (signal.motionfile)
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of every record below. Readers refuse newer ones and name the version they know."""
 
 # -- colour code (Eq. 2-4 of Costa et al.) ---------------------------------------------------------
@@ -89,6 +91,8 @@ PRODUCTS_DIR = "products"
 PATHS_TABLE = "paths.npy"
 PATHS_FILE = "paths.json"
 TILES_DIR = "tiles"  # measured tiles of a frame that is not whole yet
+MOTION_FILE = "motion.json"
+MOTION_TRACKS = "motion_tracks.npz"
 
 
 def frame_dir(frame: int) -> str:
@@ -244,9 +248,71 @@ class PathsRecord:
     table_file: str
     table_sha256: str
     left_order_sigma: float = 0.0
+    motion_file: str = ""  # empty: nothing is known of motion, all stands still
+    motion_sha256: str = ""
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"
+    schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class PieceRecord:
+    """A piece of a body's motion; see signal.motionmodel.Piece for what the numbers are."""
+
+    start_s: float
+    stop_s: float
+    move: Matrix
+    pivot: list[float]
+    turn: Matrix
+    reference: Matrix
+    linear: Matrix = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class BodyRecord:
+    """One object or instance: its pose at t, translation in metres, and how it moves from there.
+
+    instance tells instances of one object apart; it is empty for the object itself. Without
+    pieces the body stands still. noise_m is what the samples scatter about the fit, bound_m
+    bounds the error of a displacement, both at the body's farthest point.
+    """
+
+    object: str
+    instance: str
+    pose: Matrix
+    deforms: bool
+    pieces: list[PieceRecord]
+    noise_m: float
+    bound_m: float
+
+
+@dataclass(frozen=True)
+class MotionRecord:
+    """Motion of all bodies that paths touch, over one burst from time_s on.
+
+    Numbers in the table's columns body and first_body count bodies from 1. antennas are receiver
+    and emitter. bound_m is the largest bound of what moves. approximated_share is the power of
+    moving paths of three and more reflections, whose middle is unknown; unknown_share that of
+    paths with a vertex that is not known to belong to any body, which is taken to stand still.
+    """
+
+    frame: int
+    time_s: float
+    span_s: float
+    samples: int
+    receiver_kind: str
+    antennas: list[BodyRecord]
+    bodies: list[BodyRecord]
+    bound_m: float
+    bound_wavelengths: float
+    approximated_share: float
+    unknown_share: float
+    tracks_file: str
+    tracks_sha256: str
+    warnings: list[str] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    schema: str = "radarsim/motion"
     schema_version: int = SCHEMA_VERSION
 
 

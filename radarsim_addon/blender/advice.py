@@ -83,9 +83,9 @@ def warnings_for(
             f"The ring step of {measurement.ring_step_m:.4g} m is below the range resolution of "
             f"{radar.waveform.range_resolution_m:.4g} m: more renders, no more detail."
         )
-    if measurement.passes == 1:
+    if of_rings and measurement.passes == 1:
         found.append("One pass gives no Doppler: every echo will be at 0 m/s. Take two passes.")
-    elif measurement.delta_t_s < 0.002:
+    elif of_rings and measurement.delta_t_s < 0.002:
         found.append(
             f"Delta t of {measurement.delta_t_s * 1e3:.4g} ms is short: Blender keeps animation in "
             "float32, which at 1 ms costs about 1 % of the velocity. 10 ms is a good value."

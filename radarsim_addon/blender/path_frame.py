@@ -6,16 +6,16 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import contract
 from ..sidecar import file_sha256, write_record
-from ..signal.pathtable import write_table
+from ..signal.pathtable import PathRows, write_table
 from .acquisition import Instant
-from .object_motion import ObjectMotion, Poses
+from .motion_sampling import BurstMotion
 from .path_budget import CellGrid, ErrorBudget, ShiftPowers
 from .path_gates import RenderRequest
 from .path_inserts import lay_over_small
@@ -24,7 +24,6 @@ from .path_parts import TileParts, TileRecord
 from .path_quality import QualitySums
 from .path_tiles import Tile, ViewWindow
 from .path_unseen import unseen_warning, view_rectangles
-from .vertex_objects import VertexObjects
 
 if TYPE_CHECKING:
     from .path_job import PathJob
@@ -70,13 +69,11 @@ class FrameWork:
         instant: Instant,
         camera: contract.CameraRecord,
         emitter: contract.EmitterRecord,
-        motion: ObjectMotion | None,
-        poses: Poses,
-        labels: VertexObjects | None,
+        motion: BurstMotion,
     ) -> None:
         self._job, self._frame, self._instant = job, frame, instant
         self._camera, self._emitter, self._motion = camera, emitter, motion
-        self._poses, self._labels = poses, labels
+        self._poses = motion.poses
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
         self._folder = job.folder / contract.frame_dir(frame)
         self._tiles: dict[int, _Measured] = {}
@@ -182,11 +179,7 @@ class FrameWork:
                 quality.add_view(traced, job.watts_per_unit / count)
                 # One shift of each tile of the unrefined frame asked for more than its paths.
                 further.add_beyond(traced, job.watts_per_unit)
-                if self._labels is not None:
-                    self._labels.label(rows)
-                if self._motion is not None:
-                    receiver_m = np.array(self._camera.matrix_world)[:3, 3]
-                    self._motion.fill_range_rates(rows, receiver_m, self._emitter_m)
+                self._motion.label(rows)
                 quality.add_rows(rows)
                 powers.append(self._grid.shift_powers(rows, count))
                 rows_of.append(rows.size)
@@ -205,17 +198,19 @@ class FrameWork:
         self._parts.keep(key, record)
         return record, powers
 
+    def _chunks(self) -> Iterator[PathRows]:
+        """All rows, a part at a time."""
+        for number, measured in self._tiles.items():
+            yield from self._parts.chunks(measured.key, number)
+
     def _write(self, reached: str) -> None:
         job = self._job
         table = self._folder / contract.PATHS_TABLE
-        rows = write_table(
-            table,
-            (
-                rows
-                for number, measured in self._tiles.items()
-                for rows in self._parts.chunks(measured.key, number)
-            ),
-        )
+        for chunk in self._chunks():
+            self._motion.collect(chunk)
+        self._motion.sample()
+        rows = write_table(table, (self._motion.complete(part) for part in self._chunks()))
+        motion_file = self._motion.write(self._folder, self._instant.time_s, job.versions)
         parts = [*(measured.quality for measured in self._tiles.values()), *self._further]
         quality = QualitySums.joined(parts)
         wavelength_m = job.measurement.waveform.wavelength_m
@@ -231,6 +226,7 @@ class FrameWork:
         )
         if unseen:
             warnings.append(unseen)
+        warnings += self._motion.warnings
         record = contract.PathsRecord(
             frame=self._frame,
             time_s=self._instant.time_s,
@@ -268,6 +264,8 @@ class FrameWork:
             reached=reached,
             table_file=table.name,
             table_sha256=file_sha256(table),
+            motion_file=motion_file.name,
+            motion_sha256=file_sha256(motion_file),
             warnings=warnings,
             versions=job.versions,
         )

@@ -27,8 +27,8 @@ from . import output_folder, scene_truth
 from .acquisition import Extent, Instant, Plan, make_plan
 from .isolation import SURFACE_TYPES
 from .measurement import Measurement
+from .motion_sampling import BurstMotion, SamplingPlan
 from .nodes import is_radar_material
-from .object_motion import ObjectMotion
 from .path_frame import FrameWork, PathTask
 from .path_gates import TracedView, TraceLimits, View, trace_view
 from .path_options import PathOptions
@@ -39,7 +39,6 @@ from .path_tiles import Tile, shift_px, view_seed
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings
-from .vertex_objects import VertexObjects
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
@@ -128,11 +127,23 @@ class PathJob(RenderJob):
         for frame in set(frames) - set(self._frames_left):  # a kill may have left them
             TileParts(self.folder / contract.frame_dir(frame), "").remove()
 
+    @property
+    def _span_s(self) -> float:
+        """Length of a burst [s]."""
+        burst = self._measurement.burst
+        return burst.pulses / burst.prf_hz
+
     def _is_done(self, frame: int) -> bool:
         folder = self.folder / contract.frame_dir(frame)
         try:
             record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-            return file_sha256(folder / record.table_file) == record.table_sha256
+            motion = read_record(folder / contract.MOTION_FILE, contract.MotionRecord)
+            return (
+                file_sha256(folder / record.table_file) == record.table_sha256
+                and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256
+                # a longer burst than before is sampled anew
+                and motion.span_s >= self._span_s * (1 - 1e-9)
+            )
         except (RadarSimError, SchemaError, OSError):
             return False
 
@@ -180,26 +191,31 @@ class PathJob(RenderJob):
         assert self.path_scene is not None
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
-        instants = self.plan.instants(frame)
+        instant = self.plan.instants(frame)[0]
         units = self.plan.metres_per_unit
-        motion = None
-        if len(instants) > 1:
-            later = ObjectMotion.poses(self._show(instants[1]), self.rig, units)
-            dt_s = instants[1].time_s - instants[0].time_s
-        depsgraph = self._show(instants[0])
-        now = ObjectMotion.poses(depsgraph, self.rig, units)
-        if len(instants) > 1:
-            motion = ObjectMotion(self.path_scene.objects, now, later, dt_s)
+        motion = BurstMotion(
+            self._show,
+            self.rig,
+            self.path_scene.objects,
+            SamplingPlan(
+                frame,
+                self._fps(),
+                self._span_s,
+                units,
+                self._measurement.waveform.wavelength_m,
+                self.options.motion_samples,
+            ),
+            self.path_scene.kind,
+            frozen=self.options.motion == "off",
+        )
+        depsgraph = motion.begin()
         camera = camera_record(
             self.rig, depsgraph, units, self._measurement.width_px, self._measurement.height_px
         )
         emitter = emitter_record(self.rig, depsgraph, units)
         self.path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        labels = None
-        if self.options.max_order > 1:
-            labels = VertexObjects(self.path_scene.objects, now, depsgraph, units)
-        work = FrameWork(self, frame, instants[0], camera, emitter, motion, now, labels)
+        work = FrameWork(self, frame, instant, camera, emitter, motion)
         yield from work.run()
 
     def found_done(self) -> None:

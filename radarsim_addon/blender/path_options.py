@@ -37,6 +37,11 @@ class PathOptions:
         Most halvings of the pixel pitch.
     tile_px
         Side of a tile.
+    motion
+        "kinematic": every path's length at every pulse, from the motion of what it touches; "off":
+        all stands still during a burst.
+    motion_samples
+        Most samples of the animation in a burst.
     code
         "auto", "materials" or "world": what carries the range code.
     amplitude
@@ -52,6 +57,8 @@ class PathOptions:
     time_budget_s: float = 0.0
     max_level: int = 12
     tile_px: int = 256
+    motion: str = "kinematic"
+    motion_samples: int = 4097
     code: str = "auto"
     amplitude: str = "mean"
 
@@ -62,6 +69,7 @@ class PathOptions:
             ("Shifts", self.shifts, 1, 10_000),
             ("Refinement levels", self.max_level, 0, 40),
             ("Tile size", self.tile_px, 4, 4096),
+            ("Motion samples", self.motion_samples, 17, 65_537),
         ):
             if not (isinstance(value, int) and low <= value <= high):
                 raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
@@ -72,6 +80,8 @@ class PathOptions:
         ):
             if not (math.isfinite(number) and 0 <= number <= top):
                 raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
+        if self.motion not in ("kinematic", "off"):
+            raise ConfigError(f"Motion {self.motion!r}; expected 'kinematic' or 'off'.")
         if self.code not in ("auto", "materials", "world"):
             raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
         if self.amplitude not in ("mean", "R", "G", "B"):

@@ -8,8 +8,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from .. import contract
-from .object_motion import Poses, Shown
 from .path_tiles import Area
+from .shown import Poses, Shown
 
 #: Objects of fewer pixels than this can lie between all rays of a view.
 _SURELY_HIT_PX = 2.0

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import PATHS_FILE, PATHS_TABLE, PathsRecord
+from ..contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, PathsRecord
 from ..errors import SchemaError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from ..physics.radar_equation import effective_area_m2
 from ..sidecar import file_sha256, read_record
+from .motionfile import FrameMotion, read_motion
 from .pathgeometry import PathGeometry
 from .pathtable import FLAG_MIXED as ROW_MIXED
 from .pathtable import FLAG_NO_CODE, PathRows, iter_rows, open_table
@@ -59,6 +60,25 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
             "remove both and render the run again."
         )
     return record, table
+
+
+def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
+    """Motion of what a frame's paths touch; None where the run has none.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        A file is missing or damaged, or they do not belong together.
+    """
+    record = read_paths_record(folder, frame)
+    if not record.motion_file:
+        return None
+    if record.motion_file != MOTION_FILE:
+        raise SchemaError(
+            f"{folder / PATHS_FILE} names the motion file {record.motion_file!r}; expected "
+            f"{MOTION_FILE!r}. Remove it and render the run again."
+        )
+    return read_motion(folder, frame, record.motion_sha256)
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> NDArray[np.float64]:

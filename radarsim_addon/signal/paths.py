@@ -29,7 +29,8 @@ from .doppler import (
     range_rate,
 )
 from .frames import RadarFrame
-from .pathframes import geometry_of, is_mixed, radiance_of, table_parts, usable
+from .kinematics import as_path_motion
+from .pathframes import frame_motion, geometry_of, is_mixed, radiance_of, table_parts, usable
 from .pathgeometry import PathGeometry, join_geometry
 from .pathmotion import LinearMotion, PathMotion, join_motion
 from .ringgeometry import ring_geometry
@@ -218,6 +219,7 @@ def iter_paths(
 def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
     """The table of a frame in parts; rows without a length are counted and left out."""
     first = 0
+    scene = frame_motion(frame.path, frame.number)
     for record, rows in table_parts(frame.path, frame.number):
         keep = usable(rows)
         place = np.arange(first, first + rows.size, dtype=np.int32)[keep]
@@ -236,6 +238,7 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
             flags=flags,
             counts=_count_flags(flags, beyond_code=int(np.count_nonzero(~keep))),
             geometry=geometry_of(rows),
+            motion=as_path_motion(rows, scene),
         )
 
 

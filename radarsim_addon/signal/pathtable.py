@@ -44,6 +44,12 @@ PATH_DTYPE = np.dtype(
         # numbers of the objects at the last and first scatterer in the sidecar's list; 0: unknown
         ("object", "<i4"),
         ("first_object", "<i4"),
+        # numbers of the bodies (objects or instances) there in the frame's motion file, and of the
+        # tracks of points on surfaces that deform; 0: unknown, and none
+        ("body", "<i4"),
+        ("first_body", "<i4"),
+        ("track", "<i4"),
+        ("first_track", "<i4"),
         # view (tile) and sub-pixel shift: shifts of one tile are replicates of one another
         ("tile", "<i4"),
         ("shift", "<i4"),
