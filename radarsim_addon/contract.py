@@ -322,7 +322,8 @@ class ObjectRecord:
 
     nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t;
     range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
-    null with one pass. collections are those that hold the object, at any depth.
+    null with one pass. collections are those that hold the object, at any depth. rms_height_m and
+    correlation_length_m are those of the first of its materials that has any; null: none has.
     """
 
     name: str
@@ -331,6 +332,8 @@ class ObjectRecord:
     range_rate_mps: float | None
     materials: list[str] = field(default_factory=list)
     collections: list[str] = field(default_factory=list)
+    rms_height_m: float | None = None
+    correlation_length_m: float | None = None
 
 
 @dataclass(frozen=True)

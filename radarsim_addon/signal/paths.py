@@ -86,6 +86,9 @@ class Paths:
         Lengths over the burst; None: constant range rates, see `lengths`.
     gain
         What a radar system makes of the power, see :mod:`.link`; None: 1.
+    phasors
+        Complex factors of the amplitudes from the surface's scatterers, see :mod:`.scatterers`;
+        NaN where unknown, None: none.
     """
 
     radiance: Real
@@ -100,6 +103,7 @@ class Paths:
     geometry: PathGeometry | None = None
     motion: PathMotion | None = None
     gain: Real | None = None
+    phasors: NDArray[np.complex128] | None = None
 
     def __len__(self) -> int:
         return int(self.radiance.size)
@@ -132,6 +136,7 @@ class Paths:
             geometry=None if self.geometry is None else self.geometry.select(keep),
             motion=None if self.motion is None else self.motion.select(keep),
             gain=None if self.gain is None else self.gain[keep],
+            phasors=None if self.phasors is None else self.phasors[keep],
         )
 
 
@@ -259,7 +264,7 @@ def join_paths(parts: Iterable[Paths]) -> Paths:
     tables = list(parts)
     if not tables:
         return make_paths(np.empty(0), np.empty(0))
-    others = {"counts", "geometry", "motion", "gain"}
+    others = {"counts", "geometry", "motion", "gain", "phasors"}
     names = [name for name in Paths.__dataclass_fields__ if name not in others]
     columns = {name: np.concatenate([getattr(t, name) for t in tables]) for name in names}
     geometries = [t.geometry for t in tables if t.geometry is not None]
@@ -269,12 +274,18 @@ def join_paths(parts: Iterable[Paths]) -> Paths:
     gain = None
     if any(t.gain is not None for t in tables):
         gain = np.concatenate([np.ones(len(t)) if t.gain is None else t.gain for t in tables])
+    phasors = None
+    if any(t.phasors is not None for t in tables):
+        phasors = np.concatenate(
+            [np.full(len(t), np.nan + 0j) if t.phasors is None else t.phasors for t in tables]
+        )
     return Paths(
         **columns,
         counts=sum((t.counts for t in tables), PathCounts()),
         geometry=join_geometry(geometries) if len(geometries) == len(tables) else None,
         motion=motion,
         gain=gain,
+        phasors=phasors,
     )
 
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random phases of rough scatterers: seeded, one for each path, constant over the pulses.
 
+Paths of a table have scatterers that are tied to the surface, see :mod:`.scatterers`; these here
+are for rings, whose pixels know no surface, and for what is left.
+
 A pixel of a rough surface stands for many scatterers whose heights differ by more than a
 wavelength: its phase is anything. Without that, neighbouring pixels of a smooth mesh add up in
 phase, and the level of an echo grows with the number of pixels; with it, the mean power is the sum
@@ -20,9 +23,10 @@ _U64 = np.uint64
 
 
 def path_phasors(paths: Paths, seed: int) -> Complex:
-    """exp(j phi) of each path, |.| = 1, phi uniform and independent from path to path.
+    """Complex factor of each path's amplitude.
 
-    phi depends on where the path was found (ring, row, column; the row of the table) and on the
+    That of the surface's scatterers where the paths have one (see :mod:`.scatterers`). Else
+    exp(j phi), phi uniform and independent from path to path; phi depends on where the path was found (ring, row, column; the row of the table) and on the
     seed alone, so it is the same however the paths are split into parts.
 
     Parameters
@@ -34,13 +38,20 @@ def path_phasors(paths: Paths, seed: int) -> Complex:
     """
     state = np.full(len(paths), seed % 2**64, dtype=_U64)
     for part in (paths.ring, paths.row, paths.col):
-        state = _mix(state ^ part.astype(np.int64).view(_U64))
-    # 53 bits are what a float64 in [0, 1) holds.
-    phase = (state >> _U64(11)).astype(np.float64) * (2 * np.pi / 2**53)
-    return np.asarray(np.exp(1j * phase))
+        state = hash_step(state ^ part.astype(np.int64).view(_U64))
+    random: Complex = np.exp(2j * np.pi * uniform(state))
+    if paths.phasors is None:
+        return random
+    # NaN: the paths of which the surface's scatterers are not known
+    return np.where(np.isnan(paths.phasors), random, paths.phasors)
 
 
-def _mix(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def uniform(state: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """Hashes as numbers in [0, 1): 53 bits are what a float64 holds there."""
+    return np.asarray((state >> _U64(11)).astype(np.float64) / 2**53)
+
+
+def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """One step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
     with np.errstate(over="ignore"):
         state = state + _U64(0x9E3779B97F4A7C15)

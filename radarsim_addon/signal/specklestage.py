@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle of a frame as a stage of processing: finds what surfaces it has, applies it to paths."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..contract import SceneRecord
+from .config import Radar
+from .frames import RadarFrame
+from .pathframes import open_frame_table
+from .paths import Paths
+from .scatterers import Body, Roughness, SpeckleReport, SurfaceSpeckle
+
+
+class FrameSpeckle:
+    """Applies the scatterers of a frame's surfaces to its paths as they stream by.
+
+    Parameters
+    ----------
+    frame
+        Radar frame. One of rings has no scatterers: its paths stay as they are.
+    radar
+        Waveform and burst.
+    seed
+        Of the realisation; None: no speckle.
+    cell_m
+        Edge of a scatterer's cell [m]; None: from the footprints of the pixels.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        The frame's table or sidecars are missing or damaged.
+    """
+
+    def __init__(
+        self, frame: RadarFrame, radar: Radar, seed: int | None, cell_m: float | None = None
+    ) -> None:
+        self._speckle: SurfaceSpeckle | None = None
+        if seed is None or frame.acquisition != "paths":
+            return
+        record, self._table = open_frame_table(frame.path, frame.number)
+        bodies, columns = _bodies(record.objects)
+        self._speckle = SurfaceSpeckle(
+            record,
+            self._table,
+            bodies,
+            columns,
+            radar.waveform.carrier_hz,
+            radar.waveform.range_resolution_m,
+            seed,
+            roughness_of(frame.scene(), record.objects),
+            cell_m,
+        )
+
+    def apply(self, paths: Paths) -> Paths:
+        """The paths with the factors of their scatterers."""
+        if self._speckle is None or not len(paths):
+            return paths
+        factors, known = self._speckle.factors(np.array(self._table[paths.row]))
+        return dataclasses.replace(paths, phasors=np.where(known, factors, np.nan))
+
+    def report(self) -> SpeckleReport | None:
+        """What the frame's scatterers are like; None without any."""
+        return None if self._speckle is None else self._speckle.report()
+
+
+def _bodies(objects: list[str]) -> tuple[dict[int, Body], tuple[str, str]]:
+    """What scatterers are fixed to, and the table's columns that number it."""
+    bodies = {number: Body(name, np.eye(4)) for number, name in enumerate(objects, start=1)}
+    return bodies, ("first_object", "object")
+
+
+def roughness_of(scene: SceneRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
+    """Roughness of the objects that the scene's record has one of, by number from 1."""
+    found = {}
+    numbers = {name: number for number, name in enumerate(objects, start=1)}
+    for item in scene.objects if scene is not None else []:
+        number = numbers.get(item.name.rsplit("/", 1)[-1])
+        if number is not None and item.rms_height_m is not None:
+            found[number] = Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
+    return found
