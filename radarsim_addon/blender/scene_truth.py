@@ -18,6 +18,7 @@ from ..sidecar import file_sha256
 from .acquisition import Extent
 from .isolation import ABSORBER_NAME, SURFACE_TYPES, animation_curves, echoes
 from .nearest import nearest_distance
+from .surface_roughness import roughness_of
 
 Array = NDArray[np.float64]
 
@@ -160,6 +161,7 @@ def object_records(
             for slot in shown.evaluated.original.material_slots
             if slot.material is not None and slot.material.name != ABSORBER_NAME
         ]
+        rms_height_m, correlation_length_m = roughness_of(shown.evaluated.original)
         nearest[shown.name] = (
             distance,
             contract.ObjectRecord(
@@ -169,6 +171,8 @@ def object_records(
                 range_rate_mps=rate,
                 materials=materials,
                 collections=collections_of(shown.evaluated.original),
+                rms_height_m=rms_height_m,
+                correlation_length_m=correlation_length_m,
             ),
         )
     return [record for _, (_, record) in sorted(nearest.items())]

@@ -112,6 +112,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="random phases of rough scatterers, a whole number or 'none'",
     )
+    process.add_argument(
+        "--speckle-cell",
+        type=_finite,
+        metavar="M",
+        help="edge of a scatterer's cell in metres [from the pixels' footprints]",
+    )
     process.add_argument("--no-products", action="store_true", help="write no EXR products")
     process.add_argument("--no-plots", action="store_true", help="draw no pictures")
     process.add_argument(
@@ -154,6 +160,7 @@ def _process(chosen: argparse.Namespace) -> int:
         max_speed_mps=chosen.max_speed,
         method=chosen.method,
         speckle_seed=chosen.speckle_seed,
+        speckle_cell_m=chosen.speckle_cell,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
         system=None if chosen.system is None else read_system(chosen.system),

@@ -36,6 +36,8 @@ from .nufft import Backend
 from .paths import Weighting, iter_paths
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
+from .scatterers import SpeckleReport
+from .specklestage import FrameSpeckle
 from .system import weighting_of
 from .uncertainty import ExpectedPower, expected_power
 from .waveform_files import waveform_to_dict
@@ -75,6 +77,7 @@ class FrameResult:
     files: list[Path]
     expected: ExpectedPower | None = None
     budget: BudgetReport | None = None
+    speckle: SpeckleReport | None = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,9 @@ class ProcessOptions:
         Engine of the non-uniform FFT.
     speckle_seed
         Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
-        :func:`.echoes.synthesize`.
+        :mod:`.scatterers`.
+    speckle_cell_m
+        Edge of the cells that hold one scatterer each [m]; None: from the pixels' footprints.
     products
         Whether to write the four EXR products.
     plots
@@ -115,6 +120,7 @@ class ProcessOptions:
     max_speed_mps: float = MAX_SPEED_MPS
     method: Backend = "auto"
     speckle_seed: int | None = 0
+    speckle_cell_m: float | None = None
     products: bool = True
     plots: bool | None = None
     system: SystemRecord | None = None
@@ -217,13 +223,15 @@ def _process_frame(
     window_m = check_window(options.window_m or run.window_m)
     assert options.weighting is not None  # by `for_run`
     budget = FrameBudget(frame, run.radar, options.system)
+    seed = options.speckle_seed if options.weighting == "radar-equation" else None
+    speckle = FrameSpeckle(frame, run.radar, seed, options.speckle_cell_m)
     synthesizer = synthesizer_for(
         run.radar,
         window_m,
         weighting=options.weighting,
         receiver_gain=options.receiver_gain,
         method=options.method,
-        speckle_seed=options.speckle_seed if options.weighting == "radar-equation" else None,
+        speckle_seed=seed,
     )
     accumulator = ProfileAccumulator(
         run.radar,
@@ -235,7 +243,7 @@ def _process_frame(
     )
     total = StatisticsSum(run.radar, options.receiver_gain)
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
-        paths = budget.apply(paths)
+        paths = speckle.apply(budget.apply(paths))
         synthesizer.add(paths)
         accumulator.add(paths)
         total.add(paths)
@@ -248,6 +256,7 @@ def _process_frame(
     statistics = total.result(echoes.outside)
     # windows are at most three cells wide to each side: what is slower hides in the stripe
     slowest_mps = 3 * run.radar.velocity_resolution_mps
+    scatterers = speckle.report()
     report = budget.report(statistics.power_w, options.window, options.doppler_window)
     result = FrameResult(
         frame=frame.number,
@@ -259,10 +268,14 @@ def _process_frame(
         rd_map=rd_map,
         edges=_edges(profile),
         movers=_movers(rd_map, slowest_mps),
-        warnings=statistics_warnings(statistics, run.radar) + report.warnings,
+        warnings=statistics_warnings(statistics, run.radar)
+        + report.warnings
+        + speckle.warnings
+        + (scatterers.warnings if scatterers is not None else []),
         files=[],
         expected=_expected(frame, run, window_m, options, budget.link),
         budget=report,
+        speckle=scatterers,
     )
     yield f"frame {frame.number}: echoes, map"
     result.files.extend(_write_results(result, folder, options))
@@ -382,6 +395,7 @@ def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
             "movers": [dataclasses.asdict(peak) for peak in result.movers],
+            "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
             "budget": None if result.budget is None else result.budget.summary(),
             "warnings": result.warnings,
         },

@@ -41,6 +41,8 @@ Hash = NDArray[np.uint64]
 _FOOTPRINTS = 1.5
 #: Cells in the range resolution, at most: finer ones gain nothing.
 _CELLS_IN_RESOLUTION = 8
+#: Where the origin lies in its cell: at no simple fraction of it.
+_OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 #: Scatterers in a resolution cell from which its intensity is taken to be exponential.
 ENOUGH_SCATTERERS = 40
 
@@ -195,8 +197,10 @@ class SurfaceSpeckle:
                 rotation, origin_m = body.rotation, body.pose[:3, 3]
                 name = self._names[int(number)]
             local = (points[mine] - origin_m) @ rotation / edge[mine, None]
-            cell = np.floor(local)
-            hashed = np.full(mine.size, self._seed ^ name, dtype=np.uint64)
+            # Faces lie on round coordinates more often than not: no border of cells may.
+            cell = np.floor(local + _OFFSET)
+            # Mixed before the cells come in: seed 1 must not be seed 0 with its cells swapped.
+            hashed = hash_step(np.full(mine.size, self._seed ^ name, dtype=np.uint64))
             for axis in range(3):
                 hashed = hash_step(hashed ^ cell[:, axis].astype(np.int64).view(np.uint64))
             draw = hashed
@@ -204,7 +208,8 @@ class SurfaceSpeckle:
             for axis in range(3):
                 draw = hash_step(draw)
                 place[:, axis] = uniform(draw)
-            scatterer[mine] = (edge[mine, None] * (cell + place)) @ rotation.T + origin_m
+            place += cell - _OFFSET
+            scatterer[mine] = (edge[mine, None] * place) @ rotation.T + origin_m
             state[mine] = hashed
         first_draw = hash_step(state ^ np.uint64(0x5851F42D4C957F2D))
         second_draw = hash_step(first_draw)
@@ -216,7 +221,9 @@ class SurfaceSpeckle:
 
     def _known(self, rows: PathRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known: those of one and two reflections."""
-        finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(axis=-1)
+        finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(
+            axis=-1
+        )
         return np.asarray(finite & (rows["order"] >= 1) & (rows["order"] <= 2))
 
     def _path_keys(self, rows: PathRows, first: Hash, last: Hash) -> Hash:

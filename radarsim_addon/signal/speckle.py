@@ -26,8 +26,9 @@ def path_phasors(paths: Paths, seed: int) -> Complex:
     """Complex factor of each path's amplitude.
 
     That of the surface's scatterers where the paths have one (see :mod:`.scatterers`). Else
-    exp(j phi), phi uniform and independent from path to path; phi depends on where the path was found (ring, row, column; the row of the table) and on the
-    seed alone, so it is the same however the paths are split into parts.
+    exp(j phi), phi uniform and independent from path to path; phi depends on where the path was
+    found (ring, row, column; the row of the table) and on the seed alone, so it is the same however
+    the paths are split into parts.
 
     Parameters
     ----------

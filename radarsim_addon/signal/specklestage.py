@@ -9,11 +9,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..contract import SceneRecord
+from ..physics.rough import kirchhoff_limits
 from .config import Radar
 from .frames import RadarFrame
 from .pathframes import open_frame_table
 from .paths import Paths
 from .scatterers import Body, Roughness, SpeckleReport, SurfaceSpeckle
+
+#: Objects whose surface is warned of one by one.
+_MOST_NAMED = 8
 
 
 class FrameSpeckle:
@@ -40,6 +44,7 @@ class FrameSpeckle:
         self, frame: RadarFrame, radar: Radar, seed: int | None, cell_m: float | None = None
     ) -> None:
         self._speckle: SurfaceSpeckle | None = None
+        self._warnings = kirchhoff_warnings(frame.scene(), radar.waveform.wavelength_m)
         if seed is None or frame.acquisition != "paths":
             return
         record, self._table = open_frame_table(frame.path, frame.number)
@@ -63,6 +68,11 @@ class FrameSpeckle:
         factors, known = self._speckle.factors(np.array(self._table[paths.row]))
         return dataclasses.replace(paths, phasors=np.where(known, factors, np.nan))
 
+    @property
+    def warnings(self) -> list[str]:
+        """Objects on which the Kirchhoff model does not hold at the carrier, in whole sentences."""
+        return self._warnings
+
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
@@ -72,6 +82,21 @@ def _bodies(objects: list[str]) -> tuple[dict[int, Body], tuple[str, str]]:
     """What scatterers are fixed to, and the table's columns that number it."""
     bodies = {number: Body(name, np.eye(4)) for number, name in enumerate(objects, start=1)}
     return bodies, ("first_object", "object")
+
+
+def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[str]:
+    """Objects of known roughness on which the rough lobe is no model of it, and why."""
+    found = []
+    for item in scene.objects if scene is not None else []:
+        if not item.rms_height_m or not item.correlation_length_m:
+            continue
+        reasons = kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
+        if reasons:
+            found.append(f"{item.name}: the Kirchhoff model does not hold. {' '.join(reasons)}")
+    if len(found) > _MOST_NAMED:
+        rest = len(found) - _MOST_NAMED
+        found = [*found[:_MOST_NAMED], f"The Kirchhoff model does not hold on {rest} objects more."]
+    return found
 
 
 def roughness_of(scene: SceneRecord | None, objects: list[str]) -> Mapping[int, Roughness]:

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rms height and correlation length of surfaces, as materials carry them in custom properties."""
+
+from __future__ import annotations
+
+from typing import Any
+
+RMS_HEIGHT = "radarsim_rms_height_m"
+CORRELATION_LENGTH = "radarsim_correlation_length_m"
+
+
+def roughness_of(item: Any) -> tuple[float | None, float | None]:
+    """Rms height and correlation length [m] of the first material that has a height; else None.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+    """
+    for slot in item.material_slots:
+        if slot.material is None:
+            continue
+        height_m = float(slot.material.get(RMS_HEIGHT, 0.0))
+        if height_m > 0:
+            return height_m, float(slot.material.get(CORRELATION_LENGTH, 0.0)) or None
+    return None, None
