@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-RMS_HEIGHT = "radarsim_rms_height_m"
-CORRELATION_LENGTH = "radarsim_correlation_length_m"
+from .physical_materials import CORRELATION_LENGTH, RMS_HEIGHT
 
 
 def roughness_of(item: Any) -> tuple[float | None, float | None]:

@@ -20,8 +20,9 @@ from radarsim_addon.errors import ConfigError  # noqa: E402
 from radarsim_addon.physics.radar_equation import bistatic_power_w  # noqa: E402
 from radarsim_addon.signal.budget import FrameBudget  # noqa: E402
 from radarsim_addon.signal.frames import open_run  # noqa: E402
-from radarsim_addon.signal.objects import object_echoes  # noqa: E402
+from radarsim_addon.signal.objects import matching_objects, object_echoes  # noqa: E402
 from radarsim_addon.signal.paths import frame_paths, path_power_w  # noqa: E402
+from radarsim_addon.signal.specklestage import FrameSpeckle  # noqa: E402
 from radarsim_addon.signal.system import make_system  # noqa: E402
 from tests.blender import path_helpers as ph  # noqa: E402
 from tests.blender import radar_scenes as rs  # noqa: E402
@@ -268,3 +269,35 @@ def test_swept_beam_through_cycles(bpy: Any, tmp_path: Path) -> None:
         expected.append(10 * math.log10(one_way * peak))
     assert min(expected) > max(expected) - 40
     np.testing.assert_allclose(levels, expected, atol=0.05)
+
+
+# -- surfaces --------------------------------------------------------------------------------------
+
+
+def test_runs_know_collections_and_roughness(bpy: Any, tmp_path: Path) -> None:
+    scene = rs.new_scene()
+    plate = rs.add_plate(10.0)
+    inner, outer = bpy.data.collections.new("Inner"), bpy.data.collections.new("Outer")
+    scene.collection.children.link(outer)
+    outer.children.link(inner)
+    inner.objects.link(plate)
+    material = plate.material_slots[0].material
+    material["radarsim_rms_height_m"] = 0.0004
+    material["radarsim_correlation_length_m"] = 0.004
+    run = ph.run_paths(tmp_path / "run", width_px=16, height_px=16)
+    frame = open_run(run.folder).frame(1)
+    record = frame.scene()
+    assert record is not None
+    (item,) = record.objects
+    assert item.collections == ["Inner", "Outer"]
+    assert (item.rms_height_m, item.correlation_length_m) == (0.0004, 0.004)
+    assert matching_objects(frame, "Outer") == ["Plate"]
+    radar = open_run(run.folder).radar
+    speckle = FrameSpeckle(frame, radar, 0)
+    assert "Plate: the Kirchhoff model does not hold" in speckle.warnings[0]
+    # k h = 0.044: nearly all of the power is coherent, 1 - (2 k h)^2
+    factors = speckle.apply(frame_paths(frame)).phasors
+    assert factors is not None
+    kh = 2 * math.pi / WAVELENGTH_M * 0.0004
+    assert np.mean(np.real(factors)) == pytest.approx(math.exp(-2 * kh**2), abs=0.02)
+    assert np.std(factors) == pytest.approx(2 * kh, rel=0.9)
