@@ -30,6 +30,9 @@ Echoes (Eq. 9-14)
     matched_filter
 Spectra for any waveform
     SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening
+Receiver
+    receive -> Reception; Receiver (noise figure, ADC bits, phase noise); PhaseNoise,
+    load_phase_noise; range_noise_gain, map_noise_gain: the floor that noise makes
 Compression
     compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
 Standard errors (acquisition "paths")
@@ -60,6 +63,7 @@ from .echoes import Echoes, EchoSynthesizer, synthesize
 from .exr import read_exr, write_exr
 from .frames import MissingRender, RadarFrame, Run, open_run
 from .framestats import FrameStatistics, frame_statistics
+from .noisefloor import map_noise_gain, range_noise_gain
 from .nufft import nufft1
 from .paths import (
     PathCounts,
@@ -71,6 +75,7 @@ from .paths import (
     path_amplitude,
     path_power_w,
 )
+from .phasenoise import PhaseNoise, load_phase_noise
 from .pipeline import (
     FrameResult,
     ProcessOptions,
@@ -80,6 +85,7 @@ from .pipeline import (
 from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
 from .products import write_products
 from .rangedoppler import RangeDopplerMap, decibels, range_doppler
+from .receiver import Receiver, Reception, receive
 from .speckle import path_phasors
 from .synthesis import (
     FrequencyGrid,
@@ -118,6 +124,7 @@ __all__ = [
     "Paths",
     "Peak",
     "PhaseCodedPulse",
+    "PhaseNoise",
     "PixelGrid",
     "PmcwWaveform",
     "PowerProfile",
@@ -126,6 +133,8 @@ __all__ = [
     "Radar",
     "RadarFrame",
     "RangeDopplerMap",
+    "Receiver",
+    "Reception",
     "Run",
     "Spectrum",
     "SpectrumAccumulator",
@@ -144,8 +153,10 @@ __all__ = [
     "join_paths",
     "leading_edges",
     "level_above",
+    "load_phase_noise",
     "load_radar",
     "make_paths",
+    "map_noise_gain",
     "matched_filter",
     "nufft1",
     "open_run",
@@ -159,8 +170,10 @@ __all__ = [
     "plot_rings",
     "process_run",
     "range_doppler",
+    "range_noise_gain",
     "range_rate",
     "read_exr",
+    "receive",
     "replica",
     "replica_spectrum",
     "save",

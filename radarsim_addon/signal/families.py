@@ -8,6 +8,7 @@ from .echoes import EchoSynthesizer
 from .linesynthesis import LineSynthesizer
 from .nufft import TOLERANCE, Backend
 from .paths import Weighting
+from .phasenoise import LineOscillator, PhaseNoise, takes_phase_noise_by_path
 
 
 def synthesizer_for(
@@ -20,10 +21,29 @@ def synthesizer_for(
     tolerance: float = TOLERANCE,
     chunk: int = 1 << 18,
     speckle_seed: int | None = None,
+    phase_noise: PhaseNoise | None = None,
+    phase_noise_seed: int = 0,
 ) -> EchoSynthesizer | LineSynthesizer:
-    """The synthesizer for the waveform's family; arguments as :func:`.echoes.synthesize`."""
-    engine = LineSynthesizer if radar.waveform.family == "line" else EchoSynthesizer
-    return engine(
+    """The synthesizer for the waveform's family; arguments as :func:`.echoes.synthesize`.
+
+    FMCW and stepped frequency take their phase noise here, path by path; for the others it is put
+    on the samples afterwards, see :func:`.receiver.receive`.
+    """
+    if radar.waveform.family == "pulse":
+        return EchoSynthesizer(
+            radar,
+            window_m,
+            weighting=weighting,
+            receiver_gain=receiver_gain,
+            method=method,
+            tolerance=tolerance,
+            chunk=chunk,
+            speckle_seed=speckle_seed,
+        )
+    oscillator = None
+    if phase_noise is not None and takes_phase_noise_by_path(radar):
+        oscillator = LineOscillator(radar, phase_noise, phase_noise_seed)
+    return LineSynthesizer(
         radar,
         window_m,
         weighting=weighting,
@@ -32,4 +52,5 @@ def synthesizer_for(
         tolerance=tolerance,
         chunk=chunk,
         speckle_seed=speckle_seed,
+        oscillator=oscillator,
     )

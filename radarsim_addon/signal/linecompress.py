@@ -83,6 +83,7 @@ def compress_lines(
         weight = line_weights(waveform, window)
         # a real ADC holds half the amplitude of the beat
         real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
+        samples = samples.real.astype(np.complex128) if real else samples
         spectra = samples * (weight * ((2.0 if real else 1.0) / weight.sum()))
     k = np.arange(count)
     start = 2 * range_m[0] / SPEED_OF_LIGHT_MPS * waveform.grid_step_hz

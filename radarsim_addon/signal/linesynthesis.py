@@ -21,6 +21,8 @@ Mixer and sign: received times conjugate of transmitted, so phases fall with del
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,6 +70,17 @@ def line_times_s(radar: Radar) -> Real:
     return np.asarray(times_s)
 
 
+class Oscillator(Protocol):
+    """What multiplies the samples of a path of some delay."""
+
+    @property
+    def step_s(self) -> float:
+        """Distance of the delays for which there are factors [s]."""
+
+    def factor(self, order: int) -> Complex:
+        """At the delay order x step_s, (rows, N)."""
+
+
 class LineSynthesizer:
     """Adds up the samples of paths that come in parts; as :class:`.echoes.EchoSynthesizer`.
 
@@ -80,6 +93,8 @@ class LineSynthesizer:
         is in the samples, whatever the window.
     weighting, receiver_gain, method, tolerance, chunk, speckle_seed
         As for :func:`.echoes.synthesize`.
+    oscillator
+        Phase noise, see :class:`.phasenoise.LineOscillator`; None: none. Not for PMCW.
 
     Notes
     -----
@@ -98,6 +113,7 @@ class LineSynthesizer:
         tolerance: float = TOLERANCE,
         chunk: int = 1 << 18,
         speckle_seed: int | None = None,
+        oscillator: Oscillator | None = None,
     ) -> None:
         if chunk < 1:
             raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
@@ -119,12 +135,37 @@ class LineSynthesizer:
             )
         self._still = np.zeros(count, dtype=np.complex128)
         self._moving: Complex | None = None
+        self._oscillator = oscillator
         self._outside = 0
 
     def add(self, paths: Paths) -> None:
         """Add the echoes of these paths."""
+        if self._oscillator is None:
+            self._add(paths, 1.0)
+            return
+        # each path between the two nearest delays for which there is a factor
+        whole, kept = (self._still, self._moving), self._outside
+        position = paths.length_m / SPEED_OF_LIGHT_MPS / self._oscillator.step_s
+        low = np.floor(position)
+        total = np.zeros((self._times_s.size, self._still.size), dtype=np.complex128)
+        if whole[1] is not None:
+            total += whole[1]
+        for order in np.unique(np.concatenate([low, low + 1])):
+            share = 1 - np.abs(position - order)
+            near = share > 0
+            self._still, self._moving = np.zeros_like(self._still), None
+            self._add(paths.select(near), share[near])
+            total += self._oscillator.factor(int(order)) * self.response()
+        self._still, self._moving = whole[0], total
+        # every path was added for two delays, but is lost only once
+        lost = 0
+        if isinstance(self._waveform, FmcwWaveform):
+            lost = int(np.count_nonzero(paths.range_m >= self._waveform.unambiguous_range_m))
+        self._outside = kept + lost * self._times_s.size
+
+    def _add(self, paths: Paths, share: Real | float) -> None:
         amplitude = path_amplitude(paths, self._waveform.wavelength_m, self._weighting, self._gain)
-        weights = amplitude.astype(np.complex128)
+        weights = (amplitude * share).astype(np.complex128)
         if self._seed is not None:
             weights *= path_phasors(paths, self._seed)
         motion = paths.lengths
@@ -198,14 +239,12 @@ class LineSynthesizer:
         return np.asarray(self._moving + self._still)
 
     def result(self) -> Echoes:
-        """Echoes of all paths added so far."""
+        """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
         samples = self.response()
         if isinstance(waveform, PmcwWaveform):
             code = np.fft.fft(replica(waveform))
             samples = np.fft.ifft(np.fft.ifftshift(samples, axes=1) * code, axis=1)
-        if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
-            samples = samples.real.astype(np.complex128)
         return Echoes(
             samples,
             waveform.grid_start_s,
