@@ -49,7 +49,7 @@ class Check:
     @property
     def passed(self) -> bool:
         """Whether the bound holds; NaN breaks every bound."""
-        return abs(self.error) <= self.bound
+        return bool(abs(self.error) <= self.bound)
 
 
 def power_check(

@@ -79,7 +79,7 @@ def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curve
 
 def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
-    points = curves["sigma0"]
+    points = curves["sigma0_material"]
     media = list(dict.fromkeys(p["medium"] for p in points))
     slopes = sorted({p["slope"] for p in points})
     markers = "osD^v"
@@ -152,5 +152,5 @@ _PICTURES: tuple[tuple[str, str, str, _Paint], ...] = (
         _error_against_time,
     ),
     ("range", "Power of a Lambert plate against range", "power_against_range", _range),
-    ("sigma0", "sigma_0 of rough surfaces against incidence", "sigma0", _sigma0),
+    ("sigma0", "sigma_0 of rough surfaces against incidence", "sigma0_material", _sigma0),
 )

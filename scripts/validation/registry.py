@@ -14,6 +14,7 @@ MODULES = (
     "rough_surfaces",
     "fresnel",
     "materials",
+    "slabs",
     "scale",
     "antennas",
     "energy",

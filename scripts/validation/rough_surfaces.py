@@ -5,17 +5,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim_addon.blender.physical_materials import make_physical_material
+
 from .case import Bench, Case, Check, Group, power_check, worst_of
 from .closed_forms import kirchhoff_coefficient, plate_power, smith_lambda
 from .fresnel import textbook_reflectance
-from .scenes import EIRP_W, acquire, add_plate, facing_plate, metallic, new_scene, wavelength
+from .scenes import (
+    CARRIER_HZ,
+    EIRP_W,
+    acquire,
+    add_plate,
+    facing_plate,
+    metallic,
+    new_scene,
+    wavelength,
+)
 
 Real = NDArray[np.float64]
+#: A material of an index and an rms slope.
+Paint = Callable[[complex, float], Any]
 #: s0 as a function of normals and unit vectors towards transmitter and receiver.
 VectorCoefficient = Callable[[Real, Real, Real], Real]
 MEDIA = (1.4 + 1.0j, 2.3 + 0.05j, 9.0 + 3.0j, 100.0 + 100.0j, 1e4 + 1e4j)
@@ -34,11 +48,13 @@ def name_of(index: complex) -> str:
     return f"{index.real:g}+{index.imag:g}j"
 
 
-def sigma0_checks(bench: Bench, slope: float, width_px: int = 360) -> list[Check]:
+def sigma0_checks(
+    bench: Bench, slope: float, paint: Paint, label: str, width_px: int = 360
+) -> list[Check]:
     """One row a medium: the worst of its angles. All media stand side by side in one scene."""
     found: dict[complex, list[Check]] = {index: [] for index in MEDIA}
     for angle_deg in ANGLES_DEG:
-        plates = _scene(slope, angle_deg)
+        plates = _scene(slope, angle_deg, paint)
         run = acquire(bench, width_px, 4, height_px=width_px // 5)
         for number, index in enumerate(MEDIA):
             plate = plates[number]
@@ -61,7 +77,7 @@ def sigma0_checks(bench: Bench, slope: float, width_px: int = 360) -> list[Check
             )
             found[index].append(check)
             bench.point(
-                "sigma0",
+                f"sigma0_{label}",
                 medium=name_of(index),
                 slope=slope,
                 angle_deg=angle_deg,
@@ -75,7 +91,7 @@ def sigma0_checks(bench: Bench, slope: float, width_px: int = 360) -> list[Check
     ]
 
 
-def _scene(slope: float, angle_deg: float) -> list:
+def _scene(slope: float, angle_deg: float, paint: Paint) -> list:
     """Five plates in a row, one a medium, all tilted by the same angle."""
     width_m = len(MEDIA) * SPACING_M
     new_scene(math.degrees(2 * math.atan(width_m / 2 / RANGE_M)))
@@ -83,10 +99,23 @@ def _scene(slope: float, angle_deg: float) -> list:
     for number, index in enumerate(MEDIA):
         across_m = (number - (len(MEDIA) - 1) / 2) * SPACING_M
         plate = facing_plate((across_m, RANGE_M, 0.0), PLATE_M, angle_deg)
-        add_plate(f"Medium {number}", plate, metallic(index, slope))
+        add_plate(f"Medium {number}", plate, paint(index, slope))
         plates.append(plate)
     assert len(bpy.data.materials) == len(MEDIA)
     return plates
+
+
+def physical(index: complex, slope: float) -> Any:
+    """The physical Radar Material: index and slope are its inputs."""
+    return make_physical_material(
+        "Physical",
+        "index",
+        carrier_hz=CARRIER_HZ,
+        rms_slope=slope,
+        penetrable=False,
+        n=index.real,
+        k=index.imag,
+    )
 
 
 def facet_coefficient(index: complex, slope: float) -> VectorCoefficient:
@@ -173,17 +202,23 @@ def _mirrored(
 GROUP = Group(
     "rough_surfaces",
     "Rough surfaces",
-    "sigma_0 of plates at 1 km from received power, by the Metallic BSDF (physical conductor, "
-    "Beckmann) under the world's range code; 0 to 60 degrees, where the model is above -200 dB.",
+    "sigma_0 of plates at 1 km from received power, 0 to 60 degrees, where the model is above "
+    "-200 dB: by the physical Radar Material, and by a plain Metallic BSDF (physical conductor, "
+    "Beckmann) under the world's range code.",
     (
         *(
             Case(
-                f"sigma_0, slope {slope:g}",
-                lambda bench, slope=slope: sigma0_checks(bench, slope),
+                f"Radar Material, slope {slope:g}",
+                lambda bench, slope=slope: sigma0_checks(bench, slope, physical, "material"),
                 40.0,
                 quick=slope == 0.2,
             )
             for slope in SLOPES
+        ),
+        Case(
+            "Metallic BSDF, slope 0.3",
+            lambda bench: sigma0_checks(bench, 0.3, metallic, "metallic"),
+            40.0,
         ),
         Case("two sites", two_sites, 40.0),
     ),
