@@ -57,6 +57,9 @@ ATTR_WAVELENGTH = "radarsim_wavelength"
 Blender unit."""
 ATTR_POLARISATION = "radarsim_polarisation"
 """Of waves that pass through walls: 0 mean of both, 1 vertical, 2 horizontal (of world Z)."""
+ATTR_FACET_FRESNEL = "radarsim_facet_fresnel"
+"""1: rough physical materials evaluate Fresnel's equations at each facet, which Cycles does from
+Blender 5.0 on. 0: at normal incidence on the facet, which is what a radar sees straight back."""
 OBJECT_LAYER_NORMAL = "radarsim_layer_normal"
 """Custom property of an object, three numbers: normal of its plane-parallel faces in object space,
 for absorption and delay at an angle. Absent: those of normal incidence whatever the angle."""

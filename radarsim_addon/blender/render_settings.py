@@ -18,6 +18,7 @@ from .acquisition import Plan
 from .isolation import isolate
 from .layers import set_layer_normals
 from .measurement import POLARISATIONS
+from .mesh_checks import check_meshes
 from .nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from .physical_materials import update_materials
 from .recorder import Recorder
@@ -275,8 +276,9 @@ class MeasurementSettings:
             if is_radar_material(material):
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
         failures = update_materials(self._plan.measurement.waveform.carrier_hz, self._recorder)
-        set_layer_normals(self._recorder, evaluated_depsgraph(self._view_layer))
-        return failures
+        depsgraph = evaluated_depsgraph(self._view_layer)
+        set_layer_normals(self._recorder, depsgraph)
+        return [*failures, *check_meshes(depsgraph)]
 
     def _set_code(self) -> None:
         put = self._recorder.set_item
@@ -286,5 +288,7 @@ class MeasurementSettings:
         waveform, name = measurement.waveform, measurement.polarisation
         put(self._scene, contract.ATTR_WAVELENGTH, waveform.wavelength_m / units)
         put(self._scene, contract.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
+        exact = bpy.app.version >= (5, 0, 0)
+        put(self._scene, contract.ATTR_FACET_FRESNEL, 1.0 if exact else 0.0)
         put(self._scene, contract.ATTR_RING_MIN, 0.0)
         put(self._scene, contract.ATTR_RING_MAX, 0.0)

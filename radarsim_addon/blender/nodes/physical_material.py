@@ -6,6 +6,7 @@ Surface::
     smooth     Glossy, sharp          code R
     rough      Metallic (conductor)   code F(half vector), Beckmann: Kirchhoff's model in its
                                       geometric-optics limit
+               Glossy                 code F(0), instead, up to Blender 4.5
     either     Transparent            T x transmission  (no code: the ray's length runs on)
 
 R and T of :mod:`.interface`, for the run's polarisation. The Metallic BSDF evaluates Fresnel's
@@ -108,15 +109,37 @@ def _rough_lobes(
     reflects: Any,
     is_rough: Any,
 ) -> Any:
-    """Three Metallic BSDFs, one a channel."""
+    """Three Metallic BSDFs, one a channel; or one Glossy with Fresnel at normal incidence.
+
+    Up to Blender 4.5 the Metallic BSDF takes a form of Fresnel's equations for large indices, in
+    which vacuum reflects obliquely: the three lobes would leak into one another's channel.
+    """
     math = build.math
     back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
     inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
     ratio = build.select("1, or R / F from inside", back, 1.0, inside)
     weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
     weight = math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
+    exact = build.scene_attribute(contract.ATTR_FACET_FRESNEL)
+    flat = math("SUBTRACT", "normal incidence", 1.0, exact)
+    flat = math(
+        "MULTIPLY",
+        "weight of F(0)",
+        math("MULTIPLY", "flat", flat, weight),
+        _normal(build, n, kappa),
+    )
+    colour = build.node(
+        "ShaderNodeVectorMath", "Facets' colour", {0: code, "Scale": flat}, operation="SCALE"
+    )
+    glossy = build.node(
+        "ShaderNodeBsdfAnisotropic",
+        "Facets",
+        {"Color": colour.outputs[0], "Roughness": roughness},
+        distribution="BECKMANN",
+    )
+    weight = math("MULTIPLY", "weight of F", weight, exact)
     codes = build.node("ShaderNodeSeparateXYZ", "Code by channel", {0: code}).outputs
-    total = None
+    total = glossy.outputs[0]
     for axis, channel in enumerate("RGB"):
         index = build.node(
             "ShaderNodeCombineXYZ",
@@ -147,13 +170,21 @@ def _rough_lobes(
                 2: lobe.outputs[0],
             },
         ).outputs[0]
-        if total is None:
-            total = coded
-        else:
-            total = build.node(
-                "ShaderNodeAddShader", f"Facets to {channel}", {0: total, 1: coded}
-            ).outputs[0]
+        total = build.node(
+            "ShaderNodeAddShader", f"Facets to {channel}", {0: total, 1: coded}
+        ).outputs[0]
     return total
+
+
+def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
+    """F at normal incidence, ((n - 1)^2 + kappa^2) / ((n + 1)^2 + kappa^2)."""
+    math = build.math
+    kappa2 = math("MULTIPLY", "kappa^2 (F0)", kappa, kappa)
+    below = math("SUBTRACT", "n - 1 (F0)", n, 1.0)
+    above = math("ADD", "n + 1 (F0)", n, 1.0)
+    top = math("MULTIPLY_ADD", "(n - 1)^2 + kappa^2 (F0)", below, below, kappa2)
+    bottom = math("MULTIPLY_ADD", "(n + 1)^2 + kappa^2 (F0)", above, above, kappa2)
+    return math("DIVIDE", "F(0)", top, bottom)
 
 
 def _layer_cosine(build: TreeBuilder) -> Any:
