@@ -270,8 +270,8 @@ def nested_too_deep(found: list[Faces]) -> list[str]:
             return [
                 (
                     f"Around {name!r} up to {max(inside)} objects with an interior lie in one "
-                    f"another; Cycles keeps track of {MOST_NESTED} and leaves out the rest. Join some, or "
-                    "disconnect their Volume."
+                    f"another; Cycles keeps track of {MOST_NESTED} and leaves out the rest. Join "
+                    "some, or disconnect their Volume."
                 )
             ]
     return []

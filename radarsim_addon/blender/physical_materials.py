@@ -52,6 +52,9 @@ RMS_HEIGHT = "radarsim_rms_height_m"
 CORRELATION_LENGTH = "radarsim_correlation_length_m"
 RMS_SLOPE = "radarsim_rms_slope"
 
+EXACT_FACETS = bpy.app.version >= (5, 0, 0)
+"""Whether Cycles evaluates Fresnel's equations at each facet; see `contract.ATTR_FACET_FRESNEL`."""
+
 
 @dataclass(frozen=True)
 class Medium:
@@ -245,7 +248,7 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
         roughness = float(cycles_roughness(slope))
         through, through_grazing = 1.0, 1.0
         if not is_conductor(index):
-            through, through_grazing = transmission_factors(index, slope)
+            through, through_grazing = transmission_factors(index, slope, EXACT_FACETS)
     except RadarSimError as error:
         raise ConfigError(f"Material {material.name!r}: {error}") from error
     return {

@@ -20,7 +20,7 @@ from .layers import set_layer_normals
 from .measurement import POLARISATIONS
 from .mesh_checks import check_meshes
 from .nodes.materials import VOLUME_STEP_RATE, is_radar_material
-from .physical_materials import update_materials
+from .physical_materials import EXACT_FACETS, update_materials
 from .recorder import Recorder
 from .rig import Rig
 from .scene_truth import evaluated_depsgraph
@@ -288,7 +288,6 @@ class MeasurementSettings:
         waveform, name = measurement.waveform, measurement.polarisation
         put(self._scene, contract.ATTR_WAVELENGTH, waveform.wavelength_m / units)
         put(self._scene, contract.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
-        exact = bpy.app.version >= (5, 0, 0)
-        put(self._scene, contract.ATTR_FACET_FRESNEL, 1.0 if exact else 0.0)
+        put(self._scene, contract.ATTR_FACET_FRESNEL, 1.0 if EXACT_FACETS else 0.0)
         put(self._scene, contract.ATTR_RING_MIN, 0.0)
         put(self._scene, contract.ATTR_RING_MAX, 0.0)

@@ -29,7 +29,9 @@ _SLACK = 3e-4
 
 
 @lru_cache(maxsize=256)
-def transmission_factors(index: complex, slope: float) -> tuple[float, float]:
+def transmission_factors(
+    index: complex, slope: float, facet_fresnel: bool = True
+) -> tuple[float, float]:
     """Factors on 1 - F: for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0).
 
     Between, the factor is linear in the cosine. (1, 1) for a smooth surface.
@@ -40,6 +42,8 @@ def transmission_factors(index: complex, slope: float) -> tuple[float, float]:
         Complex index n + jk.
     slope
         Rms slope m, 0 for a smooth surface.
+    facet_fresnel
+        Each facet reflects by Fresnel's equations; False: as at normal incidence.
 
     Raises
     ------
@@ -49,7 +53,13 @@ def transmission_factors(index: complex, slope: float) -> tuple[float, float]:
     if slope == 0:
         return 1.0, 1.0
     cosines = np.array(_COSINES)
-    given_back = [albedo(slope, float(c), index, "cycles", _STEPS) for c in cosines]
+    normal = float(unpolarised_reflectance(index, 1.0))
+    given_back = [
+        albedo(slope, float(c), index, "cycles", _STEPS)
+        if facet_fresnel
+        else normal * albedo(slope, float(c), None, "cycles", _STEPS)
+        for c in cosines
+    ]
     entering = 1 - unpolarised_reflectance(index, cosines)
     allowed = np.maximum(1 + _SLACK - np.array(given_back), 0.0)
     bound = np.minimum(allowed / np.maximum(entering, 1e-30), 1.0)

@@ -51,7 +51,8 @@ def dump(tree: Any) -> str:
 def _label(node: Any, index: int) -> str:
     name = node.inputs[index].name
     same = sum(socket.name == name for socket in node.inputs)
-    return f"{name}[{index}]" if same > 1 else name
+    shown = "Factor" if name == "Fac" else name  # Blender 5.2 renamed some
+    return f"{shown}[{index}]" if same > 1 else shown
 
 
 def _matters(node: Any, index: int) -> bool:
