@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How long things take and how good they are: rings, paths, echo synthesis.
 
-    python scripts/bench.py [--out out/bench] [--large] [--quick]
+    python scripts/bench.py [--out out/bench] [--only paper|scaling|synthesis] [--large] [--quick]
 
 Prints a table, writes bench.json and pictures. Processor time stands beside wall time: on a busy
 machine it is the one to compare. About five minutes on two idle cores.
@@ -16,6 +16,7 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,17 @@ sys.path.insert(0, str(ROOT))
 
 from scripts.benchmarks.scaling import measure_one, run_scaling  # noqa: E402
 
+#: Parts of the benchmark: error against time in the paper's scene, cost against the number of
+#: paths, echo synthesis.
+PARTS = ("paper", "scaling", "synthesis")
+
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench", metavar="DIR")
     parser.add_argument("--large", action="store_true", help="also a run of ten million paths")
     parser.add_argument("--quick", action="store_true", help="a tenth of it, to see that it runs")
+    parser.add_argument("--only", choices=PARTS, action="append", help="this part; may be repeated")
     parser.add_argument("--one", nargs=5, metavar="X", help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.one:
@@ -41,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
 
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    result = measure(arguments.large, arguments.quick)
+    result = measure(arguments.only or PARTS, arguments.large, arguments.quick)
     temporary = out / "bench.json.part"
     temporary.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     temporary.replace(out / "bench.json")
@@ -53,8 +59,8 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def measure(large: bool, quick: bool) -> dict[str, Any]:
-    """All parts."""
+def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
+    """The parts asked for."""
     import bpy
 
     from radarsim_addon import __version__
@@ -72,18 +78,17 @@ def measure(large: bool, quick: bool) -> dict[str, Any]:
     blend = ROOT / "blend_examples" / "paper_scene.blend"
     with tempfile.TemporaryDirectory(prefix="radarsim_bench_") as name:
         folder = Path(name)
-        say("echo synthesis")
-        synthesis = run_synthesis()
-        say("paths against their number")
-        scaling = run_scaling(Path(__file__).resolve(), blend, folder, large)
-        say("error against time")
-        accuracy = run_accuracy(blend, folder, quick)
-    return {
-        "machine": machine,
-        "accuracy": accuracy,
-        "scaling": scaling,
-        "synthesis": synthesis,
-    }
+        result: dict[str, Any] = {"machine": machine}
+        if "synthesis" in parts:
+            say("echo synthesis")
+            result["synthesis"] = run_synthesis()
+        if "scaling" in parts:
+            say("paths against their number")
+            result["scaling"] = run_scaling(Path(__file__).resolve(), blend, folder, large)
+        if "paper" in parts:
+            say("error against time")
+            result["accuracy"] = run_accuracy(blend, folder, quick)
+    return result
 
 
 def say(what: str) -> None:

@@ -37,6 +37,10 @@ SHIFTS = (4, 8, 16, 32)
 #: Start of the refined runs (width, height, shifts, tile side), and their error targets.
 REFINED_FROM = (128, 72, 8, 32)
 ERROR_TARGETS = (0.3, 0.15)
+#: Coarse frames whose small objects get tiles of their own. Each lays its pixels over the target in
+#: another way, so together they tell the error that the target's power has, not one lucky draw.
+TILES_FROM = ((80, 45), (96, 54), (112, 63), (128, 72), (144, 81), (160, 90), (176, 99))
+TILES = {"shifts": 2, "error_target": 0.04, "refine_by": "objects"}
 REFERENCE = {"width_px": 1296, "height_px": 729, "shifts": 8, "tile_px": 700}
 #: Bins of the coarse profile, in range bins: blind to the shift by a few bins that mixed pixels
 #: bring, which is most of the rings' error.
@@ -78,6 +82,8 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
     for shifts in SHIFTS[: 1 if quick else None]:
         result = timed(scene, *SHIFTS_OF, shifts=shifts, tile_px=1024)
         rows.append(measure.row(result, "shifts"))
+    for width, height in TILES_FROM[: 2 if quick else None]:
+        rows.append(measure.row(timed(scene, width, height, **TILES), "tiles"))
     width, height, shifts, tile_px = REFINED_FROM
     for target in ERROR_TARGETS[: 1 if quick else None]:
         result = timed(scene, width, height, shifts=shifts, tile_px=tile_px, error_target=target)
@@ -92,6 +98,7 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
         },
         "runs": rows,
         "ratios": ratios(rows),
+        "tiles": tile_summary(rows),
     }
 
 
@@ -194,6 +201,35 @@ def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     if enough is not None:
         found.append(_ratio(f"{text}, cheapest rings that do it", enough, good, "target_db"))
     return found
+
+
+def tile_summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Error of the target's power over all runs that laid tiles over it, and their median time
+    beside that of the rings."""
+    tiles = [r for r in rows if r["series"] == "tiles"]
+    errors = np.array([r["target_db"] for r in tiles])
+    cpu_s, wall_s = (float(np.median([r[key] for r in tiles])) for key in ("cpu_s", "wall_s"))
+    rings = {"full": rows[0]}
+    enough = steady(
+        [r for r in rows if r["acquisition"] == "rings"], "target_db", TARGET_TOLERANCE_DB
+    )
+    if enough is not None:
+        rings["cheapest"] = enough
+    return {
+        "runs": len(tiles),
+        "rms_db": float(np.sqrt(np.mean(errors**2))),
+        "max_db": float(np.abs(errors).max()),
+        "cpu_s": cpu_s,
+        "wall_s": wall_s,
+        "rings": {
+            name: {
+                "label": row["label"],
+                "ratio_cpu": row["cpu_s"] / cpu_s,
+                "ratio_wall": row["wall_s"] / wall_s,
+            }
+            for name, row in rings.items()
+        },
+    }
 
 
 def steady(rows: list[dict[str, Any]], key: str, limit: float) -> dict[str, Any] | None:

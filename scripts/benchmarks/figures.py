@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,14 @@ _STYLES = {
     "rings": {"marker": "s", "color": "tab:red", "linestyle": "none"},
     "paths": {"marker": "o", "color": "tab:blue"},
     "shifts": {"marker": "d", "color": "tab:purple"},
+    "tiles": {"marker": "*", "color": "tab:orange"},
     "refined": {"marker": "^", "color": "tab:green"},
 }
 _LABELS = {
     "rings": "21 rings",
     "paths": "paths, more pixels",
     "shifts": "paths, more shifts",
+    "tiles": "paths, tiles laid over small objects",
     "refined": "paths, tiles refined",
 }
 
@@ -28,6 +31,7 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     from matplotlib import pyplot
 
     files = []
+    parts = {"accuracy": _accuracy, "scaling": _scaling, "synthesis": _synthesis}
 
     def save(figure: Any, name: str) -> None:
         path = folder / name
@@ -35,7 +39,14 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
         pyplot.close(figure)
         files.append(path)
 
-    accuracy = result["accuracy"]
+    for name, part in parts.items():
+        if name in result:
+            part(pyplot, result[name], save)
+    return files
+
+
+def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> None:
+    """Error against time."""
     figure, axes = pyplot.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
     panels = (
         ("error", "Range profile, 2.5 m bins", "relative L2 error", "standard_error"),
@@ -69,7 +80,10 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
         axis.legend(fontsize=8)
     save(figure, "error_against_time.png")
 
-    rows = sorted(result["scaling"], key=lambda r: r["paths"])
+
+def _scaling(pyplot: Any, scaling: Any, save: Callable[[Any, str], None]) -> None:
+    """Cost and memory against the number of paths."""
+    rows = sorted(scaling, key=lambda r: r["paths"])
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.5, 4.4), layout="constrained")
     left.loglog([r["paths"] for r in rows], [r["cpu_s"] for r in rows], "o", label="measured")
     last = rows[-1]
@@ -92,8 +106,11 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     figure.suptitle("Cost and memory of the acquisition 'paths', tiles of 256 pixels")
     save(figure, "cost_against_paths.png")
 
+
+def _synthesis(pyplot: Any, synthesis: Any, save: Callable[[Any, str], None]) -> None:
+    """Echo synthesis."""
     figure, axis = pyplot.subplots(figsize=(6, 4.4))
-    rows = result["synthesis"]
+    rows = synthesis
     for engine, label in (
         ("direct", "direct sum (scaled above 10 000)"),
         ("numpy", "numpy gridding"),
@@ -109,4 +126,3 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     axis.grid(True, which="both", alpha=0.25)
     axis.legend()
     save(figure, "synthesis.png")
-    return files

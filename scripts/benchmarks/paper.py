@@ -173,7 +173,8 @@ class PaperScene:
         shutil.rmtree(folder)
         label = f"{width_px}x{height_px}, {chosen.shifts} shifts"
         if chosen.refines:
-            label += f", refined to {100 * chosen.error_target:g} %"
+            label += f", {100 * chosen.error_target:g} %"
+            label += "" if chosen.refine_by == "both" else f" of {chosen.refine_by}"
         return Result(
             "paths",
             label,

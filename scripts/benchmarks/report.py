@@ -16,10 +16,14 @@ def table(result: dict[str, Any]) -> str:
             f"radarsim {machine['radarsim']}"
         ),
     ]
-    lines += _accuracy(result["accuracy"])
-    lines += _rings(result["accuracy"])
-    lines += _scaling(result["scaling"])
-    lines += _synthesis(result["synthesis"])
+    for name, parts in (
+        ("accuracy", (_accuracy, _tiles, _rings)),
+        ("scaling", (_scaling,)),
+        ("synthesis", (_synthesis,)),
+    ):
+        if name in result:
+            for part in parts:
+                lines += part(result[name])
     return "\n".join(lines)
 
 
@@ -61,6 +65,26 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
             f"{ratio['ratio_wall']:.0f} by wall time ({ratio['rings']}: "
             f"{ratio['rings_value']:.3g}; {ratio['paths']}: {ratio['paths_value']:.3g})"
         )
+    return lines
+
+
+def _tiles(part: dict[str, Any]) -> list[str]:
+    found = part["tiles"]
+    lines = [
+        "",
+        (
+            f"   target's power by tiles laid over it, {found['runs']} runs: rms error "
+            f"{found['rms_db']:.3f} dB, largest {found['max_db']:.3f} dB; median "
+            f"{found['cpu_s']:.2f} s cpu, {found['wall_s']:.2f} s wall"
+        ),
+    ]
+    for name, text in (("full", "rings at full resolution"), ("cheapest", "cheapest rings")):
+        if name in found["rings"]:
+            rings = found["rings"][name]
+            lines.append(
+                f"   time of the {text} ({rings['label']}) over that: {rings['ratio_cpu']:.0f} by "
+                f"processor time, {rings['ratio_wall']:.0f} by wall time"
+            )
     return lines
 
 
