@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from .. import contract
@@ -85,6 +86,54 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
             f"The output folder {folder} holds frames of an unknown run ({error}) "
             "Choose another folder, or overwrite (Radar > Render, or --overwrite)."
         ) from error
+
+
+def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> None:
+    """See that the folder is empty or holds frames of this run; tidy up after a killed one.
+
+    Parameters
+    ----------
+    folder
+        Output folder.
+    fingerprints
+        Of this run, by the saved file (if it is saved as it is) and, last, by what is in it.
+    overwrite
+        Remove the frames of another run.
+
+    Raises
+    ------
+    OutputError
+        It holds frames of another run, or of an unknown one.
+    """
+    earlier = None
+    try:
+        earlier = earlier_run(folder)
+    except OutputError:
+        if not overwrite:
+            raise
+        clear_run(folder)
+    if earlier is not None and not _continues(earlier, fingerprints):
+        if not overwrite:
+            raise OutputError(
+                f"The output folder {folder} holds frames of another run (scene, "
+                "acquisition, ring step, passes, resolution, samples, seed or software "
+                "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
+            )
+        clear_run(folder)
+    clear_partial(folder)
+
+
+def _continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
+    """Whether an earlier run's frames are frames of this one.
+
+    A saved file is compared as a file. Where one of the two runs was made with unsaved
+    changes only geometry and animation can be compared; that is not enough where both are
+    files, because it looks at two frames alone and at no simulation.
+    """
+    if earlier.fingerprint == mine[0]:
+        return True
+    unsaved = len(mine) == 1 or earlier.extra.get("unsaved_changes") is True
+    return unsaved and earlier.extra.get("geometry_fingerprint") == mine[-1]
 
 
 def clear_run(folder: Path) -> None:

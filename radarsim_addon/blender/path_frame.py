@@ -78,7 +78,12 @@ class FrameWork:
         self._folder = job.folder / contract.frame_dir(frame)
         self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
-        self._parts = TileParts(self._folder, f"{job.options!r} {job.measurement.seed}")
+        # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
+        asked = job.measurement
+        carrier_hz = asked.waveform.carrier_hz
+        self._parts = TileParts(
+            self._folder, f"{job.options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
+        )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
         self._further: list[QualitySums] = []
         self._renders, self._seconds = 0, 0.0
@@ -103,7 +108,10 @@ class FrameWork:
         )
         uniform = tiles = Tile(whole).split(job.options.tile_px)
         if job.options.refines:
-            names = job.path_scene.objects if job.path_scene else []
+            scene = job.path_scene
+            assert scene is not None
+            numbered = enumerate(scene.objects, start=1)
+            names = [name for number, name in numbered if number not in scene.hidden]
             areas = view_rectangles(self._poses, names, self._camera, _MOST_RECTANGLES)
             tiles = lay_over_small(uniform, areas, whole, job.options)
         job.total += len(tiles) - len(uniform)
@@ -220,7 +228,7 @@ class FrameWork:
         unseen = unseen_warning(
             self._poses,
             scene.objects,
-            quality.seen | quality.echoing,
+            quality.seen | quality.echoing | scene.hidden,
             self._camera,
             job.measurement.width_px,
         )

@@ -95,6 +95,7 @@ class PathScene:
         self._request = RenderRequest(Gate())
         self.objects: list[str] = []
         self.opaque: frozenset[int] = frozenset()
+        self.hidden: frozenset[int] = frozenset()
         self.renders = 0
 
     def apply(self) -> None:
@@ -387,14 +388,16 @@ class PathScene:
     def _number_objects(self) -> None:
         """Object n of the list `objects` gets pass index n, from 1."""
         self.objects = []
-        opaque = set()
+        opaque, hidden = set(), set()
         for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
             if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
                 self.objects.append(item.name)
                 self._recorder.set(item, "pass_index", len(self.objects))
                 if _is_opaque(item):
                     opaque.add(len(self.objects))
-        self.opaque = frozenset(opaque)
+                if item.hide_render:
+                    hidden.add(len(self.objects))
+        self.opaque, self.hidden = frozenset(opaque), frozenset(hidden)
 
     def _add_world(self) -> None:
         """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue

@@ -31,13 +31,16 @@ from . import output_folder, scene_truth
 from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, make_plan, run_record
 from .advice import warnings_for
 from .exr_check import verify_exr
+from .folder_lock import FolderLock
 from .measurement import Measurement, typed
 from .nodes import refresh_groups
 from .physical_materials import is_physical
 from .poses import camera_record, emitter_record
 from .recorder import Recorder
+from .render_result import save_render
 from .render_settings import MeasurementSettings
 from .rig import Rig, check_scale, find_rig
+from .visibility import show_what_renders
 
 
 class RenderJob:
@@ -82,6 +85,8 @@ class RenderJob:
         self._overwrite = overwrite
         self._antennas = (camera, emitter)
         self._settings: MeasurementSettings | None = None
+        self._shown_for_run = Recorder()
+        self._lock = FolderLock(folder)
         self._scene_written: int | None = None
         self._records: tuple[contract.CameraRecord, contract.EmitterRecord] | None = None
         self._shown: Instant | None = None
@@ -123,6 +128,14 @@ class RenderJob:
         """
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         output_folder.prepare_folder(self.folder)
+        self._lock.acquire()
+        try:
+            self._prepare()
+        except BaseException:
+            self.restore()
+            raise
+
+    def _prepare(self) -> None:
         # Before anything is touched: afterwards the file would count as changed.
         file_digest = scene_truth.file_digest(self.file_just_opened)
         # A file of an older radarsim holds older node groups, which know less of the measurement.
@@ -132,7 +145,7 @@ class RenderJob:
             self._remember_view(survey)
             extent, geometry_digest = self._survey()
         finally:
-            self.unrestored += survey.restore()
+            self.unrestored += self._shown_for_run.restore() + survey.restore()
         self.plan: Plan = self._make_plan(extent)
         digests = [file_digest] if file_digest else []
         digests.append(geometry_digest)
@@ -140,14 +153,14 @@ class RenderJob:
         if any(is_physical(material) for material in bpy.data.materials):
             at = f"+{self._measurement.waveform.carrier_hz!r} Hz"
             digests = [digest + at for digest in digests]
-        self._open_folder(digests)
+        output_folder.open_folder(
+            self.folder,
+            [fingerprint(self.plan, digest, self.versions) for digest in digests],
+            self._overwrite,
+        )
         self._settings = self._make_settings()
         self._settings.apply()
-        try:
-            self._write_plan(digests)
-        except BaseException:
-            self.restore()
-            raise
+        self._write_plan(digests)
         self._pending = [
             task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
         ]
@@ -188,37 +201,6 @@ class RenderJob:
             digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
         self._shown = None
         return extent, "+".join(digests)
-
-    def _open_folder(self, digests: list[str]) -> None:
-        earlier = None
-        try:
-            earlier = output_folder.earlier_run(self.folder)
-        except OutputError:
-            if not self._overwrite:
-                raise
-            output_folder.clear_run(self.folder)
-        if earlier is not None and not self._continues(earlier, digests):
-            if not self._overwrite:
-                raise OutputError(
-                    f"The output folder {self.folder} holds frames of another run (scene, "
-                    "acquisition, ring step, passes, resolution, samples, seed or software "
-                    "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
-                )
-            output_folder.clear_run(self.folder)
-        output_folder.clear_partial(self.folder)
-
-    def _continues(self, earlier: contract.RunRecord, digests: list[str]) -> bool:
-        """Whether an earlier run's frames are frames of this one.
-
-        A saved file is compared as a file. Where one of the two runs was made with unsaved
-        changes only geometry and animation can be compared; that is not enough where both are
-        files, because it looks at two frames alone and at no simulation.
-        """
-        mine = [fingerprint(self.plan, digest, self.versions) for digest in digests]
-        if earlier.fingerprint == mine[0]:
-            return True
-        unsaved = len(digests) == 1 or earlier.extra.get("unsaved_changes") is True
-        return unsaved and earlier.extra.get("geometry_fingerprint") == mine[-1]
 
     def _write_plan(self, digests: list[str]) -> None:
         assert self._settings is not None
@@ -312,7 +294,7 @@ class RenderJob:
                 f"The folder {final.parent} was removed while the run was going on. Start again."
             )
         try:
-            self._save(temporary)
+            save_render(self._scene, temporary)
             verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
             output_folder.replace_file(temporary, final)
             write_record(self.folder / task.sidecar_path, self._record(task, final))
@@ -321,20 +303,6 @@ class RenderJob:
             raise
         self._rendered += 1
         self.done += 1
-
-    def _save(self, path: Path) -> None:
-        path.unlink(missing_ok=True)
-        result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
-        if result is None:
-            raise RenderError("Blender has no render result. Start the run again.")
-        try:
-            # Takes the path as it is; write_still would expand # and {} in folder names.
-            result.save_render(str(path), scene=self._scene)
-        except RuntimeError as error:
-            raise OutputError(
-                f"Blender cannot write {path}: {str(error).strip()} "
-                "Choose an output folder that is writable and has room."
-            ) from error
 
     def _record(self, task: Task, exr: Path) -> contract.RenderRecord:
         assert self._records is not None
@@ -383,6 +351,8 @@ class RenderJob:
 
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""
+        # Before the time is set: what appears later would keep the place of another time.
+        show_what_renders(self._shown_for_run, self._view_layer)
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None
@@ -420,3 +390,5 @@ class RenderJob:
         """Give the user's scene back; what failed is in `unrestored`. May be called again."""
         if self._settings is not None:
             self.unrestored += self._settings.restore()
+        self.unrestored += self._shown_for_run.restore()
+        self._lock.release()

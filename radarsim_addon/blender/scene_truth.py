@@ -19,6 +19,7 @@ from .acquisition import Extent
 from .isolation import ABSORBER_NAME, SURFACE_TYPES, animation_curves, echoes
 from .nearest import nearest_distance
 from .surface_roughness import roughness_of
+from .visibility import rendered_objects
 
 Array = NDArray[np.float64]
 
@@ -40,12 +41,15 @@ def evaluated_depsgraph(view_layer: Any) -> Any:
 
 
 def _shown_surfaces(depsgraph: Any) -> Iterator[_Shown]:
+    rendered = rendered_objects(depsgraph.view_layer)
     for item in depsgraph.object_instances:
         evaluated = item.object
         if evaluated.type not in SURFACE_TYPES or not item.show_self:
             continue
         original = evaluated.original
-        if original.hide_render or (item.is_instance and item.parent.original.hide_render):
+        if original.hide_render:
+            continue
+        if (item.parent.original if item.is_instance else original) not in rendered:
             continue
         name = original.name
         if item.is_instance:
@@ -124,7 +128,7 @@ def object_records(
     """Where the objects are at the depsgraph's time.
 
     Instances of one object by one instancer share a record, that of the nearest of them, named
-    ``instancer/object``. Objects hidden from renders or in the viewport are not in the list.
+    ``instancer/object``. Objects that are not rendered are not in the list.
 
     Parameters
     ----------
