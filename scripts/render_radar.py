@@ -194,7 +194,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
     """Everything that needs the package."""
     import bpy
 
-    from radarsim_addon.blender import properties
+    from radarsim_addon.blender import command_line, properties
     from radarsim_addon.blender.console import ProgressLine, quiet_blender
     from radarsim_addon.blender.jobs import make_job
 
@@ -202,7 +202,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
         properties.register()
-    overrides = command_line_overrides(arguments)
+    overrides = command_line.command_line_overrides(arguments)
     with quiet_blender() as stream:
         if arguments.blend is not None:
             open_file(bpy, arguments.blend)
@@ -213,9 +213,9 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             view_layer_of(bpy, scene),
             folder,
             overwrite=arguments.overwrite,
-            acquisition=chosen_acquisition(arguments),
+            acquisition=command_line.chosen_acquisition(arguments),
             overrides=overrides,
-            path_overrides=path_overrides(arguments),
+            path_overrides=command_line.path_overrides(arguments),
             system_file=arguments.system,
         )
         job.file_just_opened = arguments.blend is not None
@@ -259,72 +259,6 @@ def process(folder: Path, stream: Any, stop: StopRequest) -> None:
             for warning in event.warnings:
                 print(f"radarsim: warning: {warning}", file=stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
-
-
-def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Options by the names of the scene's settings; None where not given."""
-    from radarsim_addon.blender.measurement import parse_frames
-    from radarsim_addon.errors import ConfigError
-
-    if arguments.rings is not None and arguments.auto_rings:
-        raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
-    width_px, height_px = parse_resolution(arguments.resolution)
-    return {
-        "frames": None if arguments.frames is None else parse_frames(arguments.frames),
-        "ring_count": arguments.rings,
-        "ring_mode": "AUTO" if arguments.auto_rings else None,
-        "ring_step_m": arguments.ring_step,
-        "passes": arguments.passes,
-        "delta_t_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
-        "samples": arguments.samples,
-        "width_px": width_px,
-        "height_px": height_px,
-        "max_bounces": arguments.bounces,
-        "carrier_ghz": arguments.carrier_ghz,
-        "bandwidth_mhz": arguments.bandwidth_mhz,
-        "chirp_length_us": arguments.chirp_us,
-        "sampling_rate_mhz": arguments.sampling_mhz,
-        "prf_hz": arguments.prf_hz,
-        "pulses": arguments.pulses,
-        "seed": arguments.seed,
-    }
-
-
-def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
-    """The acquisition that was named, or that the options belong to; None: the file's own."""
-    if arguments.acquisition is not None:
-        return str(arguments.acquisition)
-    of_rings = (arguments.rings, arguments.ring_step, arguments.samples, arguments.bounces)
-    if arguments.auto_rings or any(value is not None for value in of_rings):
-        return "rings"
-    if any(value is not None for value in path_overrides(arguments).values()):
-        return "paths"
-    return None
-
-
-def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Options of the acquisition "paths"; None where not given."""
-    return {
-        "max_order": arguments.order,
-        "shifts": arguments.shifts,
-        "refine_by": arguments.error_of,
-        "error_target": None if arguments.error is None else arguments.error / 100,
-        "time_budget_s": arguments.budget,
-        "code": arguments.code,
-        "amplitude": arguments.amplitude,
-    }
-
-
-def parse_resolution(text: str | None) -> tuple[int | None, int | None]:
-    """``640x360`` as two numbers."""
-    from radarsim_addon.errors import ConfigError
-
-    if text is None:
-        return None, None
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
-        raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")
-    return int(parts[0]), int(parts[1])
 
 
 def open_file(bpy: Any, path: Path) -> None:

@@ -17,13 +17,13 @@ from ..signal.pathtable import PathRows, write_table
 from .acquisition import Instant
 from .motion_sampling import BurstMotion
 from .path_budget import CellGrid, ErrorBudget, ShiftPowers
-from .path_gates import RenderRequest
 from .path_inserts import lay_over_small
 from .path_options import FINEST_PITCH
 from .path_parts import TileParts, TileRecord
 from .path_quality import QualitySums
 from .path_tiles import Tile, ViewWindow
 from .path_unseen import unseen_warning, view_rectangles
+from .path_views import RenderRequest
 
 if TYPE_CHECKING:
     from .path_job import PathJob

@@ -30,12 +30,13 @@ from .measurement import Measurement
 from .motion_sampling import BurstMotion, SamplingPlan
 from .nodes import is_radar_material
 from .path_frame import FrameWork, PathTask
-from .path_gates import TracedView, TraceLimits, View, trace_view
+from .path_gates import TracedView, TraceLimits, trace_view
 from .path_options import PathOptions
 from .path_parts import TileParts
 from .path_rows import rows_of_view
 from .path_scene import PathScene
 from .path_tiles import Tile, shift_px, view_seed
+from .path_views import View
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings

@@ -18,24 +18,24 @@ import numpy as np
 
 from .. import contract
 from ..errors import RenderError
-from .isolation import SURFACE_TYPES
-from .nodes.materials import lets_nothing_through
 from .pass_files import read_passes
 from .path_cameras import aim, camera_kind
-from .path_gates import Gate, Region, RenderRequest, View
+from .path_setup import (
+    CODE_ALL,
+    CODE_RED_GREEN,
+    LIGHT_GROUP,
+    add_code_world,
+    add_passes,
+    number_objects,
+)
 from .path_tiles import ViewWindow
-from .pattern_mesh import PATTERN_PROPERTY
+from .path_views import Gate, Region, RenderRequest, View
 from .poses import rigid_pose
 from .recorder import Recorder
 from .render_settings import NEAR_CLIP_UNITS
 
-_LIGHT_GROUP = "radarsim"
-_WORLD = "radarsim range code (temporary)"
 _CAMERA = "radarsim view (temporary)"
 
-#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
-_CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
-_CODE_ALL = (0.5, 0.0, 0.5, 1.0)
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
@@ -104,8 +104,13 @@ class PathScene:
             self._keep_changing()
             self._add_camera()
             self._set_format()
-            self._set_passes()
-            self._number_objects()
+            add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
+            numbered = number_objects(self._recorder)
+            self.objects, self.opaque, self.hidden = (
+                numbered.names,
+                numbered.opaque,
+                numbered.hidden,
+            )
             for name in (
                 contract.ATTR_ORDER_MIN,
                 contract.ATTR_ORDER_MAX,
@@ -119,7 +124,7 @@ class PathScene:
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, contract.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
             if self._world_code:
-                self._add_world()
+                self._volume = add_code_world(self._recorder, self._scene)
         except BaseException:
             self.restore()
             raise
@@ -208,7 +213,7 @@ class PathScene:
         """Which channels the world's volume attenuates; renders without code do not ask."""
         if not request.coded:
             return
-        colour = _CODE_ALL if request.all_channels else _CODE_RED_GREEN
+        colour = CODE_ALL if request.all_channels else CODE_RED_GREEN
         socket = self._volume.inputs["Color"]
         if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
             socket.default_value = colour
@@ -271,7 +276,7 @@ class PathScene:
     def end(self) -> View:
         """Read what was rendered."""
         self.renders += 1
-        combined = f"Combined_{_LIGHT_GROUP}"
+        combined = f"Combined_{LIGHT_GROUP}"
         path = self._folder / "view.exr"
         # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
         passes = read_passes(path, (combined, "Position", "Object Index", "IndexOB"))
@@ -362,76 +367,3 @@ class PathScene:
         put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
         put(self._scene.render, "filepath", str(self._folder / "view"))
         put(self._scene.render, "use_file_extension", True)
-
-    def _set_passes(self) -> None:
-        put, layer = self._recorder.set, self._view_layer
-        put(layer, "use_pass_position", True)
-        put(layer, "use_pass_object_index", True)
-        put(layer, "pass_alpha_threshold", 0.0)
-        active = layer.active_lightgroup_index
-        self._recorder.on_restore(
-            "active light group", lambda: setattr(layer, "active_lightgroup_index", active)
-        )
-        with bpy.context.temp_override(scene=self._scene, view_layer=layer):
-            bpy.ops.scene.view_layer_add_lightgroup(name=_LIGHT_GROUP)
-        self._recorder.on_restore("light group", self._remove_lightgroup)
-        put(self._emitter, "lightgroup", _LIGHT_GROUP)
-
-    def _remove_lightgroup(self) -> None:
-        layer = self._view_layer
-        names = [group.name for group in layer.lightgroups]
-        if _LIGHT_GROUP in names:
-            layer.active_lightgroup_index = names.index(_LIGHT_GROUP)
-            with bpy.context.temp_override(scene=self._scene, view_layer=layer):
-                bpy.ops.scene.view_layer_remove_lightgroup()
-
-    def _number_objects(self) -> None:
-        """Object n of the list `objects` gets pass index n, from 1."""
-        self.objects = []
-        opaque, hidden = set(), set()
-        for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
-            if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
-                self.objects.append(item.name)
-                self._recorder.set(item, "pass_index", len(self.objects))
-                if _is_opaque(item):
-                    opaque.add(len(self.objects))
-                if item.hide_render:
-                    hidden.add(len(self.objects))
-        self.opaque, self.hidden = frozenset(opaque), frozenset(hidden)
-
-    def _add_world(self) -> None:
-        """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
-        by 1/k where the scene is coloured."""
-        world = bpy.data.worlds.new(_WORLD)
-        self._recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
-        if world.node_tree is None:
-            world.use_nodes = True
-        tree = world.node_tree
-        tree.nodes.clear()
-        output = tree.nodes.new("ShaderNodeOutputWorld")
-        background = tree.nodes.new("ShaderNodeBackground")
-        background.inputs["Strength"].default_value = 0.0
-        volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
-        volume.inputs["Color"].default_value = _CODE_RED_GREEN
-        self._volume = volume
-        rate = tree.nodes.new("ShaderNodeAttribute")
-        rate.attribute_type, rate.attribute_name = "VIEW_LAYER", contract.ATTR_WORLD_CODE
-        # The Vector output: Fac is the mean of three channels, which rounds.
-        split = tree.nodes.new("ShaderNodeSeparateXYZ")
-        double = tree.nodes.new("ShaderNodeMath")
-        double.operation = "MULTIPLY"
-        double.inputs[1].default_value = 2.0
-        tree.links.new(rate.outputs["Vector"], split.inputs[0])
-        tree.links.new(split.outputs["X"], double.inputs[0])
-        tree.links.new(double.outputs[0], volume.inputs["Density"])
-        tree.links.new(background.outputs[0], output.inputs["Surface"])
-        tree.links.new(volume.outputs[0], output.inputs["Volume"])
-        self._recorder.set(self._scene, "world", world)
-
-
-def _is_opaque(item: Any) -> bool:
-    """Whether an object is known to let nothing through; geometry nodes may set any material."""
-    slots = item.material_slots
-    if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
-        return False
-    return all(lets_nothing_through(slot.material) for slot in slots)

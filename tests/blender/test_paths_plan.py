@@ -13,17 +13,10 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender.path_budget import CellGrid, CellPowers, ErrorBudget
-from radarsim_addon.blender.path_gates import (
-    Gate,
-    RenderRequest,
-    TracedView,
-    TraceLimits,
-    View,
-    coarse_variance,
-    trace_view,
-)
+from radarsim_addon.blender.path_gates import TracedView, TraceLimits, trace_view
 from radarsim_addon.blender.path_options import PathOptions
 from radarsim_addon.blender.path_tiles import shift_px
+from radarsim_addon.blender.path_views import Gate, RenderRequest, View, coarse_variance
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.pathtable import FLAG_NO_CODE, PATH_DTYPE
 

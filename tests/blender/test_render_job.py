@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal  # noqa: E402
-from radarsim_addon.blender import output_folder  # noqa: E402
+from radarsim_addon.blender import output_folder, render_job  # noqa: E402
 from radarsim_addon.blender.nodes import groups  # noqa: E402
 from radarsim_addon.errors import OutputError, RenderError, SceneError  # noqa: E402
 from radarsim_addon.sidecar import file_sha256, read_record  # noqa: E402
@@ -250,19 +250,20 @@ def test_failed_write_leaves_nothing_half(
 ) -> None:
     """Blender writes half a file and says nothing: told, removed, and rendered the next time."""
     with rs.job_for(tmp_path) as job:
-        save = job._save
+        save = render_job.save_render
 
-        def half(path: Path) -> None:
-            save(path)
+        def half(scene: Any, path: Path) -> None:
+            save(scene, path)
             data = path.read_bytes()
             path.write_bytes(data[: len(data) // 2])
 
-        monkeypatch.setattr(job, "_save", half)
+        monkeypatch.setattr(render_job, "save_render", half)
         task = next(job.pending())
         job.start(task)
         job.render(task)
         with pytest.raises(OutputError, match="disk is probably full"):
             job.finish(task)
+    monkeypatch.undo()
     assert not list(tmp_path.rglob("*.part"))
     assert not list(tmp_path.rglob("*.exr"))
     assert rs.run(tmp_path).done == 3

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Options of scripts/render_radar.py by the names of the scene's settings. No bpy."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ..errors import ConfigError
+from .measurement import parse_frames
+
+
+def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Options by the names of the scene's settings; None where not given."""
+    if arguments.rings is not None and arguments.auto_rings:
+        raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
+    width_px, height_px = parse_resolution(arguments.resolution)
+    return {
+        "frames": None if arguments.frames is None else parse_frames(arguments.frames),
+        "ring_count": arguments.rings,
+        "ring_mode": "AUTO" if arguments.auto_rings else None,
+        "ring_step_m": arguments.ring_step,
+        "passes": arguments.passes,
+        "delta_t_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
+        "samples": arguments.samples,
+        "width_px": width_px,
+        "height_px": height_px,
+        "max_bounces": arguments.bounces,
+        "carrier_ghz": arguments.carrier_ghz,
+        "bandwidth_mhz": arguments.bandwidth_mhz,
+        "chirp_length_us": arguments.chirp_us,
+        "sampling_rate_mhz": arguments.sampling_mhz,
+        "prf_hz": arguments.prf_hz,
+        "pulses": arguments.pulses,
+        "seed": arguments.seed,
+    }
+
+
+def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
+    """The acquisition that was named, or that the options belong to; None: the file's own."""
+    if arguments.acquisition is not None:
+        return str(arguments.acquisition)
+    of_rings = (arguments.rings, arguments.ring_step, arguments.samples, arguments.bounces)
+    if arguments.auto_rings or any(value is not None for value in of_rings):
+        return "rings"
+    if any(value is not None for value in path_overrides(arguments).values()):
+        return "paths"
+    return None
+
+
+def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Options of the acquisition "paths"; None where not given."""
+    return {
+        "max_order": arguments.order,
+        "shifts": arguments.shifts,
+        "refine_by": arguments.error_of,
+        "error_target": None if arguments.error is None else arguments.error / 100,
+        "time_budget_s": arguments.budget,
+        "code": arguments.code,
+        "amplitude": arguments.amplitude,
+    }
+
+
+def parse_resolution(text: str | None) -> tuple[int | None, int | None]:
+    """``640x360`` as two numbers."""
+    if text is None:
+        return None, None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")
+    return int(parts[0]), int(parts[1])
