@@ -28,6 +28,7 @@ from .pipeline import (
     process_run,
 )
 from .rcscommand import add_rcs_parser, print_rcs
+from .synthesis import TOLERANCE, Method
 from .system import read_system
 from .windows import WINDOW_NAMES
 
@@ -106,6 +107,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
     process.add_argument(
+        "--tolerance", type=_finite, default=TOLERANCE, help="relative error of the echoes"
+    )
+    process.add_argument(
+        "--synthesis", choices=get_args(Method), default="auto", help="way of moving paths"
+    )
+    process.add_argument(
         "--speckle-seed",
         type=_seed,
         default=0,
@@ -159,6 +166,8 @@ def _process(chosen: argparse.Namespace) -> int:
         window_m=chosen.range,
         max_speed_mps=chosen.max_speed,
         method=chosen.method,
+        tolerance=chosen.tolerance,
+        synthesis=chosen.synthesis,
         speckle_seed=chosen.speckle_seed,
         speckle_cell_m=chosen.speckle_cell,
         products=not chosen.no_products,

@@ -16,6 +16,7 @@ from .echoes import MAX_SAMPLES, Echoes, check_window
 from .linecompress import LinePower, compress_lines, line_range_axis
 from .nufft import Backend, nufft1, smooth_size
 from .paths import Paths, Weighting, path_amplitude
+from .synthesis_grid import repeat_orders
 from .waveform import (
     band_window,
     frequencies_hz,
@@ -191,9 +192,15 @@ class ProfileAccumulator:
             return
         offset_m = paths.range_m - self._range_m[0]
         span_m = self._range_m[-1] - self._range_m[0]
-        near = (offset_m > -self._margin_m) & (offset_m < span_m + self._margin_m)
+        # echoes beyond the unambiguous range are heard folded; once, or more often in a long window
+        fold_m = self._radar.burst.unambiguous_range_m
+        low = np.floor((offset_m - span_m - self._margin_m) / fold_m) + 1
+        copies = np.ceil((offset_m + self._margin_m) / fold_m) - low
+        copies = np.maximum(copies, 0).astype(np.intp)
+        near = np.repeat(np.arange(copies.size), copies)
+        offset_m = offset_m[near] - repeat_orders(low, copies) * fold_m
         step_m = self._radar.waveform.sample_spacing_m / self._oversample
-        points = offset_m[near] * (2 * np.pi / (step_m * self._size))
+        points = offset_m * (2 * np.pi / (step_m * self._size))
         # 1e-13: far echoes stand many tens of dB below near ones
         self._sum += nufft1(points, power[near] ** 2, self._size, 1e-13, self._method)
 
@@ -245,6 +252,10 @@ def expected_power_profile(
         Ranges per sample of the echo, at least 2.
     method
         Engine of the non-uniform FFT.
+
+    Notes
+    -----
+    Echoes beyond the unambiguous range c / 2 PRF are folded, as by :func:`.echoes.synthesize`.
     """
     accumulator = ProfileAccumulator(
         radar,

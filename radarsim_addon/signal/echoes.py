@@ -3,16 +3,15 @@
 
     s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
 
-is formed in the frequency domain, S(f) = W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i): a non-uniform
-FFT per pulse. Paths that stand still are transformed once for all pulses; the others at every
-pulse at their true length, so range migration is exact. l_i(t_m) = l_i + 2 v_i t_m, t_m = m/PRF
-from the frame's time t. Stop and go: nothing moves while a pulse travels.
+is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by :mod:`.synthesis`.
+t_m = m/PRF from the frame's time t. Stop and go: nothing moves while a pulse travels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,17 @@ from numpy.typing import NDArray
 from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
-from .nufft import TOLERANCE, Backend, nufft1, smooth_size
+from .nufft import Backend, smooth_size
 from .paths import Paths, Weighting, path_amplitude
 from .speckle import path_phasors
+from .synthesis import (
+    TOLERANCE,
+    FrequencyGrid,
+    Listening,
+    Method,
+    SpectrumAccumulator,
+    SynthesisReport,
+)
 from .waveform import replica_count, replica_spectrum
 
 Real = NDArray[np.float64]
@@ -52,6 +59,8 @@ class Echoes:
         See :func:`.paths.path_amplitude`.
     outside
         Paths (counted once a pulse, divided by pulses) that lie wholly outside the window.
+    report
+        How they were formed; None where they come from elsewhere.
     """
 
     samples: Complex
@@ -60,6 +69,7 @@ class Echoes:
     radar: Radar
     weighting: Weighting
     outside: float
+    report: SynthesisReport | None = None
 
     @property
     def fast_time_s(self) -> Real:
@@ -93,7 +103,8 @@ def check_window(window_m: tuple[float, float]) -> tuple[float, float]:
 class EchoSynthesizer:
     """Adds up the echoes of paths that come in parts (ring by ring); see :func:`synthesize`.
 
-    Memory: one complex matrix (pulses, frequencies), whatever the number of paths.
+    Memory: one complex matrix (pulses, frequencies) and buffers of some 100 MB at most, whatever
+    the number of paths.
     """
 
     def __init__(
@@ -105,18 +116,15 @@ class EchoSynthesizer:
         receiver_gain: float = 1.0,
         method: Backend = "auto",
         tolerance: float = TOLERANCE,
-        chunk: int = 1 << 18,
+        synthesis: Method = "auto",
+        range_folding: bool = True,
+        chunk: int = 1 << 17,
         speckle_seed: int | None = None,
     ) -> None:
-        if chunk < 1:
-            raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
         self.window_m = check_window(window_m)
         self.radar = radar
         self._weighting: Weighting = weighting
         self._gain = receiver_gain
-        self._method: Backend = method
-        self._tolerance = tolerance
-        self._chunk = chunk
         self._speckle_seed = speckle_seed
         rate_hz = radar.waveform.sampling_rate_hz
         chirp = replica_count(radar.waveform)
@@ -130,71 +138,64 @@ class EchoSynthesizer:
                 f"{radar.burst.pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
                 "Choose a shorter range window, fewer pulses or a lower sampling rate."
             )
-        self._size = smooth_size(needed)
+        size = smooth_size(needed)
         self._half_s = (chirp - 1) / 2 / rate_hz
         self._first_s = start_s - self._half_s
-        self._limits_s = (start_s - 2 * self._half_s, stop_s + 2 * self._half_s)
-        self._static = np.zeros(self._size, dtype=np.complex128)
-        self._moving: Complex | None = None
-        self._outside = 0
+        self._sum = SpectrumAccumulator(
+            FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size),
+            pulse_times_s(radar),
+            tolerance=tolerance,
+            method=synthesis,
+            backend=method,
+            listening=Listening(
+                start_s - 2 * self._half_s,
+                stop_s + 2 * self._half_s,
+                1 / radar.burst.prf_hz if range_folding else None,
+                radar.waveform.carrier_hz,
+            ),
+            chunk=chunk,
+        )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths."""
-        amplitude = path_amplitude(
+        """Add the echoes of these paths.
+
+        Raises
+        ------
+        PathDataError
+            A row has a length or an amplitude that is NaN or infinite.
+        """
+        weights: NDArray[np.inexact[Any]] = path_amplitude(
             paths, self.radar.waveform.wavelength_m, self._weighting, self._gain
         )
-        weights = amplitude.astype(np.complex128)
         if self._speckle_seed is not None:
-            weights *= path_phasors(paths, self._speckle_seed)
-        times_s = pulse_times_s(self.radar)
-        for start in range(0, len(paths), self._chunk):
-            part = slice(start, start + self._chunk)
-            a, length_m = weights[part], paths.length_m[part]
-            rate_mps = paths.range_rate_mps[part]
-            still = rate_mps == 0
-            self._static += self._transform(a[still], length_m[still], times_s.size)
-            if still.all():
-                continue
-            if self._moving is None:
-                self._moving = np.zeros((times_s.size, self._size), dtype=np.complex128)
-            a, length_m, rate_mps = a[~still], length_m[~still], rate_mps[~still]
-            for pulse, time_s in enumerate(times_s):
-                self._moving[pulse] += self._transform(a, length_m + 2 * rate_mps * time_s, 1)
-
-    def _transform(self, amplitude: Complex, length_m: Real, pulses: int) -> Complex:
-        """sum_i a_i exp(-j 2 pi (f0+f) tau_i), f ascending, delays from sample 0."""
-        delay_s = length_m / SPEED_OF_LIGHT_MPS
-        received = (delay_s > self._limits_s[0]) & (delay_s < self._limits_s[1])
-        kept = int(np.count_nonzero(received))
-        if kept < received.size:
-            self._outside += (received.size - kept) * pulses
-            amplitude = amplitude[received]
-            length_m, delay_s = length_m[received], delay_s[received]
-        # cycles of the carrier from the length in float64: 1e-9 rad at 10 km and 77 GHz
-        cycles = length_m * (self.radar.waveform.carrier_hz / SPEED_OF_LIGHT_MPS)
-        values = amplitude * np.exp(-2j * np.pi * (cycles - np.round(cycles)))
-        step_rad = 2 * np.pi * self.radar.waveform.sampling_rate_hz / self._size
-        points = (delay_s - self._first_s) * step_rad
-        return nufft1(points, values, self._size, self._tolerance, self._method)
+            weights = weights * path_phasors(paths, self._speckle_seed)
+        self._sum.add(paths.lengths, weights)
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far."""
-        pulses = self.radar.burst.pulses
-        spectrum = replica_spectrum(self.radar.waveform, self._size)
+        spectrum = self._sum.result()
+        size, pulses = spectrum.grid.count, self.radar.burst.pulses
+        # S has delays from the middle of the pulse; sample 0 is at first_s
+        k = np.fft.fftfreq(size, 1 / size)
+        turns = spectrum.grid.step_hz * self._first_s
+        shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
+        filter_ = replica_spectrum(self.radar.waveform, size) * shift
         samples = np.empty((pulses, self._count), dtype=np.complex128)
-        still = np.fft.ifft(np.fft.ifftshift(self._static) * spectrum)[: self._count]
-        for pulse in range(pulses):
-            samples[pulse] = still
-            if self._moving is not None:
-                moving = np.fft.ifftshift(self._moving[pulse]) * spectrum
-                samples[pulse] += np.fft.ifft(moving)[: self._count]
+        if spectrum.moving is None:
+            line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
+            samples[:] = line[: self._count]
+        else:
+            for pulse, moving in enumerate(spectrum.moving):
+                line = np.fft.ifftshift(moving + spectrum.still) * filter_
+                samples[pulse] = np.fft.ifft(line)[: self._count]
         return Echoes(
             samples,
             self._first_s,
             self.window_m,
             self.radar,
             self._weighting,
-            self._outside / pulses,
+            spectrum.report.outside,
+            spectrum.report,
         )
 
 
@@ -207,7 +208,9 @@ def synthesize(
     receiver_gain: float = 1.0,
     method: Backend = "auto",
     tolerance: float = TOLERANCE,
-    chunk: int = 1 << 18,
+    synthesis: Method = "auto",
+    range_folding: bool = True,
+    chunk: int = 1 << 17,
     speckle_seed: int | None = None,
 ) -> Echoes:
     """Echoes of a burst from paths (Eq. 9-14).
@@ -229,7 +232,12 @@ def synthesize(
         "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
         term by term: slow, for checks).
     tolerance
-        Of the non-uniform FFT, relative to the sum of all amplitudes.
+        Relative L2 error of the spectrum S(f) against the direct sum, see :mod:`.synthesis`.
+    synthesis
+        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
+    range_folding
+        Whether echoes later than the pulse interval fall into the window of a later pulse, as in
+        a radar that sends equal pulses all the time. False: they stand at their true delay.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
     speckle_seed
@@ -239,8 +247,8 @@ def synthesize(
 
     Notes
     -----
-    Echoes beyond the unambiguous range c/2PRF stand at their true delay, not folded back: every
-    echo is taken to be listened to after its own pulse.
+    Stop and go: a path's delay is that of the time of the pulse in whose window it is heard.
+    A folded echo has the carrier phase of its true delay, for the oscillator runs on.
     """
     from .families import synthesizer_for  # it knows of all kinds, this module among them
 
@@ -251,6 +259,8 @@ def synthesize(
         receiver_gain=receiver_gain,
         method=method,
         tolerance=tolerance,
+        synthesis=synthesis,
+        range_folding=range_folding,
         chunk=chunk,
         speckle_seed=speckle_seed,
     )

@@ -6,9 +6,11 @@ from __future__ import annotations
 from .config import Radar
 from .echoes import EchoSynthesizer
 from .linesynthesis import LineSynthesizer
-from .nufft import TOLERANCE, Backend
+from .nufft import Backend
 from .paths import Weighting
 from .phasenoise import LineOscillator, PhaseNoise, takes_phase_noise_by_path
+from .synthesis import TOLERANCE, Method
+from .synthesis_transform import engine_tolerance
 
 
 def synthesizer_for(
@@ -19,7 +21,9 @@ def synthesizer_for(
     receiver_gain: float = 1.0,
     method: Backend = "auto",
     tolerance: float = TOLERANCE,
-    chunk: int = 1 << 18,
+    synthesis: Method = "auto",
+    range_folding: bool = True,
+    chunk: int = 1 << 17,
     speckle_seed: int | None = None,
     phase_noise: PhaseNoise | None = None,
     phase_noise_seed: int = 0,
@@ -37,6 +41,8 @@ def synthesizer_for(
             receiver_gain=receiver_gain,
             method=method,
             tolerance=tolerance,
+            synthesis=synthesis,
+            range_folding=range_folding,
             chunk=chunk,
             speckle_seed=speckle_seed,
         )
@@ -49,7 +55,7 @@ def synthesizer_for(
         weighting=weighting,
         receiver_gain=receiver_gain,
         method=method,
-        tolerance=tolerance,
+        tolerance=engine_tolerance(tolerance),
         chunk=chunk,
         speckle_seed=speckle_seed,
         oscillator=oscillator,

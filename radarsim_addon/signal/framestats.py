@@ -16,8 +16,8 @@ from .paths import PathCounts, Paths, iter_paths, path_power_w
 MIXED_POWER_WARNING = 0.05
 
 _BEYOND_PRF = (
-    "(c / 2 PRF). They stand at their true range; "
-    "a radar would show them folded. Lower the PRF to be rid of the ambiguity."
+    "(c / 2 PRF). Echoes that fall into the range window stand folded, as in a radar. "
+    "Lower the PRF to be rid of the ambiguity."
 )
 #: What becomes of paths beyond the unambiguous range, by kind of waveform.
 _BEYOND = {

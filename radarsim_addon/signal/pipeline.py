@@ -11,6 +11,7 @@ bounded by one frame, however many there are, as long as the caller lets go of t
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,12 +39,13 @@ from .products import write_products
 from .rangedoppler import RangeDopplerMap, range_doppler
 from .scatterers import SpeckleReport
 from .specklestage import FrameSpeckle
+from .synthesis import TOLERANCE, Method
 from .system import weighting_of
 from .uncertainty import ExpectedPower, expected_power
 from .waveform_files import waveform_to_dict
 
-#: Below the strongest cell by more than this is rounding, not an echo: float32 renders, and the
-#: tolerance of the non-uniform FFT [dB].
+#: Below the strongest cell by more than this is rounding, not an echo: float32 renders. Less where
+#: the tolerance of the synthesis is coarse [dB].
 _MAP_DYNAMICS_DB = 160.0
 
 
@@ -99,6 +101,10 @@ class ProcessOptions:
         Limit of a believable |range rate| between the passes [m/s].
     method
         Engine of the non-uniform FFT.
+    tolerance
+        Relative L2 error of the echoes' spectrum against the direct sum.
+    synthesis
+        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
     speckle_seed
         Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
         :mod:`.scatterers`.
@@ -119,6 +125,8 @@ class ProcessOptions:
     window_m: tuple[float, float] | None = None
     max_speed_mps: float = MAX_SPEED_MPS
     method: Backend = "auto"
+    tolerance: float = TOLERANCE
+    synthesis: Method = "auto"
     speckle_seed: int | None = 0
     speckle_cell_m: float | None = None
     products: bool = True
@@ -231,6 +239,8 @@ def _process_frame(
         weighting=options.weighting,
         receiver_gain=options.receiver_gain,
         method=options.method,
+        tolerance=options.tolerance,
+        synthesis=options.synthesis,
         speckle_seed=seed,
     )
     accumulator = ProfileAccumulator(
@@ -267,10 +277,11 @@ def _process_frame(
         profile=profile,
         rd_map=rd_map,
         edges=_edges(profile),
-        movers=_movers(rd_map, slowest_mps),
+        movers=_movers(rd_map, slowest_mps, options.tolerance),
         warnings=statistics_warnings(statistics, run.radar)
         + report.warnings
         + speckle.warnings
+        + _inexact(echoes)
         + (scatterers.warnings if scatterers is not None else []),
         files=[],
         expected=_expected(frame, run, window_m, options, budget.link),
@@ -286,6 +297,12 @@ def _process_frame(
         result.files.extend(_draw(frame, result, folder))
     yield f"frame {frame.number}: pictures"
     yield result
+
+
+def _inexact(echoes: Echoes) -> list[str]:
+    """A warning where the echoes may miss their tolerance."""
+    text = None if echoes.report is None else echoes.report.accuracy_warning()
+    return [text] if text else []
 
 
 def _expected(
@@ -330,7 +347,7 @@ def _edges(profile: PowerProfile) -> list[LeadingEdge]:
     ][:5]
 
 
-def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
+def _movers(rd_map: RangeDopplerMap, slowest_mps: float, tolerance: float) -> list[Peak]:
     """Peaks off the 0 Hz stripe; none where there are too few pulses to tell.
 
     A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
@@ -343,7 +360,8 @@ def _movers(rd_map: RangeDopplerMap, slowest_mps: float) -> list[Peak]:
     reach_m = _paired_reach_m(rd_map.radar)
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
-    floor_db = float(rd_map.power_db.max()) - _MAP_DYNAMICS_DB
+    dynamics_db = min(_MAP_DYNAMICS_DB, 20 - 20 * math.log10(tolerance))
+    floor_db = float(rd_map.power_db.max()) - dynamics_db
     for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
         if peak.level_db < floor_db:
             continue
@@ -392,6 +410,7 @@ def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -
             "waveform": waveform_to_dict(rd_map.radar.waveform),
             "burst": dataclasses.asdict(rd_map.radar.burst),
             "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "synthesis": dataclasses.asdict(result.echoes.report) if result.echoes.report else None,
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
             "movers": [dataclasses.asdict(peak) for peak in result.movers],

@@ -36,11 +36,19 @@ class FrequencyGrid:
         Step, positive or negative [Hz].
     count
         Number of frequencies.
+    centre_hz
+        f at n = count//2, where it is known better than by start + n step; see `centred` [Hz].
     """
 
     start_hz: float
     step_hz: float
     count: int
+    centre_hz: float | None = None
+
+    @classmethod
+    def centred(cls, centre_hz: float, step_hz: float, count: int) -> FrequencyGrid:
+        """The grid with f = centre_hz, to the last digit, at n = count//2."""
+        return cls(centre_hz - (count // 2) * step_hz, step_hz, count, centre_hz)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.count, int) and self.count >= 1):
@@ -53,6 +61,8 @@ class FrequencyGrid:
     @property
     def exact_centre_hz(self) -> Fraction:
         """f at n = count//2, where the transforms have their zero [Hz]."""
+        if self.centre_hz is not None:
+            return Fraction(self.centre_hz)
         return Fraction(self.start_hz) + (self.count // 2) * Fraction(self.step_hz)
 
     @property

@@ -14,6 +14,7 @@ from radarsim_addon.signal import (
     Radar,
     Waveform,
     compress,
+    expected_power_profile,
     join_paths,
     make_paths,
     replica,
@@ -166,6 +167,43 @@ def test_echoes_from_outside_do_not_wrap_into_the_window() -> None:
     assert echoes.outside == 0
     assert np.abs(echoes.samples[0, -20:]).min() > 0.5
     assert np.abs(echoes.samples[0, :200]).max() < 0.01
+
+
+def test_echo_of_an_earlier_pulse_folds_into_the_window() -> None:
+    """At the true range less the unambiguous one, with the carrier phase of the true delay."""
+    radar = Radar(RADAR.waveform, Burst(1000.0, 3))
+    fold_m = radar.burst.unambiguous_range_m
+    shift = 40
+    near_m = whole_sample_range_m(radar, shift, WINDOW_M[0])
+    far = unit_paths(radar, [near_m + 2 * fold_m], [3.0])
+    found = synthesize(far, radar, window_m=WINDOW_M, tolerance=1e-9)
+    near = unit_paths(radar, [near_m], [3.0])
+    turn = np.exp(-4j * np.pi * (2 * fold_m / radar.waveform.wavelength_m % 1.0))
+    expected = echo_at(near, radar, found.fast_time_s, found.slow_time_s) * turn
+    inside = slice(shift + 2, shift + radar_chirp(radar) - 2)
+    np.testing.assert_allclose(found.samples[0, inside], expected[0, inside], atol=1e-4)
+    assert found.report is not None and found.report.folded_range == 1
+    profile = expected_power_profile(far, radar, window_m=WINDOW_M)
+    assert profile.range_m[np.argmax(profile.power)] == pytest.approx(near_m, abs=0.5)
+    alone = synthesize(far, radar, window_m=WINDOW_M, range_folding=False)
+    assert not alone.samples.any()
+    assert alone.outside == 1
+
+
+def radar_chirp(radar: Radar) -> int:
+    return replica(radar.waveform).size
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9, 1e-12])
+def test_tolerance_of_echoes(tolerance: float) -> None:
+    paths = many_paths()
+    exact = synthesize(paths, RADAR, window_m=WINDOW_M, synthesis="direct")
+    found = synthesize(paths, RADAR, window_m=WINDOW_M, tolerance=tolerance)
+    error = np.linalg.norm(found.samples - exact.samples) / np.linalg.norm(exact.samples)
+    assert error <= tolerance
+    assert found.report is not None
+    assert found.report.tolerance == tolerance
+    assert {step.motion for step in found.report.steps} == {"still", "linear"}
 
 
 def test_no_paths_give_zeros() -> None:
