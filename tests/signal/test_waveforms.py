@@ -44,7 +44,9 @@ ALL = [Waveform(5.3e9, 50e6, 2.5e-6, 60e6), FMCW, STEPPED, PMCW, BARKER13]
 
 
 def burst_of(waveform: AnyWaveform, pulses: int) -> Radar:
-    return Radar(waveform, Burst(1 / waveform.duration_s, pulses))
+    # pulses with a pause, so that no echo of these tests comes after the next pulse
+    prf_hz = 1e4 if waveform.family == "pulse" else 1 / waveform.duration_s
+    return Radar(waveform, Burst(prf_hz, pulses))
 
 
 # -- codes -----------------------------------------------------------------------------------------
