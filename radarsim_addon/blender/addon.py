@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import material_panel, operators, panels, properties, system_panel
+from . import asset_library, material_panel, operators, panels, properties, system_panel
 
 #: Every class besides the settings, in the order of registration.
 CLASSES: tuple[type, ...] = (
@@ -13,6 +13,7 @@ CLASSES: tuple[type, ...] = (
     *panels.CLASSES,
     *system_panel.CLASSES,
     *material_panel.CLASSES,
+    *asset_library.CLASSES,
 )
 
 

@@ -59,6 +59,7 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
         settings = getattr(context.scene, SCENE_PROPERTY)
         layout.prop(settings, "preset", text="")
         layout.operator("radarsim.assign_material", icon="MATERIAL")
+        layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
         item = context.active_object
         if item is not None and item.type == "MESH":
             known = echoes(item)
