@@ -45,7 +45,7 @@ class Asset:
     medium: str
     rms_height_m: float = 0.0
     correlation_length_m: float = 0.0
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
 
     @property
     def description(self) -> str:
@@ -152,7 +152,7 @@ def add_library(preferences: Any) -> Any:
     # Linked materials could not follow the carrier.
     try:
         library.import_method = "APPEND_REUSE"
-    except TypeError:  # from 5.0 on reuse is a choice of its own, made by default
+    except TypeError:  # Blender 5 offers to link, append or pack
         library.import_method = "APPEND"
     return library
 
