@@ -26,8 +26,8 @@ sys.path.insert(0, str(ROOT))
 from scripts.benchmarks.scaling import measure_one, run_scaling  # noqa: E402
 
 #: Parts of the benchmark: error against time in the paper's scene, cost against the number of
-#: paths, echo synthesis.
-PARTS = ("paper", "scaling", "synthesis")
+#: paths, echo synthesis, motion by both methods.
+PARTS = ("paper", "scaling", "synthesis", "motion")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -65,6 +65,7 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
 
     from radarsim_addon import __version__
     from scripts.benchmarks.accuracy import run_accuracy
+    from scripts.benchmarks.motion import run_motion
     from scripts.benchmarks.synthesis import run_synthesis
 
     machine = {
@@ -85,6 +86,9 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
         if "scaling" in parts:
             say("paths against their number")
             result["scaling"] = run_scaling(Path(__file__).resolve(), blend, folder, large)
+        if "motion" in parts:
+            say("motion by both methods")
+            result["motion"] = run_motion(folder / "motion")
         if "paper" in parts:
             say("error against time")
             result["accuracy"] = run_accuracy(blend, folder, quick)

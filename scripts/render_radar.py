@@ -93,6 +93,17 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="paths: stop refining a frame after S seconds",
     )
     parser.add_argument(
+        "--motion",
+        choices=("kinematic", "off"),
+        help="paths: lengths at every pulse from the animation, or all stands still in a burst",
+    )
+    parser.add_argument(
+        "--motion-samples",
+        type=int,
+        metavar="N",
+        help="paths: most moments of a burst at which the animation is looked at",
+    )
+    parser.add_argument(
         "--code",
         choices=("auto", "materials", "world"),
         help="paths: what carries the range code; world: materials of any kind echo",

@@ -56,6 +56,8 @@ def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "refine_by": arguments.error_of,
         "error_target": None if arguments.error is None else arguments.error / 100,
         "time_budget_s": arguments.budget,
+        "motion": arguments.motion,
+        "motion_samples": arguments.motion_samples,
         "code": arguments.code,
         "amplitude": arguments.amplitude,
     }

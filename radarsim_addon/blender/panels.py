@@ -134,6 +134,9 @@ def _draw_paths(layout: Any, settings: Any) -> None:
         column.prop(settings, "path_refine_by")
     column.prop(settings, "path_budget_s")
     column = layout.column(align=True)
+    column.prop(settings, "path_motion")
+    if settings.path_motion != "off":
+        column.prop(settings, "path_motion_samples")
     column.prop(settings, "path_code")
     column.prop(settings, "path_amplitude")
 

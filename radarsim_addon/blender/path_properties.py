@@ -68,6 +68,22 @@ class PathSettings:
         precision=1,
         description="Stop refining a frame after this time. 0: no limit",
     )
+    path_motion: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Motion",
+        items=(
+            ("kinematic", "Kinematic", "Every path's length at every pulse, from what it touches"),
+            ("off", "Off", "All stands still during a burst"),
+        ),
+        description="How paths move during a burst",
+    )
+    path_motion_samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Motion samples",
+        default=4097,
+        min=17,
+        max=65_537,
+        description="Most moments of a burst at which the animation is looked at; fewer are taken "
+        "where they are enough for the wavelength",
+    )
     path_code: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Range code",
         items=(
@@ -109,6 +125,8 @@ def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
         "error_target": typed(settings.path_error_percent) / 100,
         "refine_by": settings.path_refine_by,
         "time_budget_s": typed(settings.path_budget_s),
+        "motion": settings.path_motion,
+        "motion_samples": int(settings.path_motion_samples),
         "code": settings.path_code,
         "amplitude": settings.path_amplitude,
     }

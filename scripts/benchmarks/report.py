@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .motion import motion_table
+
 
 def table(result: dict[str, Any]) -> str:
     """All parts as text."""
@@ -20,11 +22,16 @@ def table(result: dict[str, Any]) -> str:
         ("accuracy", (_accuracy, _tiles, _rings)),
         ("scaling", (_scaling,)),
         ("synthesis", (_synthesis,)),
+        ("motion", (_motion,)),
     ):
         if name in result:
             for part in parts:
                 lines += part(result[name])
     return "\n".join(lines)
+
+
+def _motion(part: list[dict[str, Any]]) -> list[str]:
+    return ["", "Motion: range rates against the truth", "", motion_table(part)]
 
 
 def _accuracy(part: dict[str, Any]) -> list[str]:

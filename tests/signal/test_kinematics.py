@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from pathlib import Path
 
@@ -75,9 +76,7 @@ def rows_of(*paths: tuple[list[tuple[float, float, float]], list[int]], excess: 
     rows = np.zeros(len(paths), dtype=PATH_DTYPE)
     for row, (points, numbers) in zip(rows, paths, strict=True):
         way = [RECEIVER.pose[:3, 3], *map(np.array, points), EMITTER.pose[:3, 3]]
-        row["length_m"] = excess + sum(
-            np.linalg.norm(b - a) for a, b in zip(way[:-1], way[1:], strict=True)
-        )
+        row["length_m"] = excess + sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
         row["order"] = len(points)
         row["first_m"], row["last_m"] = points[0], points[-1]
         row["first_body"], row["body"] = numbers[0], numbers[-1]
@@ -100,7 +99,7 @@ def true_lengths(
             for p, n in zip(points, numbers, strict=True)
         ]
         way.append(end)
-        lengths.append(sum(np.linalg.norm(b - a) for a, b in zip(way[:-1], way[1:], strict=True)))
+        lengths.append(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way)))
     return np.array(lengths)
 
 
@@ -278,7 +277,7 @@ def test_tracks_move_with_face_and_body(tmp_path: Path) -> None:
     lengths = motion.lengths_m(TIMES_S, slice(None))[0]
     for time_s, length_m in zip(TIMES_S, lengths, strict=True):
         along = 0.0175 * 2 * time_s / SPAN_S
-        now = carried(BODIES[1], point, time_s) + (0, along, 0)
+        now = carried(BODIES[1], point, time_s) + np.array([0, along, 0])
         want = np.linalg.norm(now - carried(RECEIVER, RECEIVER.pose[:3, 3], time_s))
         want += np.linalg.norm(now - carried(EMITTER, EMITTER.pose[:3, 3], time_s))
         assert length_m == pytest.approx(want, abs=1e-12)

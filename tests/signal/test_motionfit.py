@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ SLANTED = np.array([0.6, 0.8, 0.0])
 SPAN_S = 0.0256
 
 
-def pose(place: object, axes: np.ndarray | None = None) -> np.ndarray:
+def pose(place: Any, axes: np.ndarray | None = None) -> np.ndarray:
     """A pose of a place and axes."""
     matrix = np.eye(4)
     matrix[:3, 3] = place
@@ -70,12 +71,12 @@ MOTIONS: dict[str, tuple[Callable[[float], np.ndarray], float, float]] = {
 
 
 def fitted(
-    motion: Callable[[float], np.ndarray], span_s: float, samples: int = 1025, **keywords: object
+    motion: Callable[[float], np.ndarray], span_s: float, samples: int = 1025, **keywords: Any
 ) -> tuple[BodyMotion, np.ndarray, np.ndarray]:
     """A fit, and displacements of points at 0.5 m as fitted and as they are: (points, times, 3)."""
     times_s = np.linspace(0, span_s, samples)
     poses = np.array([motion(t) for t in times_s]).astype(np.float32).astype(np.float64)
-    body = fit_body(times_s, poses, span_s, 0.5, **keywords)  # type: ignore[arg-type]
+    body = fit_body(times_s, poses, span_s, 0.5, **keywords)
     rng = np.random.default_rng(1)
     local = rng.normal(size=(9, 3))
     local *= 0.5 / np.linalg.norm(local, axis=1)[:, None]
