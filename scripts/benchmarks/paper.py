@@ -138,7 +138,8 @@ class PaperScene:
         from radarsim_addon.blender.path_options import PathOptions
 
         folder = self._fresh("paths")
-        chosen = PathOptions(**options)
+        # One pass of rings has no motion either.
+        chosen = PathOptions(**{"motion": "off", **options})
         measurement = self._read(self._scene, width_px=width_px, height_px=height_px)
         measurement = dataclasses.replace(measurement, passes=1)
         with (
