@@ -70,9 +70,9 @@ def _is_small_in_view(
 
 
 def view_rectangle(shown: Shown, pose: np.ndarray, camera: contract.CameraRecord) -> Area | None:
-    """Area around an object's box; None out of sight, around the receiver, or in a view of
-    another projection."""
-    if camera.kind != "perspective":
+    """Area around an object's box, in tangents or, orthographic, metres; None out of sight, around
+    the receiver, or in an equirectangular view, where the edges of a box are curved."""
+    if camera.kind not in ("perspective", "orthographic"):
         return None
     corners = np.array(
         [
@@ -85,9 +85,13 @@ def view_rectangle(shown: Shown, pose: np.ndarray, camera: contract.CameraRecord
     world = corners @ shown.pose[:3, :3].T + shown.pose[:3, 3]
     local = (world - pose[:3, 3]) @ pose[:3, :3]
     depth = -local[:, 2]
-    if depth.min() <= 0:
+    u, v = local[:, 0], local[:, 1]
+    if camera.kind == "perspective":
+        if depth.min() <= 0:
+            return None
+        u, v = u / depth, v / depth
+    elif depth.max() <= 0:
         return None
-    u, v = local[:, 0] / depth, local[:, 1] / depth
     found = Area(float(u.min()), float(u.max()), float(v.min()), float(v.max()))
     inside = (
         found.right > camera.left

@@ -92,6 +92,23 @@ def test_solid_angles_add_up_to_the_plate(kind: str, bound: float, tmp_path: Pat
     assert paths["solid_angle_sr"].sum() == pytest.approx(expected, rel=bound)
 
 
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_a_plate_below_a_pixel_gets_its_own_tile(kind: str, tmp_path: Path) -> None:
+    """3 % of a pixel wide or less: its solid angle, or area, to the error that was asked for."""
+    scene = plate_before(kind)
+    plate = next(item for item in scene.objects if item.type == "MESH")
+    plate.scale = (1e-3, 1e-3, 1e-3)
+    plate.location.x, plate.location.z = 0.31, -0.22
+    paths = measure(scene, tmp_path / "run", error_target=0.02, refine_by="objects")
+    half = 2e-3
+    expected = 4 * half**2
+    if kind == "PERSP":
+        distance = math.hypot(DISTANCE, 0.31, 0.22)
+        expected *= DISTANCE / distance**3
+    assert paths["solid_angle_sr"].sum() == pytest.approx(expected, rel=0.02)
+    assert len(paths) > 1000
+
+
 def test_radiance_is_that_of_a_lambert_plate_in_every_projection(tmp_path: Path) -> None:
     """Power over receiver area and solid angle is F/pi * EIRP cos / (4 pi r^2), any camera."""
     reflectance = 1 - 4e4 / (1e8 + 2e4 + 1 + 1e8)

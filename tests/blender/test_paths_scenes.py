@@ -14,7 +14,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract  # noqa: E402
-from radarsim_addon.blender import nodes  # noqa: E402
+from radarsim_addon.blender import nodes, path_scene  # noqa: E402
+from radarsim_addon.blender.path_tiles import Tile  # noqa: E402
 from radarsim_addon.blender.rig import DEFAULT_EIRP_W  # noqa: E402
 from radarsim_addon.physics.radar_equation import monostatic_power_w, to_db  # noqa: E402
 from radarsim_addon.signal.pathtable import FLAG_CODED_LENGTH  # noqa: E402
@@ -178,6 +179,43 @@ def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
 
 
 # -- repeated, stopped, continued ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["AUTO", "FIXED"])
+def test_number_of_threads_changes_nothing(
+    mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither the paths, by a bit, nor the user's setting, also the one that is not in force."""
+    options = {"max_order": 2, "shifts": 2}
+    tables = []
+    for name, least in (("one", 1 << 30), ("all", 0)):
+        monkeypatch.setattr(path_scene, "_ONE_THREAD_BELOW_PX", least)
+        furnished_scene(clutter=False)
+        render = bpy.context.scene.render
+        render.threads_mode, render.threads = "FIXED", 5
+        render.threads_mode = mode
+        run = ph.run_paths(tmp_path / name, options=options, width_px=40, height_px=40)
+        tables.append((run.folder / contract.frame_dir(1) / contract.PATHS_TABLE).read_bytes())
+        assert render.threads_mode == mode
+        render.threads_mode = "FIXED"
+        assert render.threads == 5
+    assert tables[0] == tables[1]
+
+
+def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lots are drawn by place, poses are read as they are rendered: the same rows, to the bit."""
+    options = {"max_order": 2, "shifts": 2, "tile_px": 10}
+    furnished_scene(clutter=False)
+    forwards = ph.run_paths(tmp_path / "a", options=options, width_px=24, height_px=24).table()
+    split = Tile.split
+    monkeypatch.setattr(Tile, "split", lambda tile, most: split(tile, most)[::-1])
+    furnished_scene(clutter=False)
+    backwards = ph.run_paths(tmp_path / "b", options=options, width_px=24, height_px=24).table()
+    tiles = backwards["tile"].max()
+    assert tiles >= 8
+    backwards["tile"] = tiles - backwards["tile"]
+    order = np.argsort(backwards["tile"], kind="stable")
+    assert backwards[order].tobytes() == forwards.tobytes()
 
 
 def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
