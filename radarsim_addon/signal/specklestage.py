@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
-from ..contract import SceneRecord
+from ..contract import MOTION_FILE, MotionRecord, PathsRecord, SceneRecord
 from ..physics.rough import kirchhoff_limits
+from ..sidecar import read_record
 from .config import Radar
 from .frames import RadarFrame
 from .pathframes import open_frame_table
@@ -48,7 +50,7 @@ class FrameSpeckle:
         if seed is None or frame.acquisition != "paths":
             return
         record, self._table = open_frame_table(frame.path, frame.number)
-        bodies, columns = _bodies(record.objects)
+        bodies, columns = _bodies(frame.path, record)
         self._speckle = SurfaceSpeckle(
             record,
             self._table,
@@ -78,10 +80,20 @@ class FrameSpeckle:
         return None if self._speckle is None else self._speckle.report()
 
 
-def _bodies(objects: list[str]) -> tuple[dict[int, Body], tuple[str, str]]:
-    """What scatterers are fixed to, and the table's columns that number it."""
-    bodies = {number: Body(name, np.eye(4)) for number, name in enumerate(objects, start=1)}
-    return bodies, ("first_object", "object")
+def _bodies(folder: Path, record: PathsRecord) -> tuple[dict[int, Body], tuple[str, str]]:
+    """What scatterers are fixed to, and the table's columns that number it.
+
+    Bodies of the motion file, each with its pose at t; without one the objects, in world space.
+    """
+    if not record.motion_file:
+        bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(record.objects, start=1)}
+        return bodies, ("first_object", "object")
+    motion = read_record(folder / MOTION_FILE, MotionRecord)
+    bodies = {
+        number: Body(f"{body.object}\0{body.instance}", np.array(body.pose, dtype=np.float64))
+        for number, body in enumerate(motion.bodies, start=1)
+    }
+    return bodies, ("first_body", "body")
 
 
 def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[str]:

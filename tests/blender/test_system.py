@@ -301,3 +301,35 @@ def test_runs_know_collections_and_roughness(bpy: Any, tmp_path: Path) -> None:
     kh = 2 * math.pi / WAVELENGTH_M * 0.0004
     assert np.mean(np.real(factors)) == pytest.approx(math.exp(-2 * kh**2), abs=0.02)
     assert np.std(factors) == pytest.approx(2 * kh, rel=0.9)
+
+
+def test_speckle_moves_with_an_animated_object(bpy: Any, tmp_path: Path) -> None:
+    """A plate and its radar carried along together, and turned: the same speckle in both frames."""
+    rs.new_scene()
+    plate = ph.plate_at(40.0, 6.0, ph.lambert(0.5))
+    ph.field_of_view(12.0)
+    carrier = bpy.data.objects.new("Carrier", None)
+    bpy.context.scene.collection.objects.link(carrier)
+    for item in (plate, bpy.data.objects["Radar"]):
+        item.parent = carrier
+    carrier.keyframe_insert("location", frame=1)
+    carrier.keyframe_insert("rotation_euler", frame=1)
+    carrier.location, carrier.rotation_euler = (30.0, -7.0, 3.0), (0.2, -0.1, 0.7)
+    carrier.keyframe_insert("location", frame=10)
+    carrier.keyframe_insert("rotation_euler", frame=10)
+    run = ph.run_paths(tmp_path / "run", frames=(1, 10), width_px=48, height_px=48)
+    opened = open_run(run.folder)
+    found = []
+    for number in (1, 10):
+        frame = opened.frame(number)
+        paths = FrameSpeckle(frame, opened.radar, 0, 1.0).apply(frame_paths(frame))
+        assert paths.phasors is not None
+        phase = np.exp(-2j * np.pi * paths.length_m / WAVELENGTH_M)
+        found.append(np.sqrt(path_power_w(paths, WAVELENGTH_M)) * paths.phasors * phase)
+    one, other = (np.sum(values) for values in found)
+    # float32 poses in Blender: 1e-6 of 40 m are a thousandth of the wavelength
+    assert abs(one - other) < 0.05 * abs(one)
+    seed = FrameSpeckle(opened.frame(1), opened.radar, 1, 1.0)
+    phasors = seed.apply(frame_paths(opened.frame(1))).phasors
+    assert phasors is not None
+    assert abs(np.vdot(phasors, found[0] / np.abs(found[0]))) < 0.2 * phasors.size
