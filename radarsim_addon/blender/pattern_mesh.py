@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..physics.antennas import Antenna, direction_from_angles
+from ..physics.antennas import Antenna
+from ..signal.antennaplot import peak_direction
 from ..signal.system import RadarSystem
 from .rig import Rig
 
@@ -22,21 +23,6 @@ NAMES = {"transmit": "Radar Transmit Pattern", "receive": "Radar Receive Pattern
 #: Gain below the peak by this is at the centre [dB].
 DYNAMICS_DB = 40.0
 _RINGS, _SPOKES = 96, 72
-
-
-def peak_direction(antenna: Antenna) -> Real:
-    """Direction of the largest gain, (3,): a coarse search over the sphere, then finer ones."""
-    centre, reach = (0.0, 0.0), np.pi
-    for _ in range(12):
-        azimuth = centre[0] + np.linspace(-reach, reach, 81)
-        elevation = np.clip(centre[1] + np.linspace(-reach, reach, 81) / 2, -np.pi / 2, np.pi / 2)
-        grid = np.meshgrid(azimuth, elevation, indexing="ij")
-        gain = antenna.gain(direction_from_angles(*grid))
-        # Among equals the one nearest to boresight: an isotropic antenna has no peak.
-        near = gain * (1 - 1e-9 * (grid[0] ** 2 + grid[1] ** 2))
-        best = np.unravel_index(np.argmax(near), gain.shape)
-        centre, reach = (float(grid[0][best]), float(grid[1][best])), reach / 3
-    return direction_from_angles(*centre)
 
 
 def pattern_surface(

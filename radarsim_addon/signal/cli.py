@@ -15,6 +15,7 @@ from typing import get_args
 
 from .. import __version__
 from ..errors import RadarSimError
+from .antennaplot import add_antennas_parser, print_antennas
 from .doppler import MAX_SPEED_MPS
 from .frames import RadarFrame, Run, open_run
 from .framestats import frame_statistics, statistics_warnings
@@ -131,6 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         "--allow-incomplete", action="store_true", help="skip frames that are not all there"
     )
     add_rcs_parser(commands, _frame_numbers)
+    add_antennas_parser(commands)
     return parser
 
 
@@ -142,6 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
+        if chosen.command == "antennas":
+            return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "rcs":
             return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.system)
         return _process(chosen) if chosen.command == "process" else _info(chosen.folder)

@@ -22,6 +22,7 @@ from ..contract import PRODUCTS_DIR, SystemRecord
 from ..errors import ConfigError, FrameFileError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from . import plots
+from .antennaplot import ANTENNA_PICTURE, plot_antennas
 from .budget import BudgetReport, FrameBudget
 from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
 from .config import Radar
@@ -40,7 +41,7 @@ from .rangedoppler import RangeDopplerMap, range_doppler
 from .scatterers import SpeckleReport
 from .specklestage import FrameSpeckle
 from .synthesis import TOLERANCE, Method
-from .system import weighting_of
+from .system import make_system, weighting_of
 from .uncertainty import ExpectedPower, expected_power
 from .waveform_files import waveform_to_dict
 
@@ -180,7 +181,8 @@ def process_run(
         Files of a frame, in `out`: ``frame_0001_amplitude_t0.exr`` and the other three products;
         ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
         velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; pictures
-        ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``.
+        ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``. With a
+        system ``antennas.png``, once.
 
     Raises
     ------
@@ -192,6 +194,10 @@ def process_run(
     options = options.for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    draws = plots.has_matplotlib() if options.plots is None else options.plots
+    if options.system is not None and draws:
+        system = make_system(options.system, run.radar.waveform.wavelength_m)
+        plots.save(plot_antennas(system), folder / ANTENNA_PICTURE)
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
     for frame in chosen:

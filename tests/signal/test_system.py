@@ -15,6 +15,8 @@ from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.antennas import direction_from_angles, sphere_mean
 from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.antenna_spec import KINDS, make_antenna, self_contained
+from radarsim_addon.signal.antennaplot import cut_dbi, half_power_width_rad
+from radarsim_addon.signal.cli import main
 from radarsim_addon.signal.system import make_system, read_system
 from tests.signal.synthetic import Setup, run_record
 
@@ -179,3 +181,33 @@ def test_kinds_are_documented(root: Path) -> None:
     assert antenna_spec.__doc__ is not None
     for kind in KINDS:
         assert f"\n{kind} " in antenna_spec.__doc__
+
+
+# -- pictures --------------------------------------------------------------------------------------
+
+
+def test_cuts_go_through_the_principal_planes() -> None:
+    record = AntennaRecord("gaussian", LOSSLESS["gaussian"])
+    antenna = make_antenna(record, WAVELENGTH_M)
+    for plane, width_deg in (("azimuth", 20.0), ("elevation", 35.0)):
+        assert np.degrees(half_power_width_rad(antenna, plane)) == pytest.approx(
+            width_deg, abs=0.02
+        )
+        half = np.radians([width_deg / 2, 0.0, -width_deg / 2])
+        cut = cut_dbi(antenna, half, plane)
+        np.testing.assert_allclose(cut[1] - cut, [3.0103, 0, 3.0103], atol=1e-3)
+    assert half_power_width_rad(make_antenna(AntennaRecord(), 1.0), "azimuth") == 2 * np.pi
+
+
+def test_antennas_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "system.json"
+    antenna = AntennaRecord("aperture", {"width_m": 0.6, "height_m": 0.3})
+    write_record(file, SystemRecord(transmitter=antenna))
+    assert main(["antennas", str(file)]) == 2
+    assert "give --carrier-ghz" in capsys.readouterr().err
+    assert main(["antennas", str(file), "--carrier-ghz", "10", "--out", str(tmp_path)]) == 0
+    # 2 asin(0.4429 lambda / W): 2.536 and 5.075 degrees
+    printed = capsys.readouterr().out
+    assert "beamwidth 2.54 x 5.0" in printed
+    assert (tmp_path / "antennas.png").stat().st_size > 20_000
