@@ -110,19 +110,32 @@ def _scaling(pyplot: Any, scaling: Any, save: Callable[[Any, str], None]) -> Non
 def _synthesis(pyplot: Any, synthesis: Any, save: Callable[[Any, str], None]) -> None:
     """Echo synthesis."""
     figure, axis = pyplot.subplots(figsize=(6, 4.4))
-    rows = synthesis
+    rows = synthesis["rows"]
     for engine, label in (
-        ("direct", "direct sum (scaled above 10 000)"),
+        ("direct", "direct sum (scaled above 3125 paths)"),
         ("numpy", "numpy gridding"),
-        ("finufft", "finufft, one thread"),
+        ("finufft", "finufft"),
     ):
         key = f"{engine}_cpu_s"
         chosen = [r for r in rows if key in r]
         if chosen:
             axis.loglog([r["paths"] for r in chosen], [r[key] for r in chosen], "o-", label=label)
+        if f"{engine}_error" in rows[-1]:
+            for row in chosen:
+                axis.annotate(
+                    f"{row[f'{engine}_error']:.0e}",
+                    (row["paths"], row[key]),
+                    textcoords="offset points",
+                    xytext=(0, 6),
+                    fontsize=7,
+                    ha="center",
+                )
     axis.set_xlabel("paths")
     axis.set_ylabel("processor time [s]")
-    axis.set_title(f"One spectrum of {rows[0]['frequencies']} frequencies")
+    axis.set_title(
+        f"One spectrum of {synthesis['frequencies']} frequencies, tolerance "
+        f"{synthesis['tolerance']:g} (labels: error)"
+    )
     axis.grid(True, which="both", alpha=0.25)
     axis.legend()
     save(figure, "synthesis.png")

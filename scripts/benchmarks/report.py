@@ -121,24 +121,37 @@ def _scaling(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _synthesis(rows: list[dict[str, Any]]) -> list[str]:
+def _synthesis(part: dict[str, Any]) -> list[str]:
     lines = [
         "",
         (
-            f"4. Echo spectrum of {rows[0]['frequencies']} frequencies, tolerance "
-            f"{rows[0]['tolerance']:g} (cpu; * scaled from fewer paths)"
+            f"4. Echo spectrum of {part['frequencies']} frequencies, one pulse, tolerance "
+            f"{part['tolerance']:g}: best of several (direct: * scaled from fewer paths)"
         ),
     ]
-    for row in rows:
-        text = f"   {row['paths']:>8} paths: direct {row['direct_cpu_s']:.3g} s"
-        text += "*" if row["direct_scaled"] else " "
+    for row in part["rows"]:
+        text = f"   {row['paths']:>8} paths: direct {row['direct_cpu_s']:.3g} s cpu"
+        text += "*" if row["direct_paths_timed"] < row["paths"] else " "
         for engine in ("numpy", "finufft"):
             if f"{engine}_cpu_s" in row:
                 seconds = row[f"{engine}_cpu_s"]
                 text += (
-                    f", {engine} {1e3 * seconds:.3g} ms "
-                    f"({row['direct_cpu_s'] / seconds:.0f} times faster, "
+                    f", {engine} {1e3 * row[f'{engine}_wall_s']:.3g} ms wall "
+                    f"{1e3 * seconds:.3g} ms cpu "
+                    f"({row['direct_cpu_s'] / seconds:.0f} times less, "
                     f"error {row[f'{engine}_error']:.1e})"
                 )
         lines.append(text)
+    burst = part["burst"]
+    lines += [
+        "",
+        (
+            f"5. Burst: {burst['paths']} paths, {burst['moving']} of them moving, "
+            f"{burst['pulses']} pulses of {burst['frequencies']} frequencies: "
+            f"{burst['wall_s']:.2f} s wall, {burst['cpu_s']:.2f} s cpu, peak "
+            f"{burst['peak_mib']:.0f} MiB (the scene alone {burst['scene_mib']:.0f}), "
+            f"error {burst['error']:.1e}"
+        ),
+        *(f"   {line}" for line in burst["steps"]),
+    ]
     return lines
