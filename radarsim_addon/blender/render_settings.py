@@ -16,7 +16,7 @@ from .. import contract
 from ..errors import SceneError
 from .acquisition import Plan
 from .isolation import isolate
-from .layers import set_layer_normals
+from .layers import beyond_float32, set_layer_normals
 from .measurement import POLARISATIONS
 from .mesh_checks import check_meshes
 from .nodes.materials import VOLUME_STEP_RATE, is_radar_material
@@ -278,7 +278,8 @@ class MeasurementSettings:
         failures = update_materials(self._plan.measurement.waveform.carrier_hz, self._recorder)
         depsgraph = evaluated_depsgraph(self._view_layer)
         set_layer_normals(self._recorder, depsgraph)
-        return [*failures, *check_meshes(depsgraph)]
+        wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
+        return [*failures, *check_meshes(depsgraph), *beyond_float32(wavelength)]
 
     def _set_code(self) -> None:
         put = self._recorder.set_item

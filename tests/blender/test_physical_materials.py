@@ -211,6 +211,19 @@ def test_target_behind_an_oblique_wall(tmp_path: Path) -> None:
     assert np.abs(extra - excess_path_m(index, thickness, cosine)).max() < 1e-5 * 20
 
 
+def test_what_float32_cannot_carry_is_said(tmp_path: Path) -> None:
+    rs.new_scene()
+    made = pm.make_physical_material("Sea", "sea_water", carrier_hz=5.3e9)
+    for name, depth in (("Puddle", 0.002), ("Sea", 5.0)):
+        item = rh.add_box((-40, 10 - depth, -40), (40, 10, 40), made)
+        item.name = name
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8)
+    (warning,) = [text for text in run.job.warnings if "float32" in text]
+    assert "'Sea' (" in warning and "Puddle" not in warning
+    alpha = 4 * math.pi * complex(library("sea_water", 5.3e9)).imag * 5.3e9 / 299_792_458.0
+    assert f"({20 * alpha * 5 / math.log(10):.0f} dB)" in warning
+
+
 # -- rough surfaces --------------------------------------------------------------------------------
 
 
