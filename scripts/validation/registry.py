@@ -17,6 +17,8 @@ MODULES = (
     "slabs",
     "scale",
     "antennas",
+    "speckle",
+    "paper_chain",
     "energy",
 )
 

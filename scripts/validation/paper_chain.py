@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The paper's scene in watts: received power, noise floor and SNR of the target in the map."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim_addon.contract import AntennaRecord, SystemRecord
+from radarsim_addon.signal import compress, iter_paths, open_run, range_doppler, synthesize
+from radarsim_addon.signal.budget import FrameBudget
+from radarsim_addon.signal.config import Burst
+from radarsim_addon.signal.objects import object_echoes
+from radarsim_addon.signal.paths import Paths
+from radarsim_addon.signal.receiver import Receiver, receive
+from radarsim_addon.signal.specklestage import FrameSpeckle
+
+from .case import Bench, Case, Check, Group, absolute_check, power_check
+
+Real = NDArray[np.float64]
+BLEND = Path(__file__).parents[2] / "blend_examples" / "paper_scene.blend"
+TARGET = "Target"
+#: From the scene's script: near face, edge, speed, roughness and specularity of its material.
+TARGET_M, EDGE_M, SPEED_MPS = 1750.0, 24.0, 10.0
+ALPHA, SPECULAR, INDEX = 0.36, 0.5, 1e4 + 1e4j
+PULSES, DOPPLER_CELL = 128, 45
+TRANSMIT_W, GAIN_DBI, LOSS_DB = 2e-4, 30.0, 3.0
+NOISE_FIGURE_DB, ANTENNA_K = 4.0, 290.0
+BOLTZMANN = 1.380649e-23
+LIGHT = 299_792_458.0
+SEEDS = 160
+#: Part of the echoes that is made anew for each seed [m].
+NEAR_M = 250.0
+
+
+def target_power_w(wavelength_m: float) -> float:
+    """Radar equation, with the face square on: half Lambert, half Kirchhoff's lobe."""
+    reflectance = abs((INDEX - 1) / (INDEX + 1)) ** 2
+    sigma0 = reflectance * ((1 - SPECULAR) * 4 + SPECULAR / ALPHA**2)
+    rcs_m2 = sigma0 * EDGE_M**2
+    gains = 10 ** ((2 * GAIN_DBI - LOSS_DB) / 10)
+    return TRANSMIT_W * gains * wavelength_m**2 * rcs_m2 / ((4 * math.pi) ** 3 * TARGET_M**4)
+
+
+def noise_density() -> float:
+    """k T_0 F of a system whose antenna sees 290 K [W/Hz]."""
+    return BOLTZMANN * ANTENNA_K * 10 ** (NOISE_FIGURE_DB / 10)
+
+
+def hamming_loss_db() -> float:
+    """SNR that a Hamming window costs, mean of w^2 over square of the mean: 1.34 dB."""
+    w = 0.54 + 0.46 * np.cos(2 * np.pi * (np.arange(4096) + 0.5) / 4096 - np.pi)
+    return float(10 * math.log10(np.mean(w**2) / np.mean(w) ** 2))
+
+
+def measured_run(bench: Bench, width_px: int, shifts: int) -> Any:
+    """The scene measured by paths; the PRF puts the target's Doppler into the middle of a cell."""
+    import bpy
+
+    from radarsim_addon.blender import properties
+    from radarsim_addon.blender.console import quiet_blender
+    from radarsim_addon.blender.nodes import refresh_groups
+    from radarsim_addon.blender.path_job import PathJob
+    from radarsim_addon.blender.path_options import PathOptions
+
+    if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+        properties.register()
+    bpy.ops.wm.open_mainfile(filepath=str(BLEND))
+    refresh_groups()
+    scene = bpy.context.scene
+    height_px = width_px * 9 // 16
+    measurement = properties.read_measurement(scene, width_px=width_px, height_px=height_px)
+    wavelength_m = LIGHT / measurement.waveform.carrier_hz
+    prf_hz = 2 * SPEED_MPS / wavelength_m * PULSES / DOPPLER_CELL
+    measurement = dataclasses.replace(measurement, passes=2, burst=Burst(prf_hz, PULSES))
+    folder = bench.fresh()
+    with (
+        quiet_blender(),
+        PathJob(
+            scene, scene.view_layers[0], measurement, folder, PathOptions(shifts=shifts)
+        ) as job,
+    ):
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+    return open_run(folder)
+
+
+def system() -> SystemRecord:
+    """The power budget."""
+    antenna = AntennaRecord("isotropic", {"gain_dbi": GAIN_DBI})
+    return SystemRecord(
+        transmit_power_w=TRANSMIT_W,
+        transmitter=antenna,
+        receiver=antenna,
+        other_loss_db=LOSS_DB,
+        noise_figure_db=NOISE_FIGURE_DB,
+        antenna_temperature_k=ANTENNA_K,
+    )
+
+
+def in_watts(bench: Bench) -> list[Check]:
+    run = measured_run(bench, 640, 8)
+    frame, radar = run.frame(1), run.radar
+    waveform = radar.waveform
+    wavelength_m = LIGHT / waveform.carrier_hz
+    budget = FrameBudget(frame, radar, system())
+    echo = next(
+        e for e in object_echoes(frame, waveform.carrier_hz, budget.link) if e.name == TARGET
+    )
+    expected_w = target_power_w(wavelength_m)
+    spread = (echo.power_error_w or math.nan) / echo.power_w
+    power_row = power_check(
+        "received power of the target",
+        expected_w,
+        echo.power_w,
+        0.5,
+        "radar equation, s0 = F (2 + 1/(2 alpha^2)) over the face",
+        relative_error=spread,
+    )
+
+    noise_row, map_row, mean_map, floor_w = _maps(bench, run, budget)
+    # The target: the mean over the speckle, less the noise that lies under it.
+    doppler = int(np.argmin(np.abs(mean_map.doppler_hz + 2 * SPEED_MPS / wavelength_m)))
+    near = np.abs(mean_map.range_m - TARGET_M) < 6.0
+    column = mean_map.power[:, doppler, :][:, near]
+    peak_at = int(np.argmax(column.mean(axis=0)))
+    peaks_w = column[:, peak_at]
+    # The textbook: energy over noise density, all pulses, what two Hamming windows cost.
+    ideal_w = noise_density() / (waveform.chirp_length_s * PULSES)
+    loss_db = 2 * hamming_loss_db()
+    expected_snr = expected_w / ideal_w / 10 ** (loss_db / 10)
+    measured_snr = (float(peaks_w.mean()) - floor_w) / floor_w
+    speckle = float(peaks_w.std(ddof=1) / math.sqrt(SEEDS) / peaks_w.mean())
+    snr_row = power_check(
+        f"SNR of the target in the map, mean of {SEEDS} seeds",
+        expected_snr,
+        measured_snr,
+        0.5,
+        "P T M / (k T_0 F) less two Hamming windows",
+        unit="dB",
+        relative_error=speckle,
+    )
+    told = budget.report(echo.power_w).snr[TARGET].burst_db
+    told_row = power_check(
+        "SNR that the program predicts",
+        expected_snr,
+        10 ** (told / 10),
+        0.5,
+        "P T M / (k T_0 F) less two Hamming windows",
+        unit="dB",
+        relative_error=spread,
+    )
+    range_row = absolute_check(
+        "range of the target's peak, middle of the burst",
+        TARGET_M + SPEED_MPS * PULSES / radar.burst.prf_hz / 2,
+        float(mean_map.range_m[near][peak_at]),
+        1.5,
+        "the scene's near face and speed",
+        unit="m",
+    )
+    bench.lines += _budget_lines(expected_w, waveform.sampling_rate_hz, expected_snr)
+    return [power_row, noise_row, map_row, snr_row, told_row, range_row]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Maps:
+    """Maps of all seeds: (seeds, Doppler, ranges), and their axes."""
+
+    power: Real
+    doppler_hz: Real
+    range_m: Real
+
+
+def _maps(bench: Bench, run: Any, budget: FrameBudget) -> tuple[Check, Check, _Maps, float]:
+    """Noise of the raw samples and of the map, and the maps around the target."""
+    frame, radar = run.frame(1), run.radar
+    waveform = radar.waveform
+    receiver = Receiver(noise_figure_db=NOISE_FIGURE_DB, antenna_temperature_k=ANTENNA_K)
+    # Everything once, and beyond the scene: there is nothing but noise.
+    whole = synthesize(_paths(run, budget, 0, None), radar, window_m=(0.0, 9000.0), speckle_seed=0)
+    noisy = receive(whole, receiver).echoes
+    beyond = LIGHT / 2 * noisy.fast_time_s > 7500.0
+    raw = np.abs(noisy.samples[:, beyond]) ** 2
+    level_w = noise_density() * waveform.sampling_rate_hz
+    noise_row = power_check(
+        "noise floor of the echoes, beyond the scene",
+        level_w,
+        float(raw.mean()),
+        0.1,
+        "k T_0 B F, B the complex sampling rate",
+        relative_error=1 / math.sqrt(raw.size),
+    )
+    compressed = compress(noisy)
+    rd_map = range_doppler(compressed)
+    floor = rd_map.power[:, (rd_map.range_m > 7500) & (rd_map.range_m < 8900)]
+    floor_w = float(floor.mean())
+    loss = 10 ** (2 * hamming_loss_db() / 10)
+    map_expected = noise_density() / (waveform.chirp_length_s * PULSES) * loss
+    # Independent cells: one a range resolution, two Doppler cells under a Hamming window.
+    cells = floor.size / 4
+    map_row = power_check(
+        "noise floor of the map, beyond the scene",
+        map_expected,
+        floor_w,
+        0.3,
+        "k T_0 F / (T M), two Hamming windows",
+        relative_error=1 / math.sqrt(cells),
+    )
+    profile = rd_map.power.max(axis=0)
+    for reach_m, power_w in zip(rd_map.range_m[::8], profile[::8], strict=True):
+        bench.point("paper_profile", range_m=reach_m, power_w=power_w, floor_w=floor_w)
+    window_m = (TARGET_M - NEAR_M, TARGET_M + NEAR_M)
+    powers = []
+    for seed in range(SEEDS):
+        part = synthesize(
+            _paths(run, budget, seed, window_m), radar, window_m=window_m, speckle_seed=seed
+        )
+        noise = dataclasses.replace(receiver, seed=seed + 1)
+        found = range_doppler(compress(receive(part, noise).echoes, oversample=4))
+        rows = np.abs(found.doppler_hz) < 450
+        cols = np.abs(found.range_m - TARGET_M) < 30
+        powers.append(found.power[np.ix_(rows, cols)])
+    assert frame is not None
+    maps = _Maps(np.array(powers), found.doppler_hz[rows], found.range_m[cols])
+    return noise_row, map_row, maps, floor_w
+
+
+def _paths(
+    run: Any, budget: FrameBudget, seed: int, window_m: tuple[float, float] | None
+) -> Iterator[Paths]:
+    """Paths with gains and speckle; those in a window of ranges alone if one is given."""
+    frame = run.frame(1)
+    speckle = FrameSpeckle(frame, run.radar, seed)
+    for part in iter_paths(frame):
+        paths = speckle.apply(budget.apply(part))
+        if window_m is not None:
+            reach = paths.range_m
+            paths = paths.select((reach > window_m[0]) & (reach < window_m[1]))
+        yield paths
+
+
+def _budget_lines(power_w: float, rate_hz: float, snr: float) -> list[str]:
+    level_w = noise_density() * rate_hz
+    return [
+        "",
+        (
+            f"Transmit power {1e3 * TRANSMIT_W:g} mW, gains {GAIN_DBI:g} dBi, losses {LOSS_DB:g} dB, "
+            f"noise figure {NOISE_FIGURE_DB:g} dB, {PULSES} pulses: {10 * math.log10(power_w) + 30:.1f} "
+            f"dBm from the target, {10 * math.log10(level_w) + 30:.1f} dBm of noise a sample, "
+            f"{10 * math.log10(snr):.1f} dB in the map. The target's echo is the mean over seeds of the "
+            "speckle: a single map shows one draw from an exponential law. Transmit power was chosen so "
+            "that the noise shows; the PRF so that the target lies in the middle of a Doppler cell."
+        ),
+    ]
+
+
+GROUP = Group(
+    "paper_chain",
+    "The paper's scene in watts",
+    "blend_examples/paper_scene.blend by paths (640 x 360, 8 shifts), a power budget, speckle, "
+    "thermal noise, matched filter, range-Doppler map.",
+    (Case("watts, noise and SNR", in_watts, 150.0),),
+)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle of a rough patch: mean power, distribution of intensity, and what is said of too few."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim_addon.signal import compress, expected_power_profile, iter_paths, open_run, synthesize
+from radarsim_addon.signal.specklestage import FrameSpeckle
+
+from .case import Bench, Case, Check, Group, absolute_check
+from .scenes import acquire, add_plate, facing_plate, lambert, new_scene, wavelength
+
+Real = NDArray[np.float64]
+RMS_HEIGHT_M = 0.05
+SEEDS = 200
+RANGE_M, PLATE_M, TILT_DEG = 1000.0, 100.0, 70.0
+#: Beyond the patch's edges by this the range cells are not full [m].
+MARGIN_M = 12.0
+
+
+def _patch(bench: Bench, side_px: int) -> Any:
+    """A rough plate that covers 90 m of range, measured; the run opened."""
+    new_scene(6.5)
+    material = lambert(0.6)
+    material["radarsim_rms_height_m"] = RMS_HEIGHT_M
+    material["radarsim_correlation_length_m"] = 0.5
+    plate = facing_plate((0.0, RANGE_M, 0.0), PLATE_M, TILT_DEG, spin_deg=0.0)
+    add_plate("Patch", plate, material)
+    return open_run(acquire(bench, side_px, 1).folder)
+
+
+def _intensities(run: Any) -> Real:
+    """|s|^2 over the expected power, (seeds, range cells): cells a resolution and a half apart."""
+    frame, radar = run.frame(1), run.radar
+    reach_m = PLATE_M / 2 * math.sin(math.radians(TILT_DEG)) - MARGIN_M
+    window_m = (RANGE_M - reach_m - 100, RANGE_M + reach_m + 100)
+    profile = expected_power_profile(iter_paths(frame), radar, window_m=window_m, oversample=2)
+    spacing_m = radar.waveform.sample_spacing_m
+    step = math.ceil(2 * radar.waveform.range_resolution_m / spacing_m)
+    found = []
+    for seed in range(SEEDS):
+        speckle = FrameSpeckle(frame, radar, seed)
+        paths = (speckle.apply(part) for part in iter_paths(frame))
+        echoes = synthesize(paths, radar, window_m=window_m, speckle_seed=seed)
+        compressed = compress(echoes, oversample=1)
+        power = np.abs(compressed.values[0]) ** 2
+        expected = np.interp(compressed.range_m, profile.range_m, profile.power)
+        full = np.abs(compressed.range_m - RANGE_M) < reach_m
+        found.append((power[full] / expected[full])[::step])
+    return np.array(found)
+
+
+def statistics(bench: Bench) -> list[Check]:
+    from scipy.stats import kstest
+
+    run = _patch(bench, 192)
+    report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    ratio = _intensities(run)
+    mean, count = float(ratio.mean()), ratio.size
+    spread = float(ratio.std(ddof=1) / math.sqrt(count))
+    ordered = np.sort(ratio.ravel())
+    for level in np.linspace(0, 6, 61):
+        bench.point(
+            "speckle",
+            intensity=level,
+            measured=float(np.mean(ordered > level)),
+            expected=math.exp(-level),
+        )
+    p_value = float(kstest(ordered, "expon").pvalue)
+    height = 2 * math.pi / wavelength() * RMS_HEIGHT_M
+    label = f"{ratio.shape[1]} range cells, {SEEDS} seeds, kh = {height:.1f}"
+    few = report.median_scatterers
+    return [
+        absolute_check(
+            f"mean intensity over the sum of powers, {label}",
+            1.0,
+            mean,
+            3 * spread,
+            "sum of the paths' powers; bound 3 standard errors",
+            standard_error=spread,
+        ),
+        absolute_check(
+            "standard deviation over mean of the intensity",
+            1.0,
+            float(ratio.std(ddof=1) / mean),
+            # Variance of the estimate for an exponential law: sqrt(2/N).
+            3 * math.sqrt(2 / count),
+            "exponential law; bound 3 standard errors",
+            standard_error=math.sqrt(2 / count),
+        ),
+        Check(
+            "Kolmogorov-Smirnov p of an exponential law, shortfall from 0.01",
+            1.0,
+            p_value,
+            "",
+            max(0.01 - p_value, 0.0),
+            0.0,
+            "1",
+            "p > 0.01",
+            points=count,
+        ),
+        Check(
+            "scatterers in a range cell (median), shortfall from 40",
+            40.0,
+            few,
+            "",
+            max(40 - few, 0.0),
+            0.0,
+            "1",
+            "at least 40, as the program reports them",
+        ),
+    ]
+
+
+def too_few(bench: Bench) -> list[Check]:
+    """A coarse grid of pixels: the program says that cells hold too few scatterers."""
+    run = _patch(bench, 24)
+    report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    said = float(any("fewer than" in text for text in report.warnings))
+    return [
+        absolute_check(
+            f"too few scatterers are reported ({report.median_scatterers:.0f} in a range cell)",
+            1.0,
+            said,
+            0.0,
+            "a warning (1) or none (0)",
+        )
+    ]
+
+
+GROUP = Group(
+    "speckle",
+    "Speckle",
+    "A Lambert plate of 100 m at 1 km, tilted by 70 degrees, rms height 50 mm: matched-filter "
+    "output of one pulse over the expected power, many range cells and seeds.",
+    (
+        Case("rough patch", statistics, 40.0, quick=True),
+        Case("too few scatterers", too_few, 10.0),
+    ),
+)
