@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,70 @@ def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     return figure
 
 
+def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
+    points = curves["swept_beam"]
+    for number, beam in enumerate(dict.fromkeys(p["beam"] for p in points)):
+        chosen = [p for p in points if p["beam"] == beam]
+        angle = [p["angle_deg"] for p in chosen]
+        colour = f"C{number}"
+        left.plot(angle, [p["expected_db"] for p in chosen], "-", color=colour, linewidth=0.9)
+        left.plot(angle, [p["measured_db"] for p in chosen], "o", color=colour, markersize=4)
+        right.plot(
+            angle, [p["error_db"] for p in chosen], "o-", color=colour, markersize=4, label=beam
+        )
+    left.set_ylabel("received power over that on boresight [dB]")
+    left.set_title("Two-way beam (line: model, dots: measured)")
+    right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
+    right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
+    right.set_ylabel("measured - model [dB]")
+    right.set_title("Error, bound dashed")
+    right.legend(fontsize=7)
+    for axis in (left, right):
+        axis.set_xlabel("target off boresight [deg]")
+        axis.grid(True, alpha=0.3)
+    return figure
+
+
+def _speckle(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, axis = pyplot.subplots(figsize=(6.5, 4.4), layout="constrained")
+    points = curves["speckle"]
+    level = [p["intensity"] for p in points]
+    axis.semilogy(level, [p["expected"] for p in points], "-", label="exponential law")
+    seen = [p for p in points if p["measured"] > 0]
+    axis.semilogy(
+        [p["intensity"] for p in seen],
+        [p["measured"] for p in seen],
+        ".",
+        label="measured, 200 seeds",
+    )
+    axis.set_xlabel("intensity over the sum of powers")
+    axis.set_ylabel("share of cells above it")
+    axis.set_title("Speckle of a rough patch")
+    axis.grid(True, which="major", alpha=0.3)
+    axis.legend()
+    return figure
+
+
+def _paper(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
+    figure, axis = pyplot.subplots(figsize=(8.5, 4.4), layout="constrained")
+    points = curves["paper_profile"]
+    reach = [p["range_m"] / 1e3 for p in points]
+
+    def dbm(power_w: float) -> float:
+        return 10 * math.log10(power_w) + 30
+
+    axis.plot(reach, [dbm(p["power_w"]) for p in points], linewidth=0.8, label="strongest Doppler")
+    floor = dbm(points[0]["floor_w"])
+    axis.axhline(floor, color="C3", linestyle="--", label=f"mean of the noise, {floor:.1f} dBm")
+    axis.set_xlabel("range [km]")
+    axis.set_ylabel("power in the map [dBm]")
+    axis.set_title("The paper's scene in watts: range-Doppler map with thermal noise")
+    axis.grid(True, alpha=0.3)
+    axis.legend(fontsize=8)
+    return figure
+
+
 _Paint = Callable[[Any, Sequence[Outcome], Curves], Any]
 _PICTURES: tuple[tuple[str, str, str, _Paint], ...] = (
     ("bounds", "Error over bound against processor time, every result", "", _bounds),
@@ -152,5 +217,8 @@ _PICTURES: tuple[tuple[str, str, str, _Paint], ...] = (
         _error_against_time,
     ),
     ("range", "Power of a Lambert plate against range", "power_against_range", _range),
+    ("beam", "Power of a plate while the beam sweeps over it", "swept_beam", _beam),
+    ("speckle", "Distribution of the intensity of speckle", "speckle", _speckle),
+    ("paper", "Range-Doppler map of the paper's scene over its noise", "paper_profile", _paper),
     ("sigma0", "sigma_0 of rough surfaces against incidence", "sigma0_material", _sigma0),
 )

@@ -74,6 +74,7 @@ def statistics(bench: Bench) -> list[Check]:
     p_value = float(kstest(ordered, "expon").pvalue)
     height = 2 * math.pi / wavelength() * RMS_HEIGHT_M
     label = f"{ratio.shape[1]} range cells, {SEEDS} seeds, kh = {height:.1f}"
+    assert report is not None
     few = report.median_scatterers
     return [
         absolute_check(
@@ -121,6 +122,7 @@ def too_few(bench: Bench) -> list[Check]:
     """A coarse grid of pixels: the program says that cells hold too few scatterers."""
     run = _patch(bench, 24)
     report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    assert report is not None
     said = float(any("fewer than" in text for text in report.warnings))
     return [
         absolute_check(
