@@ -39,7 +39,10 @@ Standard errors (acquisition "paths")
     expected_power -> ExpectedPower
 Map
     range_doppler -> RangeDopplerMap; decibels
+MTI
+    cancel, mti_response
 Detection
+    detect_targets -> Detections, Detection; Cfar, cfar_threshold -> CfarResult;
     find_peaks -> Peak; leading_edges -> LeadingEdge; level_above
 Products and pictures
     write_products; plot_rings, plot_echo, plot_matched_filter, plot_range_doppler, save
@@ -48,10 +51,12 @@ A whole run
     frame_statistics -> FrameStatistics
 """
 
+from .cfar import Cfar, CfarResult, cfar_threshold
 from .compress import Compressed, PowerProfile, compress, expected_power_profile
 from .config import Burst, Radar, Waveform
 from .decode import Decoded, PixelGrid, decode, pixel_grid
 from .detect import LeadingEdge, Peak, find_peaks, leading_edges, level_above
+from .detections import Detection, Detections, detect_targets
 from .doppler import (
     FLAG_CROSSED,
     FLAG_MIXED,
@@ -63,6 +68,7 @@ from .echoes import Echoes, EchoSynthesizer, synthesize
 from .exr import read_exr, write_exr
 from .frames import MissingRender, RadarFrame, Run, open_run
 from .framestats import FrameStatistics, frame_statistics
+from .mti import cancel, mti_response
 from .noisefloor import map_noise_gain, range_noise_gain
 from .nufft import nufft1
 from .paths import (
@@ -108,8 +114,12 @@ __all__ = [
     "FLAG_TOO_FAST",
     "ArbitraryPulse",
     "Burst",
+    "Cfar",
+    "CfarResult",
     "Compressed",
     "Decoded",
+    "Detection",
+    "Detections",
     "EchoSynthesizer",
     "Echoes",
     "ExpectedPower",
@@ -141,9 +151,12 @@ __all__ = [
     "SteppedWaveform",
     "SynthesisReport",
     "Waveform",
+    "cancel",
+    "cfar_threshold",
     "compress",
     "decibels",
     "decode",
+    "detect_targets",
     "expected_power",
     "expected_power_profile",
     "find_peaks",
@@ -158,6 +171,7 @@ __all__ = [
     "make_paths",
     "map_noise_gain",
     "matched_filter",
+    "mti_response",
     "nufft1",
     "open_run",
     "path_amplitude",

@@ -85,7 +85,7 @@ def find_peaks(
     wanted = wanted & np.ones(power.shape[1], dtype=bool)[None, :]
     if range_m is not None:
         wanted &= (rd_map.range_m >= range_m[0]) & (rd_map.range_m <= range_m[1])
-    candidates = np.where(wanted & _local_maxima(power), power, 0.0)
+    candidates = np.where(wanted & local_maxima(power), power, 0.0)
     spectra: dict[bool, Complex] = {}
     peaks: list[Peak] = []
     while len(peaks) < count:
@@ -98,12 +98,12 @@ def find_peaks(
         if above_db >= min_above_db:
             moves = abs(row - power.shape[0] // 2) > guard[0]
             if moves not in spectra:
-                spectra[moves] = _pulse_spectra(rd_map, moves)
-            peaks.append(_refine(rd_map, spectra[moves], row, col, above_db))
+                spectra[moves] = pulse_spectra(rd_map, moves)
+            peaks.append(refine_peak(rd_map, spectra[moves], row, col, above_db))
     return peaks
 
 
-def _local_maxima(power: Real) -> NDArray[np.bool_]:
+def local_maxima(power: Real) -> NDArray[np.bool_]:
     """Cells not below any of their eight neighbours; Doppler wraps, range does not."""
     padded = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
     padded = np.concatenate([padded[-1:], padded, padded[:1]])
@@ -143,7 +143,7 @@ def level_above(
     return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
 
 
-def _pulse_spectra(rd_map: RangeDopplerMap, without_static: bool) -> Complex:
+def pulse_spectra(rd_map: RangeDopplerMap, without_static: bool) -> Complex:
     """Fourier coefficients over range of the windowed pulses that the map was made of.
 
     Echoes that stand still have zeros on all other rows of the map, but sidelobes between these
@@ -158,7 +158,7 @@ def _pulse_spectra(rd_map: RangeDopplerMap, without_static: bool) -> Complex:
     return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
 
 
-def _refine(
+def refine_peak(
     rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, above_db: float
 ) -> Peak:
     """Maximum of the trigonometric interpolation next to a cell, one axis after the other."""

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Targets that stand out of the noise of a map: CFAR, then interpolation between the cells."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .cfar import Cfar, CfarResult, cfar_threshold
+from .detect import local_maxima, pulse_spectra, refine_peak
+from .files import replaced, write_json
+from .rangedoppler import RangeDopplerMap, decibels
+
+#: Most targets that are interpolated; the strongest are kept.
+MAX_DETECTIONS = 256
+#: Below the strongest cell by more than this is rounding, not an echo.
+_ROUNDING = 1e-16
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One target.
+
+    Attributes
+    ----------
+    range_m, velocity_mps, doppler_hz
+        Interpolated; range rate receding positive, Doppler -2 v / lambda.
+    level_db
+        10 log10 of the power at the interpolated peak.
+    noise_db
+        10 log10 of the mean power around it.
+    snr_db
+        Their difference: (signal + noise) over noise.
+    row, col
+        Cell of the map.
+    """
+
+    range_m: float
+    velocity_mps: float
+    doppler_hz: float
+    level_db: float
+    noise_db: float
+    snr_db: float
+    row: int
+    col: int
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Targets of one map.
+
+    Attributes
+    ----------
+    targets
+        By falling SNR.
+    cells
+        Cells above the threshold.
+    left_out
+        Peaks beyond `MAX_DETECTIONS`.
+    cfar
+        The detector.
+    training_cells, independent_cells
+        Of one cell, and what they are worth, see :mod:`.cfar`.
+    """
+
+    targets: list[Detection]
+    cells: int
+    left_out: int
+    cfar: Cfar
+    training_cells: int
+    independent_cells: float
+
+
+def detect_targets(rd_map: RangeDopplerMap, cfar: Cfar | None = None) -> Detections:
+    """Cells above their CFAR threshold that are peaks, interpolated.
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    cfar
+        Detector; None: cell averaging at 1e-6.
+
+    Notes
+    -----
+    Within the guard cells of a peak no weaker one is taken. Range and Doppler are those of the
+    maximum of the trigonometric interpolation, see :func:`.detect.find_peaks`: exact for one target
+    without noise.
+    """
+    cfar = cfar or Cfar()
+    result = cfar_threshold(rd_map, cfar)
+    power = rd_map.power
+    above = power > np.maximum(result.threshold, power.max(initial=0.0) * _ROUNDING)
+    peaks = np.argwhere(above & local_maxima(power))
+    order = np.argsort(-power[peaks[:, 0], peaks[:, 1]], kind="stable")
+    free = np.ones(power.shape, dtype=bool)
+    chosen: list[tuple[int, int]] = []
+    left_out = 0
+    guard = min(cfar.guard[0], (power.shape[0] - 1) // 2), cfar.guard[1]
+    for row, col in peaks[order]:
+        if not free[row, col]:
+            continue
+        if len(chosen) >= MAX_DETECTIONS:
+            left_out += 1
+            continue
+        chosen.append((int(row), int(col)))
+        rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
+        free[rows, max(0, col - guard[1]) : col + guard[1] + 1] = False
+    targets = _interpolate(rd_map, chosen, result, guard[0])
+    targets.sort(key=lambda target: -target.snr_db)
+    cells, independent = result.cells
+    return Detections(targets, int(above.sum()), left_out, cfar, cells, independent)
+
+
+def _interpolate(
+    rd_map: RangeDopplerMap, chosen: list[tuple[int, int]], result: CfarResult, guard: int
+) -> list[Detection]:
+    spectra: dict[bool, Any] = {}
+    found = []
+    for row, col in chosen:
+        moves = abs(row - rd_map.values.shape[0] // 2) > guard
+        if moves not in spectra:
+            spectra[moves] = pulse_spectra(rd_map, moves)
+        peak = refine_peak(rd_map, spectra[moves], row, col, 0.0)
+        noise_db = float(decibels(result.noise[row, col]))
+        found.append(
+            Detection(
+                peak.range_m,
+                peak.velocity_mps,
+                peak.doppler_hz,
+                peak.level_db,
+                noise_db,
+                peak.level_db - noise_db,
+                row,
+                col,
+            )
+        )
+    return found
+
+
+def write_detections(stem: Path, found: Detections) -> list[Path]:
+    """Write ``<stem>_detections.csv`` and ``.json``; returns both paths."""
+    table = stem.with_name(stem.name + "_detections.csv")
+    names = [field.name for field in dataclasses.fields(Detection)]
+    with replaced(table) as temporary, open(temporary, "w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow(names)
+        writer.writerows([getattr(target, name) for name in names] for target in found.targets)
+    record = stem.with_name(stem.name + "_detections.json")
+    write_json(record, detections_record(found))
+    return [table, record]
+
+
+def detections_record(found: Detections) -> dict[str, Any]:
+    """As plain JSON."""
+    return {
+        "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+        **dataclasses.asdict(found),
+    }
+
+
+def detection_lines(targets: Sequence[Detection], most: int = 10) -> list[str]:
+    """For people, one target a line."""
+    lines = [
+        f"target       {t.range_m:10.2f} m   SNR {t.snr_db:8.2f} dB   "
+        f"range rate {t.velocity_mps:+9.3f} m/s   Doppler {t.doppler_hz:+9.2f} Hz"
+        for t in targets[:most]
+    ]
+    if len(targets) > most:
+        lines.append(f"{len(targets) - most} more targets in the files")
+    return lines
