@@ -7,70 +7,27 @@ Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Sequence
-from typing import get_args
 
 from .. import __version__
 from ..errors import RadarSimError
 from .antennaplot import add_antennas_parser, print_antennas
-from .doppler import MAX_SPEED_MPS
+from .detections import detection_lines
 from .frames import RadarFrame, Run, open_run
 from .framestats import frame_statistics, statistics_warnings
-from .nufft import Backend
 from .pathframes import read_paths_record
-from .paths import Weighting
 from .pipeline import (
     FrameResult,
-    ProcessOptions,
     Progress,
     process_run,
 )
+from .process_arguments import add_process_parser, frame_numbers, process_options
 from .rcscommand import add_rcs_parser, print_rcs
-from .synthesis import TOLERANCE, Method
-from .system import read_system
-from .windows import WINDOW_NAMES
 
 #: Rounding of the range code in float32, relative to code length or path length, whichever is more.
 _CODE_NOISE = 7e-8
-
-
-def _frame_numbers(text: str) -> list[int]:
-    """ "3", "1:10" or "1:10,15" as a list of frames, ends included."""
-    numbers: list[int] = []
-    for part in text.split(","):
-        ends = [int(end) for end in part.split(":")]
-        if len(ends) > 2 or ends[-1] < ends[0] or ends[-1] - ends[0] > 1_000_000:
-            raise ValueError(part)
-        numbers.extend(range(ends[0], ends[-1] + 1))
-    return numbers
-
-
-def _range_window(text: str) -> tuple[float, float]:
-    """ "0:5250" as two ranges in metres."""
-    start, stop = (_finite(end) for end in text.split(":"))
-    return start, stop
-
-
-def _seed(text: str) -> int | None:
-    """ "7" or "none"."""
-    return None if text == "none" else int(text)
-
-
-def _finite(text: str) -> float:
-    """A number that is neither NaN nor infinite."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(text)
-    return value
-
-
-_seed.__name__ = "seed (a whole number or none)"
-_finite.__name__ = "finite number"
-_frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its message
-_range_window.__name__ = "range window (like 0:5250)"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -81,57 +38,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     info = commands.add_parser("info", help="what a run is, and whether it is complete")
     info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
-    process = commands.add_parser(
-        "process",
-        help="echo, range profile, range-Doppler map and products of every frame",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    process.add_argument("folder", metavar="DIR", help="folder that holds run.json")
-    process.add_argument("--out", metavar="DIR", help="folder for the results [DIR/products]")
-    process.add_argument("--frames", type=_frame_numbers, metavar="A:B", help="frames [all]")
-    process.add_argument(
-        "--range", type=_range_window, metavar="A:B", help="range window in metres [all rings]"
-    )
-    process.add_argument(
-        "--weighting", choices=get_args(Weighting), help="[the system's, else radar-equation]"
-    )
-    process.add_argument(
-        "--system", metavar="FILE", help="power budget (JSON, see docs/system.md) [the run's own]"
-    )
-    process.add_argument("--receiver-gain-db", type=_finite, default=0.0, help="G_r in dBi")
-    process.add_argument(
-        "--window", default="hamming", help=f"over the band: {', '.join(WINDOW_NAMES)}"
-    )
-    process.add_argument("--doppler-window", default="hamming", help="over the pulses: the same")
-    process.add_argument(
-        "--max-speed", type=_finite, default=MAX_SPEED_MPS, help="limit of a believable speed, m/s"
-    )
-    process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
-    process.add_argument(
-        "--tolerance", type=_finite, default=TOLERANCE, help="relative error of the echoes"
-    )
-    process.add_argument(
-        "--synthesis", choices=get_args(Method), default="auto", help="way of moving paths"
-    )
-    process.add_argument(
-        "--speckle-seed",
-        type=_seed,
-        default=0,
-        metavar="N",
-        help="random phases of rough scatterers, a whole number or 'none'",
-    )
-    process.add_argument(
-        "--speckle-cell",
-        type=_finite,
-        metavar="M",
-        help="edge of a scatterer's cell in metres [from the pixels' footprints]",
-    )
-    process.add_argument("--no-products", action="store_true", help="write no EXR products")
-    process.add_argument("--no-plots", action="store_true", help="draw no pictures")
-    process.add_argument(
-        "--allow-incomplete", action="store_true", help="skip frames that are not all there"
-    )
-    add_rcs_parser(commands, _frame_numbers)
+    add_process_parser(commands)
+    add_rcs_parser(commands, frame_numbers)
     add_antennas_parser(commands)
     return parser
 
@@ -162,22 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _process(chosen: argparse.Namespace) -> int:
-    options = ProcessOptions(
-        weighting=chosen.weighting,
-        receiver_gain=10 ** (chosen.receiver_gain_db / 10),
-        window=chosen.window,
-        doppler_window=chosen.doppler_window,
-        window_m=chosen.range,
-        max_speed_mps=chosen.max_speed,
-        method=chosen.method,
-        tolerance=chosen.tolerance,
-        synthesis=chosen.synthesis,
-        speckle_seed=chosen.speckle_seed,
-        speckle_cell_m=chosen.speckle_cell,
-        products=not chosen.no_products,
-        plots=False if chosen.no_plots else None,
-        system=None if chosen.system is None else read_system(chosen.system),
-    )
+    options = process_options(chosen)
     live = sys.stderr.isatty()
     events = process_run(
         chosen.folder,
@@ -214,6 +107,13 @@ def _print_frame(result: FrameResult) -> None:
             f"range rate {peak.velocity_mps:+9.3f} m/s   Doppler {peak.doppler_hz:+9.2f} Hz   "
             f"{peak.above_db:.1f} dB above its surroundings"
         )
+    if result.detections is not None:
+        found = result.detections
+        print(
+            f"  CFAR         {len(found.targets)} targets, {found.cells} cells above the threshold"
+        )
+        for line in detection_lines(found.targets):
+            print(f"  {line}")
     for line in result.budget.lines() if result.budget is not None else []:
         print(f"  {line}")
     for warning in result.warnings:

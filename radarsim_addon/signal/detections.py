@@ -19,8 +19,6 @@ from .rangedoppler import RangeDopplerMap, decibels
 
 #: Most targets that are interpolated; the strongest are kept.
 MAX_DETECTIONS = 256
-#: Below the strongest cell by more than this is rounding, not an echo.
-_ROUNDING = 1e-16
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,9 @@ class Detections:
     independent_cells: float
 
 
-def detect_targets(rd_map: RangeDopplerMap, cfar: Cfar | None = None) -> Detections:
+def detect_targets(
+    rd_map: RangeDopplerMap, cfar: Cfar | None = None, dynamics_db: float = 140.0
+) -> Detections:
     """Cells above their CFAR threshold that are peaks, interpolated.
 
     Parameters
@@ -86,6 +86,8 @@ def detect_targets(rd_map: RangeDopplerMap, cfar: Cfar | None = None) -> Detecti
         Range-Doppler map.
     cfar
         Detector; None: cell averaging at 1e-6.
+    dynamics_db
+        What is further below the strongest cell is error of the synthesis, no echo [dB].
 
     Notes
     -----
@@ -96,7 +98,7 @@ def detect_targets(rd_map: RangeDopplerMap, cfar: Cfar | None = None) -> Detecti
     cfar = cfar or Cfar()
     result = cfar_threshold(rd_map, cfar)
     power = rd_map.power
-    above = power > np.maximum(result.threshold, power.max(initial=0.0) * _ROUNDING)
+    above = power > np.maximum(result.threshold, power.max(initial=0.0) * 10 ** (-dynamics_db / 10))
     peaks = np.argwhere(above & local_maxima(power))
     order = np.argsort(-power[peaks[:, 0], peaks[:, 1]], kind="stable")
     free = np.ones(power.shape, dtype=bool)

@@ -10,146 +10,39 @@ bounded by one frame, however many there are, as long as the caller lets go of t
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from ..contract import PRODUCTS_DIR, SystemRecord
-from ..errors import ConfigError, FrameFileError
-from ..physics.constants import SPEED_OF_LIGHT_MPS
+from ..contract import PRODUCTS_DIR
+from ..errors import FrameFileError
 from . import plots
 from .antennaplot import ANTENNA_PICTURE, plot_antennas
-from .budget import BudgetReport, FrameBudget
-from .compress import Compressed, PowerProfile, ProfileAccumulator, compress
+from .budget import FrameBudget
+from .compress import ProfileAccumulator, compress
 from .config import Radar
-from .detect import LeadingEdge, Peak, find_peaks, leading_edges
-from .doppler import MAX_SPEED_MPS
+from .detections import detect_targets
 from .echoes import Echoes, check_window
 from .families import synthesizer_for
-from .files import make_folder, write_arrays, write_json
+from .files import make_folder
+from .findings import dynamics_db, find_edges, find_movers
+from .frame_files import draw_results, write_results
 from .frames import RadarFrame, Run, open_run
-from .framestats import FrameStatistics, StatisticsSum, statistics_warnings
+from .framestats import StatisticsSum, statistics_warnings
 from .link import Link
-from .nufft import Backend
-from .paths import Weighting, iter_paths
+from .mti import cancel
+from .paths import iter_paths
+from .pipeline_options import FrameResult, ProcessOptions, Progress
 from .products import write_products
-from .rangedoppler import RangeDopplerMap, range_doppler
-from .scatterers import SpeckleReport
+from .rangedoppler import range_doppler
+from .receiver import receive
 from .specklestage import FrameSpeckle
-from .synthesis import TOLERANCE, Method
-from .system import make_system, weighting_of
+from .system import make_system
 from .uncertainty import ExpectedPower, expected_power
-from .waveform_files import waveform_to_dict
 
-#: Below the strongest cell by more than this is rounding, not an echo: float32 renders. Less where
-#: the tolerance of the synthesis is coarse [dB].
-_MAP_DYNAMICS_DB = 160.0
+__all__ = ["FrameResult", "ProcessOptions", "Progress", "process_run"]
 
-
-@dataclass(frozen=True)
-class Progress:
-    """`done` of `total` steps of the whole run are done; `text` says which was the last."""
-
-    done: int
-    total: int
-    text: str
-
-
-@dataclass(frozen=True)
-class FrameResult:
-    """All that was computed of one radar frame, and the files that hold it.
-
-    `expected` (expected power with standard errors) is there for the acquisition "paths", whose
-    sub-pixel shifts are replicates.
-    """
-
-    frame: int
-    time_s: float
-    statistics: FrameStatistics
-    echoes: Echoes
-    compressed: Compressed
-    profile: PowerProfile
-    rd_map: RangeDopplerMap
-    edges: list[LeadingEdge]
-    movers: list[Peak]
-    warnings: list[str]
-    files: list[Path]
-    expected: ExpectedPower | None = None
-    budget: BudgetReport | None = None
-    speckle: SpeckleReport | None = None
-
-
-@dataclass(frozen=True)
-class ProcessOptions:
-    """How a run is processed.
-
-    Attributes
-    ----------
-    weighting
-        "radar-equation" or "paper", see :func:`.paths.path_amplitude`; None: the system's, or
-        "radar-equation" without one.
-    receiver_gain
-        G_r, linear, for runs without a system.
-    window, doppler_window
-        Windows over the band and over the pulses, see :mod:`.windows`.
-    window_m
-        One-way ranges (start, stop) [m]; None: what the rings cover.
-    max_speed_mps
-        Limit of a believable |range rate| between the passes [m/s].
-    method
-        Engine of the non-uniform FFT.
-    tolerance
-        Relative L2 error of the echoes' spectrum against the direct sum.
-    synthesis
-        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
-    speckle_seed
-        Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
-        :mod:`.scatterers`.
-    speckle_cell_m
-        Edge of the cells that hold one scatterer each [m]; None: from the pixels' footprints.
-    products
-        Whether to write the four EXR products.
-    plots
-        Whether to draw pictures; None: where matplotlib is installed.
-    system
-        Power budget, see :mod:`.system`; None: the run's own.
-    """
-
-    weighting: Weighting | None = None
-    receiver_gain: float = 1.0
-    window: str = "hamming"
-    doppler_window: str = "hamming"
-    window_m: tuple[float, float] | None = None
-    max_speed_mps: float = MAX_SPEED_MPS
-    method: Backend = "auto"
-    tolerance: float = TOLERANCE
-    synthesis: Method = "auto"
-    speckle_seed: int | None = 0
-    speckle_cell_m: float | None = None
-    products: bool = True
-    plots: bool | None = None
-    system: SystemRecord | None = None
-
-    def for_run(self, run: Run) -> ProcessOptions:
-        """These options with what the run itself says filled in.
-
-        Raises
-        ------
-        ConfigError
-            A receiver gain beside a system, which has one already.
-        """
-        system = self.system or run.record.system
-        if system is not None and self.receiver_gain != 1:
-            raise ConfigError(
-                f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
-                "antenna has one. Set gain_dbi there, or leave the receiver gain out."
-            )
-        weighting = self.weighting or weighting_of(system)
-        return dataclasses.replace(self, weighting=weighting, system=system)
+#: Carriers that differ by more than this are worth a word about materials.
+_CARRIER_SLACK = 0.01
 
 
 def process_run(
@@ -180,7 +73,8 @@ def process_run(
     Progress or FrameResult
         Files of a frame, in `out`: ``frame_0001_amplitude_t0.exr`` and the other three products;
         ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
-        velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; pictures
+        velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; where asked for
+        ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
         ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``. With a
         system ``antennas.png``, once.
 
@@ -196,7 +90,8 @@ def process_run(
     folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
     draws = plots.has_matplotlib() if options.plots is None else options.plots
     if options.system is not None and draws:
-        system = make_system(options.system, run.radar.waveform.wavelength_m)
+        wavelength_m = (options.radar or run.radar).waveform.wavelength_m
+        system = make_system(options.system, wavelength_m)
         plots.save(plot_antennas(system), folder / ANTENNA_PICTURE)
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
@@ -235,12 +130,13 @@ def _process_frame(
     run: Run, frame: RadarFrame, folder: Path, options: ProcessOptions
 ) -> Iterator[str | FrameResult]:
     window_m = check_window(options.window_m or run.window_m)
-    assert options.weighting is not None  # by `for_run`
-    budget = FrameBudget(frame, run.radar, options.system)
+    assert options.weighting is not None and options.radar is not None  # by `for_run`
+    radar = options.radar
+    budget = FrameBudget(frame, radar, options.system)
     seed = options.speckle_seed if options.weighting == "radar-equation" else None
-    speckle = FrameSpeckle(frame, run.radar, seed, options.speckle_cell_m)
+    speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_m)
     synthesizer = synthesizer_for(
-        run.radar,
+        radar,
         window_m,
         weighting=options.weighting,
         receiver_gain=options.receiver_gain,
@@ -248,16 +144,18 @@ def _process_frame(
         tolerance=options.tolerance,
         synthesis=options.synthesis,
         speckle_seed=seed,
+        phase_noise=options.receiver.phase_noise,
+        phase_noise_seed=options.receiver.phase_noise_seed,
     )
     accumulator = ProfileAccumulator(
-        run.radar,
+        radar,
         window_m,
         window=options.window,
         weighting=options.weighting,
         receiver_gain=options.receiver_gain,
         method=options.method,
     )
-    total = StatisticsSum(run.radar, options.receiver_gain)
+    total = StatisticsSum(radar, options.receiver_gain)
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
         paths = speckle.apply(budget.apply(paths))
         synthesizer.add(paths)
@@ -265,13 +163,15 @@ def _process_frame(
         total.add(paths)
         if frame.acquisition == "rings":
             yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
-    echoes = synthesizer.result()
+    reception = receive(synthesizer.result(), options.receiver)
+    echoes = reception.echoes
     compressed = compress(echoes, options.window)
-    rd_map = range_doppler(compressed, options.doppler_window)
+    filtered = cancel(compressed, options.mti) if options.mti else compressed
+    rd_map = range_doppler(filtered, options.doppler_window)
     profile = accumulator.result()
     statistics = total.result(echoes.outside)
     # windows are at most three cells wide to each side: what is slower hides in the stripe
-    slowest_mps = 3 * run.radar.velocity_resolution_mps
+    slowest_mps = 3 * radar.velocity_resolution_mps
     scatterers = speckle.report()
     report = budget.report(statistics.power_w, options.window, options.doppler_window)
     result = FrameResult(
@@ -282,25 +182,31 @@ def _process_frame(
         compressed=compressed,
         profile=profile,
         rd_map=rd_map,
-        edges=_edges(profile),
-        movers=_movers(rd_map, slowest_mps, options.tolerance),
-        warnings=statistics_warnings(statistics, run.radar)
+        edges=find_edges(profile),
+        movers=find_movers(rd_map, slowest_mps, options.tolerance),
+        warnings=statistics_warnings(statistics, radar)
         + report.warnings
         + speckle.warnings
         + _inexact(echoes)
-        + (scatterers.warnings if scatterers is not None else []),
+        + (scatterers.warnings if scatterers is not None else [])
+        + _radar_warnings(run, radar, window_m)
+        + _reception_warnings(reception.clipped, echoes.samples.size),
         files=[],
-        expected=_expected(frame, run, window_m, options, budget.link),
+        expected=_expected(frame, radar, window_m, options, budget.link),
         budget=report,
         speckle=scatterers,
+        reception=reception,
+        detections=None
+        if options.cfar is None
+        else detect_targets(rd_map, options.cfar, dynamics_db(options.tolerance)),
     )
     yield f"frame {frame.number}: echoes, map"
-    result.files.extend(_write_results(result, folder, options))
+    result.files.extend(write_results(result, folder, options))
     if options.products and frame.acquisition == "rings":
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
     if plots.has_matplotlib() if options.plots is None else options.plots:
-        result.files.extend(_draw(frame, result, folder))
+        result.files.extend(draw_results(frame, result, folder))
     yield f"frame {frame.number}: pictures"
     yield result
 
@@ -313,7 +219,7 @@ def _inexact(echoes: Echoes) -> list[str]:
 
 def _expected(
     frame: RadarFrame,
-    run: Run,
+    radar: Radar,
     window_m: tuple[float, float],
     options: ProcessOptions,
     link: Link | None,
@@ -322,7 +228,7 @@ def _expected(
         return None
     return expected_power(
         frame,
-        run.radar,
+        radar,
         window_m,
         window=options.window,
         doppler_window=options.doppler_window,
@@ -331,136 +237,24 @@ def _expected(
     )
 
 
-def _paired_reach_m(radar: Radar) -> float:
-    """How far from a strong echo its paired echoes may lie: a pulse's length."""
-    if radar.waveform.family != "pulse":
-        return 0.0
-    return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
-
-
-def _edges(profile: PowerProfile) -> list[LeadingEdge]:
-    """Leading edges, without the paired echoes of stronger ones: see `_movers`."""
-    reach_m = _paired_reach_m(profile.radar)
-    found = leading_edges(profile, 12, by="prominence")
-    return [
-        edge
-        for edge in found
-        if not any(
-            abs(edge.peak_range_m - other.peak_range_m) <= 1.02 * reach_m
-            and edge.level_db < other.level_db - 28
-            for other in found
+def _radar_warnings(run: Run, radar: Radar, window_m: tuple[float, float]) -> list[str]:
+    found = []
+    own_hz, now_hz = run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
+    if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
+        found.append(
+            f"The carrier is {now_hz / 1e9:g} GHz, the run was rendered for {own_hz / 1e9:g} GHz: "
+            "materials are those of the latter. Render again where they depend on frequency."
         )
-    ][:5]
+    if window_m[1] > radar.waveform.unambiguous_range_m * (1 + 1e-9):
+        found.append(
+            f"The range window reaches to {window_m[1]:g} m, the waveform to "
+            f"{radar.waveform.unambiguous_range_m:.6g} m: profile and map end there."
+        )
+    return found
 
 
-def _movers(rd_map: RangeDopplerMap, slowest_mps: float, tolerance: float) -> list[Peak]:
-    """Peaks off the 0 Hz stripe; none where there are too few pulses to tell.
-
-    A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
-    down whatever the window (the Fresnel ripple of its spectrum): peaks 30 dB below a stronger
-    one at the same speed within that distance are taken for these, and at any speed those 40 dB
-    below it, where the Doppler window has its sidelobes.
-    """
-    if rd_map.radar.burst.pulses < 16:
+def _reception_warnings(clipped: int, samples: int) -> list[str]:
+    if not clipped:
         return []
-    reach_m = _paired_reach_m(rd_map.radar)
-    same_mps = 2 * rd_map.radar.velocity_resolution_mps
-    kept: list[Peak] = []
-    dynamics_db = min(_MAP_DYNAMICS_DB, 20 - 20 * math.log10(tolerance))
-    floor_db = float(rd_map.power_db.max()) - dynamics_db
-    for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
-        if peak.level_db < floor_db:
-            continue
-        near = [other for other in kept if abs(peak.range_m - other.range_m) < reach_m]
-        hidden = any(
-            peak.level_db < other.level_db - 40
-            or (
-                peak.level_db < other.level_db - 30
-                and abs(peak.velocity_mps - other.velocity_mps) < same_mps
-            )
-            for other in near
-        )
-        if not hidden:
-            kept.append(peak)
-    return kept[:5]
-
-
-def _write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:
-    stem = folder / f"frame_{result.frame:04d}"
-    profile, rd_map = result.profile, result.rd_map
-    names = [stem.with_name(stem.name + s) for s in ("_profile.npz", "_map.npz", "_summary.json")]
-    write_arrays(
-        names[0],
-        {
-            "range_m": profile.range_m,
-            "expected_power": profile.power,
-            "coherent_range_m": result.compressed.range_m,
-            "coherent_power": np.mean(np.abs(result.compressed.values) ** 2, axis=0),
-        },
-    )
-    write_arrays(
-        names[1],
-        {
-            "doppler_hz": rd_map.doppler_hz,
-            "velocity_mps": rd_map.velocity_mps,
-            "range_m": rd_map.range_m,
-            "power": rd_map.power,
-        },
-    )
-    write_json(
-        names[2],
-        {
-            "frame": result.frame,
-            "time_s": result.time_s,
-            "options": dataclasses.asdict(options),
-            "waveform": waveform_to_dict(rd_map.radar.waveform),
-            "burst": dataclasses.asdict(rd_map.radar.burst),
-            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
-            "synthesis": dataclasses.asdict(result.echoes.report) if result.echoes.report else None,
-            "statistics": dataclasses.asdict(result.statistics),
-            "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
-            "movers": [dataclasses.asdict(peak) for peak in result.movers],
-            "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
-            "budget": None if result.budget is None else result.budget.summary(),
-            "warnings": result.warnings,
-        },
-    )
-    if result.expected is not None:
-        names.append(_write_expected(stem, result.expected))
-    return names
-
-
-def _write_expected(stem: Path, expected: ExpectedPower) -> Path:
-    path = stem.with_name(stem.name + "_expected.npz")
-    write_arrays(path, {f.name: getattr(expected, f.name) for f in dataclasses.fields(expected)})
-    return path
-
-
-def _draw(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
-    def name(what: str) -> Path:
-        return folder / f"frame_{result.frame:04d}_{what}.png"
-
-    title = f"frame {result.frame}"
-    rings = []
-    if frame.acquisition == "rings":
-        rings.append(plots.save(plots.plot_rings(frame), name("rings")))
-    return [
-        *rings,
-        plots.save(plots.plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
-        plots.save(
-            plots.plot_matched_filter(
-                result.compressed,
-                result.profile,
-                result.edges,
-                f"Matched filter, {title}",
-                expected=result.expected,
-            ),
-            name("matched_filter"),
-        ),
-        plots.save(
-            plots.plot_range_doppler(
-                result.rd_map, result.movers[:1], f"Range-Doppler map, {title}"
-            ),
-            name("range_doppler"),
-        ),
-    ]
+    text = f"The ADC clipped {clipped} values of I and Q of {samples} samples"
+    return [f"{text}. Raise its full scale, or let it be chosen."]

@@ -21,6 +21,7 @@ from ..errors import MissingDependencyError
 from .compress import Compressed, PowerProfile
 from .decode import decode
 from .detect import LeadingEdge, Peak
+from .detections import Detection
 from .echoes import Echoes
 from .files import replaced
 from .frames import RadarFrame
@@ -239,8 +240,18 @@ def plot_range_doppler(
     peaks: Sequence[Peak] = (),
     title: str = "Range-Doppler map",
     floor_db: float = -80.0,
+    *,
+    targets: Sequence[Detection] = (),
 ) -> Any:
-    """Map in decibels, Doppler below and range rate above it (the paper's Fig. 9)."""
+    """Map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
+
+    `peaks` are circled and written out; `targets` of a CFAR are circled, the strongest three
+    written out. With targets the scale begins a little below the weakest one's surroundings.
+    """
+    if targets:
+        top_db = float(decibels(rd_map.power).max())
+        floor_db = max(floor_db, min(t.noise_db for t in targets) - 10 - top_db)
+        floor_db = min(floor_db, -20.0)
     figure = _figure(8, 6.5)
     axis = figure.subplots()
     power = rd_map.power
@@ -262,7 +273,13 @@ def plot_range_doppler(
     factor = -rd_map.radar.waveform.wavelength_m / 2
     upper = axis.secondary_xaxis("top", functions=(lambda f: f * factor, lambda v: v / factor))
     upper.set_xlabel("range rate v [m/s]")
-    for peak in peaks:
+    for target in targets:
+        axis.plot(target.doppler_hz, target.range_m, "o", mfc="none", mec="C1", ms=9)
+    if targets:
+        axis.plot([], [], "o", mfc="none", mec="C1", ms=9, ls="", label=f"CFAR: {len(targets)}")
+        axis.legend(fontsize=8, loc="upper right")
+    marked: list[Peak | Detection] = [*peaks, *targets[:3]]
+    for peak in marked:
         axis.plot(peak.doppler_hz, peak.range_m, "o", mfc="none", mec="w", ms=12)
         on_left = peak.doppler_hz < (left + right) / 2
         axis.annotate(

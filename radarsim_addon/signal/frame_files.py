@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files and pictures of one processed frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from . import plots
+from .detections import write_detections
+from .files import write_arrays, write_json
+from .frames import RadarFrame
+from .hdf5 import write_hdf5
+from .pipeline_options import FrameResult, ProcessOptions
+from .receiver import Reception
+from .sigmf import write_sigmf
+from .uncertainty import ExpectedPower
+from .waveform_files import waveform_to_dict
+
+
+def write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:
+    stem = folder / f"frame_{result.frame:04d}"
+    profile, rd_map = result.profile, result.rd_map
+    names = [stem.with_name(stem.name + s) for s in ("_profile.npz", "_map.npz", "_summary.json")]
+    write_arrays(
+        names[0],
+        {
+            "range_m": profile.range_m,
+            "expected_power": profile.power,
+            "coherent_range_m": result.compressed.range_m,
+            "coherent_power": np.mean(np.abs(result.compressed.values) ** 2, axis=0),
+        },
+    )
+    write_arrays(
+        names[1],
+        {
+            "doppler_hz": rd_map.doppler_hz,
+            "velocity_mps": rd_map.velocity_mps,
+            "range_m": rd_map.range_m,
+            "power": rd_map.power,
+        },
+    )
+    write_json(
+        names[2],
+        {
+            "frame": result.frame,
+            "time_s": result.time_s,
+            "options": options.record(),
+            "waveform": waveform_to_dict(rd_map.radar.waveform),
+            "burst": dataclasses.asdict(rd_map.radar.burst),
+            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "synthesis": dataclasses.asdict(result.echoes.report) if result.echoes.report else None,
+            "statistics": dataclasses.asdict(result.statistics),
+            "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
+            "movers": [dataclasses.asdict(peak) for peak in result.movers],
+            "receiver": None if result.reception is None else _receiver_record(result.reception),
+            "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
+            "budget": None if result.budget is None else result.budget.summary(),
+            "warnings": result.warnings,
+        },
+    )
+    if result.expected is not None:
+        names.append(_write_expected(stem, result.expected))
+    if result.detections is not None:
+        names += write_detections(stem, result.detections)
+    if options.hdf5:
+        names.append(write_hdf5(stem.with_name(stem.name + ".h5"), result, options))
+    if options.sigmf:
+        names += write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
+    return names
+
+
+def _receiver_record(reception: Reception) -> dict[str, float | int | None]:
+    return {
+        "noise_power_w": reception.noise_power_w,
+        "full_scale": reception.full_scale,
+        "step": reception.step,
+        "clipped": reception.clipped,
+    }
+
+
+def _write_expected(stem: Path, expected: ExpectedPower) -> Path:
+    path = stem.with_name(stem.name + "_expected.npz")
+    write_arrays(path, {f.name: getattr(expected, f.name) for f in dataclasses.fields(expected)})
+    return path
+
+
+def draw_results(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
+    def name(what: str) -> Path:
+        return folder / f"frame_{result.frame:04d}_{what}.png"
+
+    title = f"frame {result.frame}"
+    rings = []
+    if frame.acquisition == "rings":
+        rings.append(plots.save(plots.plot_rings(frame), name("rings")))
+    return [
+        *rings,
+        plots.save(plots.plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
+        plots.save(
+            plots.plot_matched_filter(
+                result.compressed,
+                result.profile,
+                result.edges,
+                f"Matched filter, {title}",
+                expected=result.expected,
+            ),
+            name("matched_filter"),
+        ),
+        plots.save(
+            plots.plot_range_doppler(
+                result.rd_map,
+                result.movers[:1] if result.detections is None else (),
+                f"Range-Doppler map, {title}",
+                targets=() if result.detections is None else result.detections.targets,
+            ),
+            name("range_doppler"),
+        ),
+    ]
