@@ -121,6 +121,9 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument("--samples", type=int, metavar="N", help="paths a pixel")
     parser.add_argument("--resolution", metavar="WxH", help="pixels, for example 640x360")
     parser.add_argument("--bounces", type=int, metavar="N", help="reflections after the first one")
+    parser.add_argument(
+        "--radar", type=Path, metavar="FILE", help="waveform and burst (JSON); else the file's own"
+    )
     parser.add_argument("--carrier-ghz", type=finite_number, metavar="F", help="carrier [GHz]")
     parser.add_argument("--bandwidth-mhz", type=finite_number, metavar="B", help="bandwidth [MHz]")
     parser.add_argument("--chirp-us", type=finite_number, metavar="T", help="chirp length [us]")

@@ -15,6 +15,7 @@ import numpy as np
 
 from .. import contract
 from ..errors import ConfigError
+from ..signal.waveform_files import waveform_to_dict
 from .measurement import MAX_RINGS, Measurement
 
 #: Path lengths per code length. exp(-2*8) in G leaves 20 decades of float32 for the radiance, and
@@ -256,7 +257,7 @@ def run_record(
         metres_per_unit=plan.metres_per_unit,
         code_length_m=plan.code_length_m,
         extinction_length_m=plan.extinction_length_m,
-        waveform=dataclasses.asdict(measurement.waveform),
+        waveform=waveform_to_dict(measurement.waveform),
         burst=dataclasses.asdict(measurement.burst),
         blend_file=blend_file,
         fingerprint=fingerprint(plan, scene_digest, versions),

@@ -10,6 +10,14 @@ from dataclasses import dataclass
 
 from .measurement import Measurement
 
+_FOLD = "fold back to small ranges. Lower the PRF."
+#: What becomes of echoes from beyond the unambiguous range, by kind of waveform.
+_BEYOND = {
+    "fmcw": "are taken out by the ADC's filter. Sample faster, or sweep less in the same time.",
+    "stepped": "fold back to small ranges. Take smaller steps.",
+    "pmcw": "fold back to small ranges. Take a longer code.",
+}
+
 
 @dataclass(frozen=True)
 class Derived:
@@ -30,7 +38,7 @@ def derive(measurement: Measurement, rings: int) -> Derived:
     radar = measurement.radar
     return Derived(
         range_resolution_m=radar.waveform.range_resolution_m,
-        unambiguous_range_m=radar.burst.unambiguous_range_m,
+        unambiguous_range_m=radar.unambiguous_range_m,
         max_velocity_mps=radar.max_velocity_mps,
         velocity_resolution_mps=radar.velocity_resolution_mps,
         burst_s=radar.burst.pulses / radar.burst.prf_hz,
@@ -72,11 +80,11 @@ def warnings_for(
             "beyond are not rendered. Add rings or widen the ring step."
         )
     reach_m = covered_m if farthest_m is None else min(covered_m, farthest_m)
-    unambiguous_m = radar.burst.unambiguous_range_m
+    unambiguous_m = radar.unambiguous_range_m
     if reach_m > unambiguous_m:
         found.append(
             f"Targets beyond the unambiguous range of {unambiguous_m:.6g} m (the scene reaches "
-            f"{reach_m:.6g} m) fold back to small ranges. Lower the PRF."
+            f"{reach_m:.6g} m) " + _BEYOND.get(radar.waveform.kind, _FOLD)
         )
     if of_rings and measurement.ring_step_m < radar.waveform.range_resolution_m:
         found.append(

@@ -14,6 +14,9 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """Options by the names of the scene's settings; None where not given."""
     if arguments.rings is not None and arguments.auto_rings:
         raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
+    of_pulse = (arguments.carrier_ghz, arguments.bandwidth_mhz, arguments.chirp_us)
+    if arguments.radar is not None and any(value is not None for value in of_pulse):
+        raise ConfigError("--radar and numbers of a pulse are both given; expected one of them.")
     width_px, height_px = parse_resolution(arguments.resolution)
     return {
         "frames": None if arguments.frames is None else parse_frames(arguments.frames),
@@ -32,6 +35,7 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "sampling_rate_mhz": arguments.sampling_mhz,
         "prf_hz": arguments.prf_hz,
         "pulses": arguments.pulses,
+        "radar_file": arguments.radar,
         "seed": arguments.seed,
     }
 

@@ -12,7 +12,7 @@ from decimal import Decimal
 
 from ..contract import SystemRecord
 from ..errors import ConfigError
-from ..signal.config import Burst, Radar, Waveform
+from ..signal.config import AnyWaveform, Burst, Radar
 
 #: More rings than this is a slip of the pen (a ring step in kilometres, a scene in millimetres).
 MAX_RINGS = 10_000
@@ -92,7 +92,7 @@ class Measurement:
         Of waves that go through physical materials: one of `POLARISATIONS`.
     """
 
-    waveform: Waveform
+    waveform: AnyWaveform
     burst: Burst
     frames: tuple[int, ...]
     rings: int

@@ -18,6 +18,7 @@ from .path_properties import read_path_options
 from .properties import PROGRESS_PROPERTY, SCENE_PROPERTY
 from .rig import find_rig
 from .scene_truth import scene_extent
+from .waveform_properties import USED
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
 _DRAWN_INSTANCES = 2000
@@ -85,14 +86,14 @@ class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
         layout = self.layout
         settings = getattr(context.scene, SCENE_PROPERTY)
         column = layout.column(align=True)
+        column.prop(settings, "waveform_kind", text="")
         column.prop(settings, "carrier_ghz")
-        column.row().prop(settings, "sweep_by", expand=True)
-        if settings.sweep_by == "BANDWIDTH":
-            column.prop(settings, "bandwidth_mhz")
-        else:
-            column.prop(settings, "fm_rate_mhz_per_us")
-        column.prop(settings, "chirp_length_us")
-        column.prop(settings, "sampling_rate_mhz")
+        if settings.waveform_kind == "lfm":
+            column.row().prop(settings, "sweep_by", expand=True)
+            by_rate = settings.sweep_by == "FM_RATE"
+            column.prop(settings, "fm_rate_mhz_per_us" if by_rate else "bandwidth_mhz")
+        for name in USED[settings.waveform_kind]:
+            column.prop(settings, name)
         column.prop(settings, "prf_hz")
         column.prop(settings, "pulses")
         measurement = _measurement(context, layout)

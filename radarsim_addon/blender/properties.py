@@ -13,13 +13,14 @@ from typing import Any
 import bpy
 
 from ..errors import ConfigError, OutputError
-from ..signal.config import Burst, Waveform
+from ..signal.config import AnyWaveform
 from .material_properties import MATERIAL_PROPERTY, MaterialSettings
 from .measurement import MAX_RINGS, Measurement, typed
 from .nodes import PRESETS
 from .path_properties import PathSettings
 from .physical_materials import refresh_materials
 from .system_properties import RadarAntennaSettings, SystemSettings
+from .waveform_properties import WaveformSettings, read_radar
 
 SCENE_PROPERTY = "radarsim"
 PROGRESS_PROPERTY = "radarsim"
@@ -38,7 +39,7 @@ def _carrier_changed(settings: Any, _: Any) -> None:
     refresh_materials(typed(settings.carrier_ghz, 9))
 
 
-class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
+class RadarSettings(PathSettings, SystemSettings, WaveformSettings, bpy.types.PropertyGroup):
     """Settings of a measurement."""
 
     camera: bpy.props.PointerProperty(  # type: ignore[valid-type]
@@ -95,42 +96,6 @@ class RadarSettings(PathSettings, SystemSettings, bpy.types.PropertyGroup):
         precision=4,
         description="Carrier; sets wavelength, Doppler and the index of physical materials",
         update=_carrier_changed,
-    )
-    sweep_by: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Sweep by",
-        items=(
-            ("BANDWIDTH", "Bandwidth", "Give the swept bandwidth"),
-            ("FM_RATE", "FM rate", "Give the chirp rate; bandwidth = FM rate x chirp length"),
-        ),
-        description="Which of the two is given",
-    )
-    bandwidth_mhz: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Bandwidth [MHz]",
-        default=50.0,
-        min=1e-6,
-        precision=4,
-        description="Swept bandwidth B; range resolution is c / 2B",
-    )
-    fm_rate_mhz_per_us: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="FM rate [MHz/us]",
-        default=20.0,
-        min=1e-6,
-        precision=4,
-        description="Chirp rate K; 20 MHz/us are 20e12 Hz/s",
-    )
-    chirp_length_us: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Chirp length [us]",
-        default=2.5,
-        min=1e-6,
-        precision=4,
-        description="Length of a pulse; at most the pulse interval 1 / PRF",
-    )
-    sampling_rate_mhz: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Sampling rate [MHz]",
-        default=60.0,
-        min=1e-6,
-        precision=4,
-        description="Complex samples a second; at least the bandwidth",
     )
     prf_hz: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="PRF [Hz]",
@@ -279,7 +244,7 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
     scene : bpy.types.Scene
     **overrides
         Numbers from a command line, by the names of `RadarSettings`, of float64 precision;
-        ``frames`` is a tuple of frames. None: the scene's own.
+        ``frames`` is a tuple of frames, ``radar_file`` a radar file (JSON). None: the scene's own.
 
     Raises
     ------
@@ -295,19 +260,7 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
     def whole(name: str) -> int:
         return int(given.get(name, getattr(settings, name)))
 
-    chirp_s = number("chirp_length_us", -6)
-    by_rate = settings.sweep_by == "FM_RATE" and "bandwidth_mhz" not in given
-    waveform = Waveform(
-        carrier_hz=number("carrier_ghz", 9),
-        bandwidth_hz=(
-            # MHz/us times us are MHz: no rounding by 1e12 and 1e-6.
-            round(number("fm_rate_mhz_per_us") * number("chirp_length_us") * 1e6, 3)
-            if by_rate
-            else number("bandwidth_mhz", 6)
-        ),
-        chirp_length_s=chirp_s,
-        sampling_rate_hz=number("sampling_rate_mhz", 6),
-    )
+    waveform, burst = read_radar(settings, given, number, whole)
     if given.get("ring_mode") == "AUTO":
         rings = 0
     elif "ring_count" in given:
@@ -318,7 +271,7 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
         rings = settings.ring_count if settings.ring_mode == "COUNT" else 0
     return Measurement(
         waveform=waveform,
-        burst=Burst(prf_hz=number("prf_hz"), pulses=whole("pulses")),
+        burst=burst,
         frames=given["frames"] if "frames" in given else _frames(scene, settings),
         rings=rings,
         ring_step_m=number("ring_step_m"),
@@ -356,7 +309,7 @@ def _frames(scene: Any, settings: Any) -> tuple[int, ...]:
     return tuple(frames)
 
 
-def _extinction_length_m(settings: Any, waveform: Waveform) -> float:
+def _extinction_length_m(settings: Any, waveform: AnyWaveform) -> float:
     if settings.extinction == "WAVELENGTH":
         return waveform.wavelength_m
     return typed(settings.extinction_length_m)

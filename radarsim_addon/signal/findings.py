@@ -15,6 +15,9 @@ from .rangedoppler import RangeDopplerMap
 #: the tolerance of the synthesis is coarse [dB].
 MAP_DYNAMICS_DB = 160.0
 
+#: Levels below the strongest at which sidelobes without a window are taken for these [dB].
+_UNWINDOWED_DB = 33.0
+
 
 def dynamics_db(tolerance: float) -> float:
     """How far below the strongest cell an echo can be told from the error of the synthesis [dB]."""
@@ -29,9 +32,16 @@ def _paired_reach_m(radar: Radar) -> float:
 
 
 def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
-    """Leading edges, without the paired echoes of stronger ones: see `find_movers`."""
+    """Leading edges, without the paired echoes of stronger ones: see `find_movers`.
+
+    Without a window over the band the sidelobes of the strongest peak are no edges either: 20
+    resolutions away, where the next edge may be, they are 36 dB below it.
+    """
     reach_m = _paired_reach_m(profile.radar)
     found = leading_edges(profile, 12, by="prominence")
+    if profile.window == "none" and found:
+        top_db = max(edge.level_db for edge in found)
+        found = [edge for edge in found if edge.level_db > top_db - _UNWINDOWED_DB]
     return [
         edge
         for edge in found

@@ -92,6 +92,8 @@ def draw_results(frame: RadarFrame, result: FrameResult, folder: Path) -> list[P
         return folder / f"frame_{result.frame:04d}_{what}.png"
 
     title = f"frame {result.frame}"
+    line = result.echoes.radar.waveform.family == "line"
+    profile_name = "Range profile" if line else "Matched filter"
     rings = []
     if frame.acquisition == "rings":
         rings.append(plots.save(plots.plot_rings(frame), name("rings")))
@@ -103,7 +105,7 @@ def draw_results(frame: RadarFrame, result: FrameResult, folder: Path) -> list[P
                 result.compressed,
                 result.profile,
                 result.edges,
-                f"Matched filter, {title}",
+                f"{profile_name}, {title}",
                 expected=result.expected,
             ),
             name("matched_filter"),

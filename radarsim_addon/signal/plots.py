@@ -30,6 +30,8 @@ from .uncertainty import ExpectedPower
 
 #: Stated beside every Doppler axis.
 SIGN_TEXT = r"$f_D=-2v/\lambda$: receding ($v>0$) on the left"
+#: What a row of samples is, by kind of waveform.
+_LINE_BEGINS = {"fmcw": "ramp", "stepped": "ramp of steps", "pmcw": "code"}
 #: Widest picture of one ring in the montage [px].
 _THUMBNAIL_PX = 480
 
@@ -129,10 +131,16 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
     figure.colorbar(picture, ax=second, label=f"Re s [{unit}], clipped at 95 %")
     for axis in (first, second):
         axis.set_ylabel(f"pulse (PRF {echoes.radar.burst.prf_hz:g} Hz)")
-    second.set_xlabel("fast time since the middle of the pulse [µs]")
-    metres = 299.792458 / 2
-    top_axis = first.secondary_xaxis("top", functions=(lambda t: t * metres, lambda r: r / metres))
-    top_axis.set_xlabel("one-way range of the echo's middle [m]")
+    if echoes.radar.waveform.family == "line":
+        # each sample holds the echoes of all ranges
+        second.set_xlabel(f"time since the {_LINE_BEGINS[echoes.radar.waveform.kind]} began [µs]")
+    else:
+        second.set_xlabel("fast time since the middle of the pulse [µs]")
+        metres = 299.792458 / 2
+        top_axis = first.secondary_xaxis(
+            "top", functions=(lambda t: t * metres, lambda r: r / metres)
+        )
+        top_axis.set_xlabel("one-way range of the echo's middle [m]")
     figure.suptitle(title, fontsize=10)
     return figure
 

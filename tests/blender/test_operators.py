@@ -87,7 +87,7 @@ def test_settings_are_what_was_typed(scene: Any) -> None:
     found = properties.read_measurement(scene)
     assert found.waveform.carrier_hz == 77.1e9
     assert found.waveform.bandwidth_hz == 153.3e6
-    assert found.waveform.chirp_length_s == 12.3e-6
+    assert found.waveform.duration_s == 12.3e-6
     assert found.waveform.sampling_rate_hz == 160.7e6
     assert found.burst.prf_hz == 1234.5
     assert found.delta_t_s == 7.1e-3
