@@ -65,6 +65,8 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         column.prop(settings, "rms_height_mm")
         column.prop(settings, "correlation_length_mm")
         column.prop(settings, "rms_slope")
+        if pm.is_physical(material):
+            layout.prop(settings, "sheet_thickness_mm")
         self._draw_surface(context, layout, material)
 
     def _draw_medium(self, context: Any, layout: Any, material: Any, settings: Any) -> None:

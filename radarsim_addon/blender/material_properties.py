@@ -138,6 +138,27 @@ class MaterialSettings(bpy.types.PropertyGroup):
     )
 
 
+def _set_thickness(settings: Any, value: float) -> None:
+    material = settings.id_data
+    material[pm.SHEET_THICKNESS] = typed(value, -3)
+    if pm.is_physical(material) and pm.is_sheet(material) != (value > 0):
+        pm.make_physical(material)
+    _refresh(material)
+
+
+MaterialSettings.__annotations__["sheet_thickness_mm"] = bpy.props.FloatProperty(
+    name="Thin Sheet [mm]",
+    min=0.0,
+    precision=3,
+    get=_getter(pm.SHEET_THICKNESS, 0.0, 1e3),
+    set=_set_thickness,
+    description=(
+        "Thickness of a pane that is modelled as one face: the echoes of its two sides interfere. "
+        "0: a surface, with an interior where Volume is connected"
+    ),
+)
+
+
 def _parameter_property(parameter: Parameter) -> Any:
     default = parameter.default if parameter.default is not None else 0.0
     unit = f" [{parameter.unit}]" if parameter.unit else ""

@@ -11,6 +11,7 @@ there in every Blender, registered add-on or not, and survives saving and append
 ``radarsim_rms_height_m``          rms height h of the surface [m]
 ``radarsim_correlation_length_m``  correlation length l of a Gaussian surface [m]
 ``radarsim_rms_slope``             rms slope m; taken where h and l do not give it, m = sqrt(2) h/l
+``radarsim_sheet_thickness_m``     thickness of a thin pane that is modelled as one face [m]
 =================================  =================================================================
 
 The surface's three may be set on any material (also of the simple Radar Material, or none of ours)
@@ -43,6 +44,8 @@ from .nodes.physical_material import (
     ROUGHNESS,
     TRANSMISSION,
 )
+from .nodes.sheet import KIND as SHEET_KIND
+from .nodes.sheet import THICKNESS
 from .recorder import Recorder
 
 MEDIUM = "radarsim_medium"
@@ -51,6 +54,7 @@ PATH = "radarsim_medium_path"
 RMS_HEIGHT = "radarsim_rms_height_m"
 CORRELATION_LENGTH = "radarsim_correlation_length_m"
 RMS_SLOPE = "radarsim_rms_slope"
+SHEET_THICKNESS = "radarsim_sheet_thickness_m"
 
 EXACT_FACETS = bpy.app.version >= (5, 0, 0)
 """Whether Cycles evaluates Fresnel's equations at each facet; see `contract.ATTR_FACET_FRESNEL`."""
@@ -131,16 +135,23 @@ def surface_of(material: Any) -> Surface | None:
     if not any(value > 0 for value in values):
         return None
     surface = Surface(*values)
-    if surface.slope == 0 and node is not None and not node.inputs[ROUGHNESS].is_linked:
-        slope = float(slope_from_roughness(node.inputs[ROUGHNESS].default_value))
+    roughness = node.inputs.get(ROUGHNESS) if node is not None else None
+    if surface.slope == 0 and roughness is not None and not roughness.is_linked:
+        slope = float(slope_from_roughness(roughness.default_value))
         return Surface(surface.rms_height_m, surface.correlation_length_m, slope)
     return surface
 
 
 def is_physical(material: Any) -> bool:
-    """Whether a material has the physical group."""
+    """Whether a material has one of the physical groups: the material's, or the sheet's."""
     node = group_node(material)
-    return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND
+    return node is not None and node.node_tree.get(KIND_PROPERTY) in (KIND, SHEET_KIND)
+
+
+def is_sheet(material: Any) -> bool:
+    """Whether a material is a thin pane with interference."""
+    node = group_node(material)
+    return node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
 
 
 def make_physical_material(
@@ -153,6 +164,7 @@ def make_physical_material(
     rms_slope: float = 0.0,
     path: str | None = None,
     penetrable: bool | None = None,
+    sheet_thickness_m: float = 0.0,
     **parameters: float,
 ) -> Any:
     """Make a material from a medium of the library and a rough or smooth surface.
@@ -169,17 +181,24 @@ def make_physical_material(
         Surface. All 0: smooth.
     penetrable
         Link the interior. None: unless the medium is a conductor at this carrier.
+    sheet_thickness_m
+        More than 0: a thin pane of smooth faces, modelled as one face with interference.
 
     Raises
     ------
     ConfigError
         Unknown medium or parameter, carrier outside the band, slope too steep.
     """
-    ensure_group(KIND)
     material = bpy.data.materials.new(name)
     try:
         write_medium(material, Medium(medium, parameters, path))
         write_surface(material, Surface(rms_height_m, correlation_length_m, rms_slope))
+        if sheet_thickness_m:
+            if not (math.isfinite(sheet_thickness_m) and sheet_thickness_m > 0):
+                raise ConfigError(
+                    f"Thickness of the sheet is {sheet_thickness_m!r} m; expected more than 0."
+                )
+            material[SHEET_THICKNESS] = float(sheet_thickness_m)
         index = Medium(medium, parameters, path).index(carrier_hz)
         make_physical(material, not is_conductor(index) if penetrable is None else penetrable)
         update_material(material, carrier_hz)
@@ -190,8 +209,12 @@ def make_physical_material(
 
 
 def make_physical(material: Any, penetrable: bool = True) -> None:
-    """Put the physical group into a material in place of whatever nodes it has."""
-    link_group(material, ensure_group(KIND), penetrable)
+    """Put the physical group into a material in place of whatever nodes it has: the sheet's where
+    the material has a thickness."""
+    if float(material.get(SHEET_THICKNESS, 0.0)) > 0:
+        link_group(material, ensure_group(SHEET_KIND), False)
+    else:
+        link_group(material, ensure_group(KIND), penetrable)
 
 
 def write_medium(material: Any, medium: Medium) -> None:
@@ -244,6 +267,10 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
         return {}
     try:
         index = medium.index(carrier_hz)
+        if is_sheet(material):
+            wavelengths = float(material.get(SHEET_THICKNESS, 0.0)) * carrier_hz
+            thickness = wavelengths / SPEED_OF_LIGHT_MPS
+            return {INDEX: index.real, EXTINCTION: index.imag, THICKNESS: thickness}
         slope = (surface_of(material) or Surface()).slope
         roughness = float(cycles_roughness(slope))
         through, through_grazing = 1.0, 1.0

@@ -17,12 +17,13 @@ from .build import GroupDefinition, draw_tree
 from .physical_material import RADAR_PHYSICAL
 from .radar_material import RADAR_MATERIAL
 from .ring_emitter import RING_EMITTER
+from .sheet import RADAR_SHEET
 
 KIND_PROPERTY = "radarsim_kind"
 VERSION_PROPERTY = "radarsim_version"
 
 DEFINITIONS: dict[str, GroupDefinition] = {
-    d.kind: d for d in (RADAR_MATERIAL, RADAR_PHYSICAL, RING_EMITTER)
+    d.kind: d for d in (RADAR_MATERIAL, RADAR_PHYSICAL, RADAR_SHEET, RING_EMITTER)
 }
 """Every node group that radarsim makes, by kind."""
 
@@ -95,7 +96,7 @@ def ensure_group(kind: str) -> Any:
     Parameters
     ----------
     kind
-        ``"radar_material"``, ``"radar_physical"`` or ``"ring_emitter"``.
+        ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``.
 
     Returns
     -------

@@ -106,7 +106,7 @@ def interface_power(build: TreeBuilder, n: Any, kappa: Any, wave: Wave) -> Inter
     both_p = _share(build, "d_p", four_c, math("MULTIPLY", "|epsilon q|", eps_abs, q_abs), sum_p)
     power_p = math("MULTIPLY", "R_p", power_s, _ratio_p(build, wave))
 
-    share_s, share_p = _polarisation(build)
+    share_s, share_p = polarisation(build)
 
     def mean(label: str, s: Any, p: Any) -> Any:
         return math(
@@ -149,7 +149,24 @@ def _ratio_p(build: TreeBuilder, wave: Wave) -> Any:
     return math("DIVIDE", "R_p / R_s", top, bottom)
 
 
-def _polarisation(build: TreeBuilder) -> tuple[Any, Any]:
+def excess(build: TreeBuilder, wave: Wave) -> Any:
+    """Re q - c = Re((epsilon - 1)/(q + c)), which keeps its digits near n = 1."""
+    math = build.math
+    re = math("ADD", "Re(q + c)", wave.u, wave.cosine)
+    bottom = math(
+        "MULTIPLY_ADD", "|q + c|^2", re, re, math("MULTIPLY", "Im(q + c)^2", wave.v, wave.v)
+    )
+    top = math(
+        "MULTIPLY_ADD",
+        "Re((epsilon - 1)(q + c)*)",
+        wave.excess,
+        re,
+        math("MULTIPLY", "Im(epsilon) Im(q)", wave.epsilon_im, wave.v),
+    )
+    return math("DIVIDE", "Re q - c", top, bottom)
+
+
+def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     """Shares w_s and w_p of the wave: one half each, or from the plane of incidence.
 
     With I the ray, N the normal and Z the vertical, the field of a horizontally polarised wave

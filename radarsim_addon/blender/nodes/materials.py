@@ -15,9 +15,10 @@ from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .groups import KIND_PROPERTY, ensure_group
 from .physical_material import KIND as PHYSICAL_KIND
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from .sheet import KIND as SHEET_KIND
 
 PRESET_PROPERTY = "radarsim_preset"
-MATERIAL_KINDS = (KIND, PHYSICAL_KIND)
+MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
 """Groups that carry the range code, have lobes chosen by the gate, and the inputs of an index."""
 VOLUME_STEP_RATE = 1000.0
 """Of materials of ours. Inside an object they are uniform, so one step is exact; with several,

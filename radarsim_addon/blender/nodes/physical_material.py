@@ -34,7 +34,7 @@ from ... import contract
 from ...physics.rough_transmission import RAMP_BELOW
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence
-from .interface import Wave, interface_power, wave_inside
+from .interface import excess, interface_power, wave_inside
 from .radar_material import EXTINCTION, INDEX, ROUGHNESS, camera_lobes
 from .range_code import inverse_code_length, range_code, ray_length
 
@@ -230,7 +230,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, wavelength)
     world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
     any_inverse_k = math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
-    longer = math("MULTIPLY", "c (Re q - c)", cosine, _excess(build, wave))
+    longer = math("MULTIPLY", "c (Re q - c)", cosine, excess(build, wave))
     # A light wave that runs ahead (n < 1) cannot be told by absorption.
     delay = math(
         "MULTIPLY", "c (Re q - c) / k", math("MAXIMUM", "from 0 up", longer, 0.0), any_inverse_k
@@ -245,23 +245,6 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
         "ShaderNodeVolumeAbsorption", "Interior", {"Color": colour.outputs[0], "Density": density}
     )
     build.group_output("Volume", interior.outputs[0])
-
-
-def _excess(build: TreeBuilder, wave: Wave) -> Any:
-    """Re q - c = Re((epsilon - 1)/(q + c)), which keeps its digits near n = 1."""
-    math = build.math
-    re = math("ADD", "Re(q + c)", wave.u, wave.cosine)
-    bottom = math(
-        "MULTIPLY_ADD", "|q + c|^2", re, re, math("MULTIPLY", "Im(q + c)^2", wave.v, wave.v)
-    )
-    top = math(
-        "MULTIPLY_ADD",
-        "Re((epsilon - 1)(q + c)*)",
-        wave.excess,
-        re,
-        math("MULTIPLY", "Im(epsilon) Im(q)", wave.epsilon_im, wave.v),
-    )
-    return math("DIVIDE", "Re q - c", top, bottom)
 
 
 RADAR_PHYSICAL = GroupDefinition(
