@@ -256,3 +256,62 @@ def test_rough_surface_straight_back(index: complex, slope: float) -> None:
         length = rh.decode_length(pixels, 10.0) + rh.near_clip_length(scene)
         assert np.abs(length / (2 * distance) - 1).max() < 1e-6
         assert np.abs(rh.path_check(pixels) - 1).max() < 1e-5
+
+
+class Layout:
+    """Stands for Blender's layout: keeps what is drawn."""
+
+    def __init__(self, shown: list[str]) -> None:
+        self.shown = shown
+        self.use_property_split = False
+
+    def column(self, **_: Any) -> Layout:
+        return self
+
+    def label(self, text: str = "", icon: str = "NONE") -> None:
+        self.shown.append(text)
+
+    def prop(self, owner: Any, name: str, **_: Any) -> None:
+        assert hasattr(owner, name)
+        self.shown.append(name)
+
+    def operator(self, name: str, **_: Any) -> None:
+        self.shown.append(name)
+
+
+def drawn(material: Any) -> str:
+    """What the panel shows of a material."""
+    from types import SimpleNamespace
+
+    from radarsim_addon.blender.material_panel import RADARSIM_PT_material_physical as panel
+
+    shown: list[str] = []
+    stand_in = SimpleNamespace(
+        layout=Layout(shown), _draw_medium=panel._draw_medium, _draw_surface=panel._draw_surface
+    )
+    stand_in._draw_medium = lambda *rest: panel._draw_medium(stand_in, *rest)
+    stand_in._draw_surface = lambda *rest: panel._draw_surface(stand_in, *rest)
+    context = SimpleNamespace(
+        material=material,
+        scene=bpy.context.scene,
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+        region=SimpleNamespace(width=4000),
+    )
+    panel.draw(stand_in, context)
+    return "\n".join(shown)
+
+
+def test_panel_tells_index_band_and_limits() -> None:
+    properties.register()
+    try:
+        rough = {"rms_height_m": 1e-3, "correlation_length_m": 5e-3}
+        made = pm.make_physical_material("m", "sea_water", carrier_hz=5.3e9, **rough)
+        text = drawn(made)
+        assert "Klein" in text and "temperature_c" in text and "n = 8." in text
+        assert "Kirchhoff's model does not hold: k*l = 0.555 is not above 6" in text
+        bpy.context.scene.radarsim.carrier_ghz = 24.0
+        assert "0.3 to 10 GHz" in drawn(made)
+        plain = bpy.data.materials.new("plain")
+        assert "radarsim.make_physical" in drawn(plain)
+    finally:
+        properties.unregister()
