@@ -2,8 +2,8 @@
 """Kinds of waveforms: what follows from their numbers, their responses, and their files."""
 
 import csv
-import json
 import dataclasses
+import json
 import math
 from pathlib import Path
 
