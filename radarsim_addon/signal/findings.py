@@ -15,6 +15,8 @@ from .rangedoppler import RangeDopplerMap
 #: the tolerance of the synthesis is coarse [dB].
 MAP_DYNAMICS_DB = 160.0
 
+#: Least level of a mover over the mean noise of a cell [dB].
+_OVER_NOISE_DB = 15.0
 #: Levels below the strongest at which sidelobes without a window are taken for these [dB].
 _UNWINDOWED_DB = 33.0
 
@@ -53,13 +55,16 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
     ][:5]
 
 
-def find_movers(rd_map: RangeDopplerMap, slowest_mps: float, tolerance: float) -> list[Peak]:
+def find_movers(
+    rd_map: RangeDopplerMap, slowest_mps: float, tolerance: float, noise_power: float = 0.0
+) -> list[Peak]:
     """Peaks off the 0 Hz stripe; none where there are too few pulses to tell.
 
     A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
     down whatever the window (the Fresnel ripple of its spectrum): peaks 30 dB below a stronger
     one at the same speed within that distance are taken for these, and at any speed those 40 dB
-    below it, where the Doppler window has its sidelobes.
+    below it, where the Doppler window has its sidelobes. `noise_power` is the mean thermal noise of
+    a cell: what does not stand 15 dB above it is not told from noise (1e-14 a cell).
     """
     if rd_map.radar.burst.pulses < 16:
         return []
@@ -67,6 +72,8 @@ def find_movers(rd_map: RangeDopplerMap, slowest_mps: float, tolerance: float) -
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
     floor_db = float(rd_map.power_db.max()) - dynamics_db(tolerance)
+    if noise_power > 0:
+        floor_db = max(floor_db, 10 * math.log10(noise_power) + _OVER_NOISE_DB)
     for peak in find_peaks(rd_map, 20, min_speed_mps=slowest_mps, min_above_db=10.0):
         if peak.level_db < floor_db:
             continue

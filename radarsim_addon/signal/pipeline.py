@@ -30,6 +30,7 @@ from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
 from .link import Link
 from .mti import cancel
+from .noisefloor import map_noise_gain
 from .paths import iter_paths
 from .pipeline_options import FrameResult, ProcessOptions, Progress
 from .products import write_products
@@ -183,7 +184,12 @@ def _process_frame(
         profile=profile,
         rd_map=rd_map,
         edges=find_edges(profile),
-        movers=find_movers(rd_map, slowest_mps, options.tolerance),
+        movers=find_movers(
+            rd_map,
+            slowest_mps,
+            options.tolerance,
+            reception.noise_power_w * map_noise_gain(radar, options.window, options.doppler_window),
+        ),
         warnings=statistics_warnings(statistics, radar)
         + report.warnings
         + speckle.warnings

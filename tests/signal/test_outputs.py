@@ -91,6 +91,16 @@ def test_receiver_and_detector_by_the_command_line(
     assert len(still) >= 1
 
 
+def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
+    far = write_run(tmp_path / "run", SETUP, points(SETUP, [(2, 3, 300.0, 0.0, 1e-12)]))
+    noisy = ProcessOptions(
+        products=False, plots=False, cfar=Cfar(pfa=1e-7), receiver=Receiver(noise_figure_db=60.0)
+    )
+    result = result_of(far, noisy)
+    assert result.reception is not None and result.reception.noise_power_w > 0
+    assert result.movers == []
+
+
 def test_mti_takes_out_the_wall(folder: Path) -> None:
     options = ProcessOptions(products=False, plots=False, mti=3, cfar=Cfar("ca", 1e-6))
     result = result_of(folder, options)
