@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..physics.constants import SPEED_OF_LIGHT_MPS
-from .compress import PowerProfile
+from .compress import PowerProfile, expected_power_profile
 from .config import Radar
 from .detect import LeadingEdge, Peak, find_peaks, leading_edges
+from .paths import make_paths
 from .rangedoppler import RangeDopplerMap
 
 #: Below the strongest cell by more than this is rounding, not an echo: float32 renders. Less where
@@ -17,8 +20,8 @@ MAP_DYNAMICS_DB = 160.0
 
 #: Least level of a mover over the mean noise of a cell [dB].
 _OVER_NOISE_DB = 15.0
-#: Levels below the strongest at which sidelobes without a window are taken for these [dB].
-_UNWINDOWED_DB = 33.0
+#: What is no more than this above a stronger peak's response to one path is its sidelobe [dB].
+_SIDELOBE_DB = 6.0
 
 
 def dynamics_db(tolerance: float) -> float:
@@ -33,17 +36,41 @@ def _paired_reach_m(radar: Radar) -> float:
     return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
 
 
+def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
+    """Edges that stand out of what stronger peaks show of themselves at their range."""
+    kept: list[LeadingEdge] = []
+    window_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
+    step_m = float(profile.range_m[1] - profile.range_m[0]) if profile.range_m.size > 1 else 1.0
+    sidelobes = np.zeros_like(profile.power)
+    for edge in sorted(found, key=lambda item: -item.level_db):
+        place = int(np.argmin(np.abs(profile.range_m - edge.peak_range_m)))
+        # their envelope: a peak of them is two cells wide
+        reach = 2 * math.ceil(profile.radar.waveform.sample_spacing_m / step_m)
+        near = sidelobes[max(0, place - reach) : place + reach + 1].max(initial=0.0)
+        if 10 ** (edge.level_db / 10) <= near * 10 ** (_SIDELOBE_DB / 10):
+            continue
+        kept.append(edge)
+        point = expected_power_profile(
+            make_paths(1.0, 2 * edge.peak_range_m),
+            profile.radar,
+            window_m=window_m,
+            window=profile.window,
+        ).power
+        count = min(point.size, sidelobes.size)
+        strength = 10 ** (edge.level_db / 10) / max(float(point.max()), 1e-300)
+        sidelobes[:count] += strength * point[:count]
+    return [edge for edge in found if edge in kept]
+
+
 def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
     """Leading edges, without the paired echoes of stronger ones: see `find_movers`.
 
-    Without a window over the band the sidelobes of the strongest peak are no edges either: 20
-    resolutions away, where the next edge may be, they are 36 dB below it.
+    Of waveforms that sample frequencies the sidelobes of stronger peaks are no edges either.
     """
     reach_m = _paired_reach_m(profile.radar)
     found = leading_edges(profile, 12, by="prominence")
-    if profile.window == "none" and found:
-        top_db = max(edge.level_db for edge in found)
-        found = [edge for edge in found if edge.level_db > top_db - _UNWINDOWED_DB]
+    if profile.radar.waveform.family == "line":
+        found = _without_sidelobes(profile, found)
     return [
         edge
         for edge in found

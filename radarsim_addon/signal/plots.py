@@ -238,7 +238,7 @@ def plot_matched_filter(
     axis.grid(alpha=0.3)
     if edges:
         axis.plot([], [], "v", color="C3", label="half-power leading edge")
-    axis.legend(fontsize=8, loc="upper right")
+    axis.legend(fontsize=8, loc="best")
     axis.set_title(title, fontsize=10)
     return figure
 

@@ -59,6 +59,8 @@ def test_another_waveform_on_a_finished_run(folder: Path, waveform: object) -> N
         coupling_m = 5.0 * waveform.carrier_hz / waveform.slope_hz_per_s
     if isinstance(waveform, SteppedWaveform):
         coupling_m = 5.0 * waveform.carrier_hz * waveform.step_time_s / waveform.step_hz
+    # the wall and the mover, no sidelobe
+    assert sorted(round(edge.peak_range_m / 10) for edge in other.edges) == [30, 60]
     assert other.movers[0].velocity_mps == pytest.approx(5.0, abs=0.02)
     assert other.movers[0].range_m == pytest.approx(own.movers[0].range_m + coupling_m, abs=0.05)
     assert other.movers[0].level_db == pytest.approx(own.movers[0].level_db, abs=0.05)
