@@ -189,7 +189,8 @@ class LineSynthesizer:
         assert self._moving is not None
         waveform = self._waveform
         middle_s = waveform.grid_middle_s
-        half_s = waveform.grid_count * waveform.grid_interval_s / 2
+        # first and last sample, so that no time lies outside the burst
+        half_s = (waveform.grid_count - 1) * waveform.grid_interval_s / 2
         block = max(1, _MAX_LENGTHS // rows.size)
         for first in range(0, self._times_s.size, block):
             times_s = self._times_s[first : first + block] + middle_s

@@ -34,6 +34,7 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.codes import BARKER, barker, m_sequence
 from radarsim_addon.signal.config import AnyWaveform
 from radarsim_addon.signal.linesynthesis import line_times_s
+from radarsim_addon.signal.pathmotion import LinearMotion, Rows
 from radarsim_addon.signal.waveform_files import load_samples
 from tests.signal.oracle import unit_paths
 
@@ -203,6 +204,30 @@ def test_fmcw_mover_stands_where_it_will_be() -> None:
     # the cell's own raster, and the residual video phase: K tau of tau' is no Doppler
     assert rd_map.range_m[col] == pytest.approx(expected_m, abs=0.006)
     assert rd_map.velocity_mps[row] == pytest.approx(rate_mps, abs=radar.velocity_resolution_mps)
+
+
+class _BurstOnly(LinearMotion):
+    """Known from 0 to the end of the burst alone, as motion sampled from an animation."""
+
+    span_s = 0.0
+
+    def lengths_m(self, times_s: np.ndarray, rows: Rows) -> np.ndarray:
+        assert times_s.min() >= 0 and times_s.max() <= self.span_s
+        return super().lengths_m(times_s, rows)
+
+
+@pytest.mark.parametrize("waveform", [FmcwWaveform(77e9, 1e9, 64, 5e6), STEPPED, PMCW])
+def test_motion_is_asked_for_within_the_burst_alone(waveform: AnyWaveform) -> None:
+    radar = burst_of(waveform, 6)
+    paths = unit_paths(radar, [5.0], [3.0])
+    motion = _BurstOnly(paths.length_m, paths.range_rate_mps)
+    object.__setattr__(motion, "span_s", 6 / radar.burst.prf_hz)
+    known = dataclasses.replace(paths, motion=motion)
+    window_m = (0.0, 9.0)
+    np.testing.assert_array_equal(
+        synthesize(known, radar, window_m=window_m).samples,
+        synthesize(paths, radar, window_m=window_m).samples,
+    )
 
 
 def test_anti_alias_filter_takes_out_what_is_beyond_the_adc() -> None:
