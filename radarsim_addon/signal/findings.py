@@ -20,6 +20,8 @@ MAP_DYNAMICS_DB = 160.0
 
 #: Least level of a mover over the mean noise of a cell [dB].
 _OVER_NOISE_DB = 15.0
+#: Range cells in which a weak mover is taken for a sidelobe of a strong one.
+_SIDELOBE_CELLS = 64
 #: What is no more than this above a stronger peak's response to one path is its sidelobe [dB].
 _SIDELOBE_DB = 6.0
 
@@ -96,6 +98,9 @@ def find_movers(
     if rd_map.radar.burst.pulses < 16:
         return []
     reach_m = _paired_reach_m(rd_map.radar)
+    if rd_map.radar.waveform.family == "line":
+        # no paired echoes, but windows whose sidelobes do not fall off for long
+        reach_m = _SIDELOBE_CELLS * rd_map.radar.waveform.sample_spacing_m
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
     floor_db = float(rd_map.power_db.max()) - dynamics_db(tolerance)
