@@ -99,7 +99,8 @@ def find_movers(
         return []
     reach_m = _paired_reach_m(rd_map.radar)
     if rd_map.radar.waveform.family == "line":
-        # no paired echoes, but windows whose sidelobes do not fall off for long
+        # no paired echoes, but windows whose sidelobes hardly fall off: at its own speed a peak
+        # 40 dB down is one at any range
         reach_m = _SIDELOBE_CELLS * rd_map.radar.waveform.sample_spacing_m
     same_mps = 2 * rd_map.radar.velocity_resolution_mps
     kept: list[Peak] = []
@@ -118,6 +119,12 @@ def find_movers(
             )
             for other in near
         )
+        if rd_map.radar.waveform.family == "line":
+            hidden = hidden or any(
+                peak.level_db < other.level_db - 40
+                and abs(peak.velocity_mps - other.velocity_mps) < same_mps
+                for other in kept
+            )
         if not hidden:
             kept.append(peak)
     return kept[:5]
