@@ -20,6 +20,7 @@ and, instead of the rings, for the acquisition "paths"::
     frames/frame_0001/paths.npy           one row a path                        (signal.pathtable)
     frames/frame_0001/paths.json          its sidecar                           (PathsRecord)
     frames/frame_0001/motion.json         how what echoes moves in the burst    (MotionRecord)
+    frames/frame_0001/burst_001/          the same of a further render of the burst
     frames/frame_0001/motion_tracks.npz   motion of deforming surfaces      (signal.motionfile)
 """
 
@@ -101,6 +102,14 @@ MOTION_TRACKS = "motion_tracks.npz"
 def frame_dir(frame: int) -> str:
     """Folder of a radar frame, relative to the run's folder."""
     return f"{FRAMES_DIR}/frame_{frame:04d}"
+
+
+def burst_dir(frame: int, render: int) -> str:
+    """Folder of one of the renders of a burst (from 0), relative to the run's folder.
+
+    The first one is in the frame's own folder; with several, the others are in folders below it.
+    """
+    return frame_dir(frame) if render == 0 else f"{frame_dir(frame)}/burst_{render:03d}"
 
 
 def render_stem(ring: int, pass_index: int) -> str:
@@ -313,6 +322,7 @@ class MotionRecord:
     unknown_share: float
     tracks_file: str
     tracks_sha256: str
+    reference_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/motion"
@@ -378,6 +388,7 @@ class RunRecord:
     burst: dict[str, float]
     blend_file: str
     fingerprint: str
+    renders_per_burst: int = 1
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)

@@ -104,6 +104,12 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="paths: most moments of a burst at which the animation is looked at",
     )
     parser.add_argument(
+        "--renders-per-burst",
+        type=int,
+        metavar="N",
+        help="paths: more than one where what is visible changes during a burst",
+    )
+    parser.add_argument(
         "--code",
         choices=("auto", "materials", "world"),
         help="paths: what carries the range code; world: materials of any kind echo",

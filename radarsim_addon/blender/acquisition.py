@@ -94,6 +94,7 @@ class Plan:
     extent: Extent
     acquisition: str = "rings"
     options: str = ""
+    renders_per_burst: int = 1
 
     @property
     def total(self) -> int:
@@ -155,6 +156,7 @@ def make_plan(
     extent: Extent,
     acquisition: str = "rings",
     options: str = "",
+    renders_per_burst: int = 1,
 ) -> Plan:
     """Plan of a run.
 
@@ -184,6 +186,7 @@ def make_plan(
         extent=extent,
         acquisition=acquisition,
         options=options,
+        renders_per_burst=renders_per_burst,
     )
 
 
@@ -251,6 +254,7 @@ def run_record(
         delta_t_s=measurement.delta_t_s if measurement.passes == 2 else 0.0,
         width_px=measurement.width_px,
         height_px=measurement.height_px,
+        renders_per_burst=plan.renders_per_burst,
         samples=measurement.samples,
         seed=measurement.seed,
         max_bounces=measurement.max_bounces,

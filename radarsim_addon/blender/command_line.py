@@ -62,6 +62,7 @@ def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "time_budget_s": arguments.budget,
         "motion": arguments.motion,
         "motion_samples": arguments.motion_samples,
+        "renders_per_burst": arguments.renders_per_burst,
         "code": arguments.code,
         "amplitude": arguments.amplitude,
     }

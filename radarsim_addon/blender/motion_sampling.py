@@ -8,6 +8,7 @@ The number of samples is doubled until the fit is good enough for the carrier, o
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -64,6 +65,12 @@ class SamplingPlan:
     metres_per_unit: float
     wavelength_m: float
     most_samples: int
+    reference: float = 0.0
+
+    @property
+    def shown(self) -> tuple[float, Instant]:
+        """The moment that is rendered, a share `reference` of the span from t on."""
+        return self.at(self.reference)
 
     def at(self, share: float) -> tuple[float, Instant]:
         """The moment that Blender shows at a share of the span, and its time from t on."""
@@ -98,6 +105,8 @@ class BurstMotion:
         As `contract.CameraRecord` names it.
     frozen
         Take everything to stand still as it is at the frame's time.
+    render
+        Which of the burst's renders this is, from 0.
     """
 
     def __init__(
@@ -108,7 +117,9 @@ class BurstMotion:
         plan: SamplingPlan,
         receiver_kind: str,
         frozen: bool = False,
+        render: int = 0,
     ) -> None:
+        self.render = render
         self._show, self._rig, self._plan = show, rig, plan
         self._frozen = frozen
         self._kind = receiver_kind
@@ -126,11 +137,11 @@ class BurstMotion:
 
     def begin(self) -> Any:
         """Look for deforming surfaces; returns the depsgraph at the frame's time."""
-        candidates = self._candidates(self._show(self._plan.at(0.0)[1]))
+        candidates = self._candidates(self._show(self._plan.shown[1]))
         deforming: dict[str, Any] = {}
         if candidates and not self._frozen:
             deforming = self._find_deforming(candidates)
-        depsgraph = self._show(self._plan.at(0.0)[1])
+        depsgraph = self._show(self._plan.shown[1])
         surfaces = {
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
@@ -151,7 +162,7 @@ class BurstMotion:
     def _find_deforming(self, candidates: dict[str, Any]) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
         changing: list[str] = []
-        depsgraph = self._show(self._plan.at(0.0)[1])
+        depsgraph = self._show(self._plan.shown[1])
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
         for share in (*_CHECKS, 1.0):
             depsgraph = self._show(self._plan.at(share)[1])
@@ -221,7 +232,7 @@ class BurstMotion:
         for at_s, instant in checks:
             sampler.take(at_s, instant)
         grid: set[float] = set()
-        for share in plan.corners:
+        for share in [*plan.corners, plan.reference]:
             at_s, instant = plan.at(share)
             grid.add(at_s)
             sampler.take(at_s, instant)
@@ -245,7 +256,7 @@ class BurstMotion:
                 break
             while count < min(more, plan.most_samples):
                 count = 2 * count - 1
-        self._show(plan.at(0.0)[1])
+        self._show(plan.shown[1])
         self._samples = len(grid)
         self.warnings += fits.warnings()
         tracks = None
@@ -258,21 +269,36 @@ class BurstMotion:
             )
         receiver, emitter, *bodies = fits.motions
         self._scene = FrameMotion(
-            plan.span_s, receiver, emitter, self._kind == "orthographic", bodies, tracks
+            plan.span_s,
+            receiver,
+            emitter,
+            self._kind == "orthographic",
+            bodies,
+            tracks,
+            plan.shown[0],
         )
         self._bound_m = fits.bound_m
         return self._scene
 
     def _stand_still(self) -> FrameMotion:
-        depsgraph = self._show(self._plan.at(0.0)[1])
+        depsgraph = self._show(self._plan.shown[1])
         receiver, emitter = (
-            BodyMotion(pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units))
+            BodyMotion(
+                pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units),
+                reference_s=self._plan.shown[0],
+            )
             for item in (self._rig.camera, self._rig.emitter)
         )
-        bodies = [BodyMotion(part.shown.pose) for part in self._touched]
+        at_s = self._plan.shown[0]
+        bodies = [BodyMotion(part.shown.pose, reference_s=at_s) for part in self._touched]
         self._samples, self._bound_m = 1, 0.0
         self._scene = FrameMotion(
-            self._plan.span_s, receiver, emitter, self._kind == "orthographic", bodies
+            self._plan.span_s,
+            receiver,
+            emitter,
+            self._kind == "orthographic",
+            bodies,
+            reference_s=at_s,
         )
         return self._scene
 
@@ -327,6 +353,7 @@ class BurstMotion:
             unknown_share=self._unknown_w / total,
             tracks_file=tracks_file,
             tracks_sha256=digest,
+            reference_s=self._plan.shown[0],
             warnings=list(self.warnings),
             versions=versions,
         )
@@ -432,6 +459,7 @@ class _Fits:
                 reach_m,
                 unit_m=plan.metres_per_unit,
                 corners_s=corners,
+                reference=int(np.searchsorted(times[there], plan.shown[0])),
             )
             self._missed.pop(index, None)
             motions.append(self._checked(index, motion, reach_m))
@@ -473,7 +501,7 @@ class _Fits:
         if miss <= _MISSES * (motion.noise_m + rounding):
             return motion
         self._missed[index] = miss
-        return BodyMotion(motion.pose, motion.pieces, motion.noise_m, max(motion.bound_m, miss))
+        return dataclasses.replace(motion, bound_m=max(motion.bound_m, miss))
 
     def more_samples(self, count: int) -> int:
         """How many samples the worst fit asks for; 0: it is good enough."""

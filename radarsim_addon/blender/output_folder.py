@@ -50,15 +50,15 @@ def prepare_folder(folder: Path) -> None:
         _remove(probe)
 
 
-def make_frame_folder(folder: Path, frame: int) -> None:
-    """Make the folder of a radar frame.
+def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
+    """Make the folder of a radar frame, or of one of the renders of its burst.
 
     Raises
     ------
     OutputError
         It cannot be made.
     """
-    target = folder / contract.frame_dir(frame)
+    target = folder / contract.burst_dir(frame, render)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -199,6 +199,10 @@ def _own_files(folder: Path) -> list[Path]:
         "ring_*_t[01].json",
         contract.PATHS_TABLE,
         contract.PATHS_FILE,
+        contract.MOTION_FILE,
+        contract.MOTION_TRACKS,
+        "burst_*/*",
+        f"burst_*/{contract.TILES_DIR}/*",
         contract.SCENE_FILE,
         f"{contract.TILES_DIR}/*",
         "*.part",

@@ -138,6 +138,7 @@ def _draw_paths(layout: Any, settings: Any) -> None:
     column.prop(settings, "path_motion")
     if settings.path_motion != "off":
         column.prop(settings, "path_motion_samples")
+    column.prop(settings, "path_renders_per_burst")
     column.prop(settings, "path_code")
     column.prop(settings, "path_amplitude")
 

@@ -75,7 +75,7 @@ class FrameWork:
         self._camera, self._emitter, self._motion = camera, emitter, motion
         self._poses = motion.poses
         self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
-        self._folder = job.folder / contract.frame_dir(frame)
+        self._folder = job.folder / contract.burst_dir(frame, motion.render)
         self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
         # Carrier and burst are none of the run's fingerprint, because whole frames bear them.

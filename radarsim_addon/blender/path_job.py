@@ -23,7 +23,7 @@ from ..physics.radar_equation import effective_area_m2
 from ..sidecar import file_sha256, read_record
 from ..signal.cameras import pixel_rays
 from ..signal.pathtable import PathRows
-from . import output_folder, scene_truth
+from . import output_folder
 from .acquisition import Extent, Instant, Plan, make_plan
 from .isolation import SURFACE_TYPES
 from .measurement import Measurement
@@ -76,12 +76,11 @@ class PathJob(RenderJob):
 
     # -- before the first render -------------------------------------------------------------------
 
+    def _surveyed(self, frame: int) -> tuple[float, ...]:
+        # what flies away in the burst stays in the window
+        return (float(frame), frame + self._span_s * self._fps())
+
     def _make_plan(self, extent: Extent) -> Plan:
-        if self.code_world:
-            depsgraph = scene_truth.evaluated_depsgraph(self._view_layer)
-            extent = extent.union(
-                scene_truth.scene_extent(depsgraph, self.rig, self._metres_per_unit(), True)
-            )
         # One "ring" as wide as the scene: the range window, and what the code has to reach.
         reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
         self._measurement = dataclasses.replace(
@@ -94,6 +93,7 @@ class PathJob(RenderJob):
             extent,
             acquisition="paths",
             options=repr(self.options) + (" world" if self.code_world else " materials"),
+            renders_per_burst=self.options.renders_per_burst,
         )
 
     def _make_settings(self) -> MeasurementSettings:
@@ -123,10 +123,17 @@ class PathJob(RenderJob):
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
         # More where tiles are refined: the total grows as they are split.
-        self.total = tiles * len(frames)
-        self.done = self._done_before = tiles * (len(frames) - len(self._frames_left))
-        for frame in set(frames) - set(self._frames_left):  # a kill may have left them
-            TileParts(self.folder / contract.frame_dir(frame), "").remove()
+        renders = self.options.renders_per_burst
+        self.total = tiles * len(frames) * renders
+        kept = [
+            (frame, render)
+            for frame in frames
+            for render in range(renders)
+            if self._render_is_done(frame, render)
+        ]
+        self.done = self._done_before = tiles * len(kept)
+        for frame, render in kept:  # a kill may have left them
+            TileParts(self.folder / contract.burst_dir(frame, render), "").remove()
 
     @property
     def _span_s(self) -> float:
@@ -135,7 +142,11 @@ class PathJob(RenderJob):
         return burst.pulses / burst.prf_hz
 
     def _is_done(self, frame: int) -> bool:
-        folder = self.folder / contract.frame_dir(frame)
+        renders = range(self.options.renders_per_burst)
+        return all(self._render_is_done(frame, render) for render in renders)
+
+    def _render_is_done(self, frame: int, render: int) -> bool:
+        folder = self.folder / contract.burst_dir(frame, render)
         try:
             record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
             motion = read_record(folder / contract.MOTION_FILE, contract.MotionRecord)
@@ -192,22 +203,33 @@ class PathJob(RenderJob):
         assert self.path_scene is not None
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
-        instant = self.plan.instants(frame)[0]
+        for render in range(self.options.renders_per_burst):
+            if not self._render_is_done(frame, render):
+                output_folder.make_frame_folder(self.folder, frame, render)
+                yield from self._render_tasks(frame, render)
+
+    def _render_tasks(self, frame: int, render: int) -> Generator[PathTask, None, None]:
+        """One of the renders of a burst."""
+        assert self.path_scene is not None
         units = self.plan.metres_per_unit
+        last = self.options.renders_per_burst - 1
+        sampling = SamplingPlan(
+            frame,
+            self._fps(),
+            self._span_s,
+            units,
+            self._measurement.waveform.wavelength_m,
+            self.options.motion_samples,
+            render / last if last else 0.0,
+        )
         motion = BurstMotion(
             self._show,
             self.rig,
             self.path_scene.objects,
-            SamplingPlan(
-                frame,
-                self._fps(),
-                self._span_s,
-                units,
-                self._measurement.waveform.wavelength_m,
-                self.options.motion_samples,
-            ),
+            sampling,
             self.path_scene.kind,
             frozen=self.options.motion == "off",
+            render=render,
         )
         depsgraph = motion.begin()
         camera = camera_record(
@@ -216,7 +238,7 @@ class PathJob(RenderJob):
         emitter = emitter_record(self.rig, depsgraph, units)
         self.path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        work = FrameWork(self, frame, instant, camera, emitter, motion)
+        work = FrameWork(self, frame, sampling.shown[1], camera, emitter, motion)
         yield from work.run()
 
     def found_done(self) -> None:

@@ -42,6 +42,9 @@ class PathOptions:
         all stands still during a burst.
     motion_samples
         Most samples of the animation in a burst.
+    renders_per_burst
+        How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
+        at its end and evenly between. Echoes fade from one to the next.
     code
         "auto", "materials" or "world": what carries the range code.
     amplitude
@@ -59,6 +62,7 @@ class PathOptions:
     tile_px: int = 256
     motion: str = "kinematic"
     motion_samples: int = 4097
+    renders_per_burst: int = 1
     code: str = "auto"
     amplitude: str = "mean"
 
@@ -70,6 +74,7 @@ class PathOptions:
             ("Refinement levels", self.max_level, 0, 40),
             ("Tile size", self.tile_px, 4, 4096),
             ("Motion samples", self.motion_samples, 17, 65_537),
+            ("Renders per burst", self.renders_per_burst, 1, 1000),
         ):
             if not (isinstance(value, int) and low <= value <= high):
                 raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")

@@ -84,6 +84,15 @@ class PathSettings:
         description="Most moments of a burst at which the animation is looked at; fewer are taken "
         "where they are enough for the wavelength",
     )
+    path_renders_per_burst: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Renders per burst",
+        default=1,
+        min=1,
+        soft_max=16,
+        max=1000,
+        description="More than one where what is visible changes during a burst; echoes fade from "
+        "one render to the next",
+    )
     path_code: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Range code",
         items=(
@@ -127,6 +136,7 @@ def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
         "time_budget_s": typed(settings.path_budget_s),
         "motion": settings.path_motion,
         "motion_samples": int(settings.path_motion_samples),
+        "renders_per_burst": int(settings.path_renders_per_burst),
         "code": settings.path_code,
         "amplitude": settings.path_amplitude,
     }

@@ -67,6 +67,8 @@ class RenderJob:
     unit = "renders"
     any_projection = False
     blocking = False
+    #: Whether objects of any material echo.
+    code_world = False
 
     def __init__(
         self,
@@ -185,16 +187,23 @@ class RenderJob:
         scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
         recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
 
+    def _surveyed(self, frame: int) -> tuple[float, ...]:
+        """Moments of a radar frame, in Blender frames, at which the scene's extent is taken."""
+        return (float(frame),)
+
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent = Extent()
         for frame in self._measurement.frames:
-            depsgraph = self._show(instant_at(float(frame), self._fps()))
-            for item in (self.rig.camera, self.rig.emitter):
-                check_scale(item, item.evaluated_get(depsgraph).matrix_world)
-            extent = extent.union(
-                scene_truth.scene_extent(depsgraph, self.rig, self._metres_per_unit())
-            )
+            for at in self._surveyed(frame):
+                depsgraph = self._show(instant_at(at, self._fps()))
+                for item in (self.rig.camera, self.rig.emitter):
+                    check_scale(item, item.evaluated_get(depsgraph).matrix_world)
+                extent = extent.union(
+                    scene_truth.scene_extent(
+                        depsgraph, self.rig, self._metres_per_unit(), self.code_world
+                    )
+                )
         digests = [scene_truth.animation_digest()]
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
             depsgraph = self._show(instant_at(float(frame), self._fps()))

@@ -83,7 +83,7 @@ def half_power_width_rad(antenna: Antenna, plane: str) -> float:
 
 def plot_antennas(system: RadarSystem) -> Any:
     """Cuts of both antennas, in a frame that fits the beam and all round, as a Figure."""
-    figure = plots._figure(11, 8)
+    figure = plots.new_figure(11, 8)
     for row, (title, antenna) in enumerate(
         (("Transmitter", system.transmitter), ("Receiver", system.receiver))
     ):

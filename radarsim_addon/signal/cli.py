@@ -86,6 +86,8 @@ def _process(chosen: argparse.Namespace) -> int:
             _print_frame(event)
         elif "skipped" in event.text:
             print(event.text, file=sys.stderr)
+        elif event.text.startswith("animation"):
+            print(event.text)
         elif live:
             _show(event)
     return 0

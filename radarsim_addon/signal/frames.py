@@ -7,6 +7,7 @@ the number of frames or rings.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from ..contract import (
     RenderRecord,
     RunRecord,
     SceneRecord,
+    burst_dir,
     frame_dir,
     render_stem,
 )
@@ -56,11 +58,21 @@ class RadarFrame:
     run_path: Path
     record: RunRecord
     number: int
+    render: int = 0
 
     @property
     def path(self) -> Path:
-        """Folder of the frame's renders."""
-        return self.run_path / frame_dir(self.number)
+        """Folder of the frame's renders, or of one of the renders of its burst."""
+        return self.run_path / burst_dir(self.number, self.render)
+
+    @property
+    def renders_per_burst(self) -> int:
+        """How often the burst was rendered; 1 but for paths whose visibility changes in it."""
+        return self.record.renders_per_burst
+
+    def of_burst(self, render: int) -> RadarFrame:
+        """One of the renders of the burst, from 0: a frame of its own with another table."""
+        return dataclasses.replace(self, render=render)
 
     @property
     def time_s(self) -> float:
@@ -90,7 +102,8 @@ class RadarFrame:
     def missing(self) -> list[MissingRender]:
         """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
         if self.acquisition == "paths":
-            return self._missing_table()
+            renders = map(self.of_burst, range(self.renders_per_burst))
+            return [gap for render in renders for gap in render._missing_table()]
         found = []
         for pass_index in range(self.passes):
             for ring in range(self.rings):
@@ -112,7 +125,7 @@ class RadarFrame:
 
     def scene(self) -> SceneRecord | None:
         """Where the objects truly are, or None where the run holds no such record."""
-        path = self.path / SCENE_FILE
+        path = self.run_path / frame_dir(self.number) / SCENE_FILE
         return read_record(path, SceneRecord) if path.is_file() else None
 
     def image(self, ring: int, pass_index: int = 0) -> tuple[RenderRecord, dict[str, FloatImage]]:

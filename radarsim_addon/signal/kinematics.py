@@ -4,7 +4,8 @@
 A path of one reflection is |P - C| + |P - T| long, of two |P1 - C| + |P1 - P2| + |P2 - T|, with
 vertices that are carried along by their bodies and antennas C and T that may move as well. Only
 *changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and added to the length
-in the table: at the frame's time t it is that length exactly, and optical delays in walls stay.
+in the table: when the table was rendered it is that length exactly, and optical delays in walls
+stay. That is the frame's time t = 0, or a later one for further renders of a burst.
 
 With three reflections and more the first and the last vertex are known, those between are not. The
 legs at both ends are exact then, and the way from first to last vertex is taken to change as the
@@ -205,7 +206,8 @@ class KinematicMotion:
         corners = tracks.vertices[track]
         axes = motion.pose[:3, :3]
         turned, shift = motion.change(times_s)
-        start = np.einsum("nk,tnki->tni", weights, series.positions(corners, np.zeros(1)))[0]
+        at = np.array([self.scene.reference_s])
+        start = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
         now = np.einsum("nk,tnki->nti", weights, series.positions(corners, times_s))
         arm = now @ axes.T
         moved: Real = arm - (start @ axes.T)[:, None] + shift
@@ -256,8 +258,11 @@ class KinematicMotion:
             series, weights = tracks.series[body], tracks.weights[track]
             corners, axes = tracks.vertices[track], motion.pose[:3, :3]
             turning, shift = motion.rates()
-            own = np.einsum("nk,nki->ni", weights, series.start_velocities(corners))
-            place = np.einsum("nk,tnki->tni", weights, series.positions(corners, np.zeros(1)))[0]
+            at = np.array([self.scene.reference_s])
+            own = np.einsum(
+                "nk,nki->ni", weights, series.velocities(corners, self.scene.reference_s)
+            )
+            place = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
             velocity[here] = own @ axes.T + (place @ axes.T) @ turning.T + shift
         return velocity
 

@@ -63,11 +63,14 @@ class VertexSeries:
             found[rows] = np.tensordot(basis, self.series[number][:, vertices], axes=1)
         return found
 
-    def start_velocities(self, vertices: Index) -> Real:
-        """Velocities at the start, (*vertices.shape, 3) [m/s]."""
-        series = self.series[0][:, vertices]
-        per_s = 2 / (self.edges_s[1] - self.edges_s[0])
-        rates = chebyshev.chebval(-1.0, chebyshev.chebder(series, axis=0))
+    def velocities(self, vertices: Index, time_s: float) -> Real:
+        """Velocities at a time, (*vertices.shape, 3) [m/s]."""
+        number = int(np.searchsorted(self.edges_s[1:-1], time_s, side="right"))
+        series = self.series[number][:, vertices]
+        start_s, stop_s = self.edges_s[number : number + 2]
+        per_s = 2 / (stop_s - start_s)
+        x = (time_s - start_s) * per_s - 1
+        rates = chebyshev.chebval(x, chebyshev.chebder(series, axis=0))
         return np.asarray(rates * per_s)
 
 
@@ -91,6 +94,7 @@ class FrameMotion:
     orthographic: bool
     bodies: Sequence[BodyMotion]
     tracks: Tracks | None = None
+    reference_s: float = 0.0
 
 
 def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
@@ -133,7 +137,7 @@ def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
     return array
 
 
-def _body(record: BodyRecord, where: str) -> BodyMotion:
+def _body(record: BodyRecord, where: str, reference_s: float) -> BodyMotion:
     pieces = []
     for number, piece in enumerate(record.pieces):
         here = f"{where}, piece {number}"
@@ -159,7 +163,7 @@ def _body(record: BodyRecord, where: str) -> BodyMotion:
             )
         )
     pose = _array(record.pose, (4, 4), where)
-    return BodyMotion(pose, tuple(pieces), record.noise_m, record.bound_m)
+    return BodyMotion(pose, tuple(pieces), record.noise_m, record.bound_m, reference_s)
 
 
 def write_tracks(folder: Path, tracks: Tracks) -> Path:
@@ -272,12 +276,14 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         tracks = read_tracks(place, len(record.bodies))
         if file_sha256(place) != record.tracks_sha256:
             raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
-    receiver, emitter = (_body(body, f"{path}: {body.object}") for body in record.antennas)
+    at_s = record.reference_s
+    receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
     return FrameMotion(
         span_s=record.span_s,
         receiver=receiver,
         emitter=emitter,
         orthographic=record.receiver_kind == "orthographic",
-        bodies=[_body(body, f"{path}: {body.object}") for body in record.bodies],
+        bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
         tracks=tracks,
+        reference_s=at_s,
     )

@@ -294,6 +294,7 @@ def fit_body(
     *,
     unit_m: float = 1.0,
     corners_s: Sequence[float] = (),
+    reference: int = 0,
 ) -> BodyMotion:
     """Motion of one body from its poses.
 
@@ -311,10 +312,12 @@ def fit_body(
         Metres per Blender unit, in which translations were rounded.
     corners_s
         Times at which motion may have corners (whole frames, where keyframes are).
+    reference
+        The sample from which displacements count.
     """
-    pose = poses[0]
+    pose, at_s = poses[reference], float(times_s[reference])
     if len(times_s) < 2 or np.array_equal(poses, np.broadcast_to(pose, poses.shape)):
-        return BodyMotion(pose)
+        return BodyMotion(pose, reference_s=at_s)
     floor_m = _rounding(poses[:, :3, 3] / unit_m) * unit_m
     # of turns: relative to the size of the axes
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
@@ -329,8 +332,8 @@ def fit_body(
         # steps of the rounding that go with the samples: a bias that no scatter tells of
         bound += 10 * floor_m if any(len(part.piece.move) > 1 for part in fitted) else 0.0
     if still:
-        return BodyMotion(pose, (), noise, bound)
-    return BodyMotion(pose, tuple(part.piece for part in fitted), noise, bound)
+        return BodyMotion(pose, (), noise, bound, at_s)
+    return BodyMotion(pose, tuple(part.piece for part in fitted), noise, bound, at_s)
 
 
 #: Vertices that decide on degree and pieces of all.

@@ -155,20 +155,22 @@ class Piece:
             centre = centre + self.orientation(times_s) @ self.pivot
         return centre
 
-    def start_rates(self) -> tuple[Real, Real]:
-        """dT/dt (3,) and dG/dt (3, 3) at the start of the piece."""
+    def rates(self, time_s: float) -> tuple[Real, Real]:
+        """dT/dt (3,) and dG/dt (3, 3) at a time."""
         per_s = 2 / (self.stop_s - self.start_s)
-        rate = chebyshev.chebval(-1.0, chebyshev.chebder(self.move)) * per_s
+        at = np.array([time_s])
+        x = self._x(at)[0]
+        rate = chebyshev.chebval(x, chebyshev.chebder(self.move)) * per_s
         if self.linear is not None:
-            flat = chebyshev.chebval(-1.0, chebyshev.chebder(self.linear)) * per_s
+            flat = chebyshev.chebval(x, chebyshev.chebder(self.linear)) * per_s
             turning = np.asarray(flat).reshape(3, 3)
         else:
-            # phi is 0 at the start, so its rate is the angular velocity
             spin = np.zeros(3)
             if len(self.turn):
                 series = np.concatenate([np.zeros((1, 3)), self.turn])
-                spin = np.asarray(chebyshev.chebval(-1.0, chebyshev.chebder(series))) * per_s
-            turning = cross_matrix(spin) @ self.reference
+                grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
+                spin = left_jacobian(self.vector(at))[0] @ grows
+            turning = cross_matrix(spin) @ self.orientation(at)[0]
         return rate + turning @ self.pivot, turning
 
 
@@ -186,12 +188,16 @@ class BodyMotion:
         rms of what the samples scatter about the fit, at the body's farthest point [m].
     bound_m
         Bound of the error of a displacement, at the body's farthest point [m].
+    reference_s
+        When the pose and all points are of; 0 but for further renders of a burst. Where the text
+        here says t = 0, it is this time.
     """
 
     pose: Real
     pieces: tuple[Piece, ...] = ()
     noise_m: float = 0.0
     bound_m: float = 0.0
+    reference_s: float = 0.0
     _start: list[Real] = field(default_factory=list, compare=False, repr=False)
 
     @property
@@ -199,12 +205,18 @@ class BodyMotion:
         """Whether it moves at all."""
         return bool(self.pieces)
 
+    @property
+    def _first(self) -> int:
+        """The piece that the reference lies in."""
+        starts = [piece.start_s for piece in self.pieces[1:]]
+        return int(np.searchsorted(starts, self.reference_s, side="right"))
+
     def _origin_and_inverse(self) -> tuple[Real, Real]:
         """T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
-            zero = np.zeros(1)
-            self._start.append(self.pieces[0].origin(zero)[0])
-            self._start.append(np.linalg.inv(self.pieces[0].orientation(zero)[0]))
+            at, piece = np.array([self.reference_s]), self.pieces[self._first]
+            self._start.append(piece.origin(at)[0])
+            self._start.append(np.linalg.inv(piece.orientation(at)[0]))
         return self._start[0], self._start[1]
 
     @property
@@ -227,7 +239,7 @@ class BodyMotion:
             if not rows.size:
                 continue
             moved[rows] = piece.origin(times_s[rows]) - origin
-            if number == 0 and piece.linear is None:
+            if number == 0 and piece.linear is None and self.reference_s == 0:
                 turned[rows] = rotation_minus_one(piece.vector(times_s[rows]))
             else:
                 turned[rows] = piece.orientation(times_s[rows]) @ inverse - np.eye(3)
@@ -237,7 +249,7 @@ class BodyMotion:
         """d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
         if not self.pieces:
             return np.zeros((3, 3)), np.zeros(3)
-        moved, turned = self.pieces[0].start_rates()
+        moved, turned = self.pieces[self._first].rates(self.reference_s)
         return turned @ self._origin_and_inverse()[1], moved
 
     def displacement(self, points_m: Real, times_s: Real) -> Real:

@@ -10,14 +10,18 @@ bounded by one frame, however many there are, as long as the caller lets go of t
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..contract import PRODUCTS_DIR
 from ..errors import FrameFileError
 from . import plots
+from .animation import MapFile, animate_maps
 from .antennaplot import ANTENNA_PICTURE, plot_antennas
 from .budget import FrameBudget
+from .burstblend import blended, shown_times_s
 from .compress import ProfileAccumulator, compress
 from .config import Radar
 from .detections import detect_targets
@@ -39,6 +43,9 @@ from .receiver import receive
 from .specklestage import FrameSpeckle
 from .system import make_system
 from .uncertainty import ExpectedPower, expected_power
+
+#: The moving picture of all frames' maps, in the folder of the products.
+ANIMATION_FILE = "range_doppler.gif"
 
 __all__ = ["FrameResult", "ProcessOptions", "Progress", "process_run"]
 
@@ -77,7 +84,7 @@ def process_run(
         velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; where asked for
         ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
         ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``. With a
-        system ``antennas.png``, once.
+        system ``antennas.png``, once; with several frames ``range_doppler.gif`` in the end.
 
     Raises
     ------
@@ -96,6 +103,7 @@ def process_run(
         plots.save(plot_antennas(system), folder / ANTENNA_PICTURE)
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
+    maps: list[MapFile] = []
     for frame in chosen:
         gaps = frame.missing()
         if gaps and not allow_incomplete:
@@ -108,6 +116,8 @@ def process_run(
         complete += 1
         for event in _process_frame(run, frame, folder, options):
             if isinstance(event, FrameResult):
+                stem = f"frame_{event.frame:04d}"
+                maps.append(MapFile(folder / f"{stem}_map.npz", event.frame, event.time_s))
                 yield event
             else:
                 finished += 1
@@ -117,6 +127,9 @@ def process_run(
             f"{run.path} has no complete frame to process. Render the run again: it goes on where "
             "it stopped."
         )
+    if options.animate or (options.animate is None and draws and len(maps) > 1):
+        path = animate_maps(maps, folder / ANIMATION_FILE)
+        yield Progress(total, total, f"animation: {path}")
 
 
 def _gaps_text(run: Run, frame: RadarFrame, count: int, first: str) -> str:
@@ -136,18 +149,7 @@ def _process_frame(
     budget = FrameBudget(frame, radar, options.system)
     seed = options.speckle_seed if options.weighting == "radar-equation" else None
     speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_m)
-    synthesizer = synthesizer_for(
-        radar,
-        window_m,
-        weighting=options.weighting,
-        receiver_gain=options.receiver_gain,
-        method=options.method,
-        tolerance=options.tolerance,
-        synthesis=options.synthesis,
-        speckle_seed=seed,
-        phase_noise=options.receiver.phase_noise,
-        phase_noise_seed=options.receiver.phase_noise_seed,
-    )
+    synthesizer = _synthesizer(radar, window_m, options, seed)
     accumulator = ProfileAccumulator(
         radar,
         window_m,
@@ -164,7 +166,14 @@ def _process_frame(
         total.add(paths)
         if frame.acquisition == "rings":
             yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
-    reception = receive(synthesizer.result(), options.receiver)
+    incoming = synthesizer.result()
+    if frame.renders_per_burst > 1:
+        others = (
+            _echoes_of_render(frame.of_burst(number), window_m, options, seed)
+            for number in range(1, frame.renders_per_burst)
+        )
+        incoming = blended(itertools.chain([incoming], others), shown_times_s(frame))
+    reception = receive(incoming, options.receiver)
     echoes = reception.echoes
     compressed = compress(echoes, options.window)
     filtered = cancel(compressed, options.mti) if options.mti else compressed
@@ -215,6 +224,41 @@ def _process_frame(
         result.files.extend(draw_results(frame, result, folder))
     yield f"frame {frame.number}: pictures"
     yield result
+
+
+def _synthesizer(
+    radar: Radar, window_m: tuple[float, float], options: ProcessOptions, seed: int | None
+) -> Any:
+    assert options.weighting is not None  # by `for_run`
+    return synthesizer_for(
+        radar,
+        window_m,
+        weighting=options.weighting,
+        receiver_gain=options.receiver_gain,
+        method=options.method,
+        tolerance=options.tolerance,
+        synthesis=options.synthesis,
+        speckle_seed=seed,
+        phase_noise=options.receiver.phase_noise,
+        phase_noise_seed=options.receiver.phase_noise_seed,
+    )
+
+
+def _echoes_of_render(
+    render: RadarFrame,
+    window_m: tuple[float, float],
+    options: ProcessOptions,
+    seed: int | None,
+) -> Echoes:
+    """Echoes of one of the renders of a burst, for all pulses."""
+    assert options.radar is not None  # by `for_run`
+    budget = FrameBudget(render, options.radar, options.system)
+    speckle = FrameSpeckle(render, options.radar, seed, options.speckle_cell_m)
+    synthesizer = _synthesizer(options.radar, window_m, options, seed)
+    for paths in iter_paths(render, max_speed_mps=options.max_speed_mps):
+        synthesizer.add(speckle.apply(budget.apply(paths)))
+    echoes: Echoes = synthesizer.result()
+    return echoes
 
 
 def _inexact(echoes: Echoes) -> list[str]:

@@ -98,6 +98,9 @@ class ProcessOptions:
         Whether to write the four EXR products.
     plots
         Whether to draw pictures; None: where matplotlib is installed.
+    animate
+        Whether to write a GIF of all frames' maps; None: where there are pictures and several
+        frames.
     system
         Power budget, see :mod:`.system`; None: the run's own.
     radar
@@ -128,6 +131,7 @@ class ProcessOptions:
     speckle_cell_m: float | None = None
     products: bool = True
     plots: bool | None = None
+    animate: bool | None = None
     system: SystemRecord | None = None
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)

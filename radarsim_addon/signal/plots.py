@@ -41,7 +41,14 @@ def has_matplotlib() -> bool:
     return importlib.util.find_spec("matplotlib") is not None
 
 
-def _figure(width_in: float, height_in: float) -> Any:
+def new_figure(width_in: float, height_in: float) -> Any:
+    """An empty figure that belongs to nobody's pyplot.
+
+    Raises
+    ------
+    MissingDependencyError
+        matplotlib is not installed.
+    """
     if not has_matplotlib():
         raise MissingDependencyError(
             "matplotlib is not installed; it draws the pictures. Install it with "
@@ -90,7 +97,7 @@ def plot_rings(frame: RadarFrame, pass_index: int = 0, floor_db: float = -60.0) 
     columns = min(7, frame.rings)
     lines = math.ceil(frame.rings / columns)
     aspect = frame.record.height_px / frame.record.width_px
-    figure = _figure(2.0 * columns + 0.8, (2.0 * aspect + 0.35) * lines + 0.8)
+    figure = new_figure(2.0 * columns + 0.8, (2.0 * aspect + 0.35) * lines + 0.8)
     axes = figure.subplots(lines, columns, squeeze=False)
     picture = None
     for ring, axis in enumerate(axes.ravel()):
@@ -113,7 +120,7 @@ def _range_extent(range_m: Any) -> tuple[float, float]:
 
 def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
     """Magnitude and real part of the echoes, pulse against fast time (the paper's Fig. 7)."""
-    figure = _figure(10, 6)
+    figure = new_figure(10, 6)
     first, second = figure.subplots(2, 1, sharex=True)
     times_us = echoes.fast_time_s * 1e6
     left, right = _range_extent(times_us)
@@ -171,7 +178,7 @@ def plot_matched_filter(
     expected
         Expected power with its standard error, drawn as a band of one sigma to each side.
     """
-    figure = _figure(10, 4.5)
+    figure = new_figure(10, 4.5)
     axis = figure.subplots()
     tops = []
     if compressed is not None:
@@ -260,7 +267,7 @@ def plot_range_doppler(
         top_db = float(decibels(rd_map.power).max())
         floor_db = max(floor_db, min(t.noise_db for t in targets) - 10 - top_db)
         floor_db = min(floor_db, -20.0)
-    figure = _figure(8, 6.5)
+    figure = new_figure(8, 6.5)
     axis = figure.subplots()
     power = rd_map.power
     left, right = _range_extent(rd_map.doppler_hz)

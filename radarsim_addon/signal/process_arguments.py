@@ -166,6 +166,12 @@ def _add_output_group(process: argparse.ArgumentParser) -> None:
     group.add_argument("--no-products", action="store_true", help="write no EXR products")
     group.add_argument("--no-plots", action="store_true", help="draw no pictures")
     group.add_argument(
+        "--animate",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="a GIF of all frames' range-Doppler maps [with several frames]",
+    )
+    group.add_argument(
         "--allow-incomplete", action="store_true", help="skip frames that are not all there"
     )
 
@@ -193,6 +199,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
         speckle_cell_m=chosen.speckle_cell,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
+        animate=chosen.animate,
         system=None if chosen.system is None else read_system(chosen.system),
         radar=None if chosen.radar is None else load_radar(chosen.radar, own_burst(chosen.folder)),
         receiver=Receiver(

@@ -133,6 +133,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     error = paths.range_rate_mps - truth
     return {
         "rms": float(np.sqrt(np.sum(power * error**2) / power.sum())),
+        "worst": float(np.abs(error).max()),
         "lowest": float(truth.min()),
         "highest": float(truth.max()),
         "points": len(paths),

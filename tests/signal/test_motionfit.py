@@ -168,7 +168,7 @@ def test_vertices_of_a_bending_mesh() -> None:
     assert np.abs(found - bent(at)).max() < 3e-7
     assert noise_m < 5e-8 and bound_m < 2e-7
     rate = (bent(np.array([1e-7])) - bent(np.array([0.0])))[0] / 1e-7
-    speeds = series.start_velocities(np.arange(5000, dtype=np.int32))
+    speeds = series.velocities(np.arange(5000, dtype=np.int32), 0.0)
     np.testing.assert_allclose(speeds, rate, atol=5e-5)
 
 
