@@ -20,7 +20,7 @@ def test_velocities_of_both_methods(tmp_path: Path) -> None:
     two_passes = np.array([result["two-pass"]["rms"] for result in results])
     spread = np.array([r["kinematic"]["highest"] - r["kinematic"]["lowest"] for r in results])
     # crossing, spinning, flat ground: what slides along itself reads zero
-    assert np.all(two_passes[[1, 2, 4]] > 0.2 * spread[[1, 2, 4]])
+    assert np.all(two_passes[[1, 2, 4]] > 0.15 * spread[[1, 2, 4]])
     # a receding plate: v / cos instead of v cos, one per cent
     assert 0.03 < two_passes[0] < 0.2
     assert motion.motion_table(results).count("\n") == 7
