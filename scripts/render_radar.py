@@ -140,6 +140,11 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
     parser.add_argument("--pulses", type=int, metavar="N", help="pulses of a burst")
     parser.add_argument("--seed", type=int, metavar="N", help="Cycles' seed")
     parser.add_argument(
+        "--polarisation",
+        choices=("average", "vertical", "horizontal"),
+        help="of waves that go through physical materials",
+    )
+    parser.add_argument(
         "--system", type=Path, metavar="FILE", help="power budget (JSON); else the file's own"
     )
     parser.add_argument(

@@ -37,6 +37,7 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "pulses": arguments.pulses,
         "radar_file": arguments.radar,
         "seed": arguments.seed,
+        "polarisation": arguments.polarisation,
     }
 
 

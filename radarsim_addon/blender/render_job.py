@@ -233,6 +233,7 @@ class RenderJob:
         )
         record.extra["geometry_fingerprint"] = fingerprint(self.plan, digests[-1], self.versions)
         record.extra["unsaved_changes"] = len(digests) == 1
+        record.extra["polarisation"] = self._measurement.polarisation
         write_record(self.folder / contract.RUN_FILE, record)
 
     # -- renders -----------------------------------------------------------------------------------

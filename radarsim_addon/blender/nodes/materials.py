@@ -21,8 +21,10 @@ PRESET_PROPERTY = "radarsim_preset"
 MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
 """Groups that carry the range code, have lobes chosen by the gate, and the inputs of an index."""
 VOLUME_STEP_RATE = 1000.0
-"""Of materials of ours. Inside an object they are uniform, so one step is exact; with several,
-Cycles stops absorbing as soon as 1e-6 is left: echoes below -60 dB come out too strong."""
+"""Of materials of ours. Along a ray inside an object they are uniform, so one step is exact. The
+physical one depends on the ray, so Cycles marches through it in steps, of a tenth of the object's
+size unless told otherwise, and stops absorbing as soon as 1e-6 is left: echoes below -60 dB would
+come out too strong."""
 
 
 @dataclass(frozen=True)
