@@ -134,7 +134,7 @@ def add_wall(
     thickness_m: float,
     angle_deg: float,
     material: Any,
-    half_m: float = 3.0,
+    half_m: float = 8.0,
 ) -> Real:
     """A closed box across +Y, turned about Z by an angle; returns the normal of its faces."""
     half = (half_m, thickness_m / 2, half_m)

@@ -7,12 +7,15 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.layers import MOST_LOSS_DB, MOST_LOSS_DB_4_5
 from radarsim_addon.blender.physical_materials import make_physical_material
 from radarsim_addon.physics.materials import material as library_index
+from radarsim_addon.signal import open_run
 
 from .case import Bench, Case, Check, Group, power_check, relative_check
 from .fresnel import textbook_reflectance
@@ -175,6 +178,32 @@ def hundred_db(bench: Bench) -> list[Check]:
     return _checks(f"n = {index:g}, {1e3 * thickness_m:.0f} mm, 100 dB", found)
 
 
+def limits(bench: Bench) -> list[Check]:
+    """Right up to near this Blender's limit; beyond it, the run says so."""
+    index = 2.3 + 0.2j
+    limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
+    thickness_m = thickness_for(index, 5.3e9, limit_db - 8)
+    found = measure(bench, index, thickness_m, 0.0)
+    checks = _checks(f"{limit_db - 8:.0f} dB", found)
+    run, *_ = measure(bench, index, thickness_for(index, 5.3e9, limit_db + 15), 0.0)
+    said = any(
+        "below what float32 carries" in text for text in open_run(run.folder).record.warnings
+    )
+    checks.append(
+        Check(
+            f"{limit_db + 15:.0f} dB: the run says that float32 does not carry it",
+            1.0,
+            float(said),
+            "",
+            1.0 - float(said),
+            0.0,
+            "1",
+            "a warning (1) or none (0)",
+        )
+    )
+    return checks
+
+
 GROUP = Group(
     "slabs",
     "Walls",
@@ -186,5 +215,6 @@ GROUP = Group(
         Case("lossy wall", lambda bench: angles(bench, 2.3 + 0.05j, ("average",)), 20.0, True),
         Case("behind concrete", concrete, 20.0),
         Case("100 dB", hundred_db, 10.0, True),
+        Case("limits of float32", limits, 10.0),
     ),
 )
