@@ -12,9 +12,18 @@ from .closed_forms import (
     Coefficient,
     kirchhoff_coefficient,
     lambert_coefficient,
+    plate_power,
     sphere_power,
 )
-from .scenes import acquire, add_sphere, lambert, metallic, new_scene
+from .scenes import (
+    acquire,
+    add_plate,
+    add_sphere,
+    facing_plate,
+    lambert,
+    metallic,
+    new_scene,
+)
 
 BOUND_DB = 0.1
 RADIUS_M = 1.0
@@ -63,18 +72,24 @@ def error_against_time(bench: Bench) -> list[Check]:
     checks = []
     _sphere(100.0, rough=False)
     acquire(bench, 12)  # what Blender and Cycles do once is not counted
-    for rough, label in ((False, "Lambert sphere"), (True, "rough sphere")):
-        model = _sphere(100.0, rough)
-        expected = sphere_power(100.0, RADIUS_M, model)
-        for side_px in (12, 24, 48, 96, 192):
+    for label in ("Lambert sphere", "rough sphere", "Lambert plate at 60 deg"):
+        if "plate" in label:
+            new_scene(math.degrees(2 * math.atan(0.9 / 100.0)))
+            plate = facing_plate((0.0, 100.0, 0.0), 1.0, 60.0)
+            add_plate("Target", plate, lambert(ALBEDO))
+            expected = plate_power(plate, lambert_coefficient(ALBEDO))
+        else:
+            model = _sphere(100.0, "rough" in label)
+            expected = sphere_power(100.0, RADIUS_M, model)
+        for side_px in (12, 24, 48, 96, 192, 384):
             with stopwatch() as cost:
-                measured, spread = acquire(bench, side_px).power_w("Sphere")
+                measured, spread = acquire(bench, side_px).power_w()
             check = power_check(
                 f"{label} at 100 m, {side_px} x {side_px} pixels, 4 shifts",
                 expected,
                 measured,
                 BOUND_DB / 10,
-                "numerical integration",
+                "numerical integration of the same model",
                 relative_error=spread,
             )
             bench.point(
