@@ -50,9 +50,11 @@ def markdown(
         "",
         (
             f"**{len(checks)} results from {numbers} compared numbers, {len(faults)} broken "
-            f"bound{'' if len(faults) == 1 else 's'}.** Every case goes through the program's "
-            "own chain (scene, renders by Cycles, files, table of paths or signal) and is compared "
-            "with a closed form, an independent integration or an independent table."
+            f"bound{'' if len(faults) == 1 else 's'}.** Powers and ranges go through the "
+            "program's own chain (scene, renders by Cycles, files, table of paths or signal); the "
+            "library is called, the furnace rendered, as such. All are compared with a closed "
+            "form, an independent integration or an independent table, the scales of a scene also "
+            "with the same scene in metres."
         ),
         "",
     ]
