@@ -218,8 +218,8 @@ _PICTURES: tuple[tuple[str, str, str, _Paint], ...] = (
     (
         "error_against_time",
         (
-            "Error against processor time of one scene with more and more pixels; the spheres end at "
-            "what their facets cost"
+            "Error against processor time of one scene with more and more pixels; the spheres end "
+            "at what their facets cost"
         ),
         "error_against_time",
         _error_against_time,
