@@ -27,9 +27,9 @@ Real = NDArray[np.float64]
 LAYER_SHARE = 0.6
 #: Faces within this of each other count as parallel (difference of unit normals).
 _PARALLEL = 0.02
-#: Absorption both ways that Cycles carries: power and range measured right to 360 dB for an echo that
-#: without the wall shows 1 W/(m^2 sr), without range from 372 dB on (`make validate`); Blender 4.5
-#: and before give zero from 122 dB on.
+#: Absorption both ways that Cycles carries: power and range measured right to 360 dB for an echo
+#: that shows 1 W/(m^2 sr) without the wall, and without a range from 372 dB on; Blender 4.5 and
+#: before give zero from 122 dB on.
 MOST_LOSS_DB = 350.0
 MOST_LOSS_DB_4_5 = 120.0
 #: Directions with the most area that are tried.
