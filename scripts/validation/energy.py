@@ -199,6 +199,8 @@ def rough_conductors(bench: Bench) -> list[Check]:
     checks, brightest = [], []
     table: dict[tuple[float, float], float] = {}
     alphas = (0.1, 0.3, 0.6, 1.0)
+    # Up to 4.5 the lobe takes Fresnel's equations in a form for large indices: docs/development.md.
+    new = bpy.app.version >= (5, 0, 0)
     for alpha in alphas:
         for index in (1e4 + 1e4j, 2.3 + 0.05j):
 
@@ -210,6 +212,7 @@ def rough_conductors(bench: Bench) -> list[Check]:
                 return np.asarray(textbook_reflectance(index, angle))
 
             found = []
+            exact = new or abs(index) > 1e3
             for angle_deg in ANGLES_DEG:
                 scene = _surface(bench, material, (1.0, 1.0))
                 look_down(scene, angle_deg)
@@ -220,7 +223,7 @@ def rough_conductors(bench: Bench) -> list[Check]:
                         f"albedo at {angle_deg:g} deg",
                         expected,
                         value,
-                        3e-3,
+                        3e-3 if exact else 0.03,
                         "Smith-Beckmann single scattering, integrated numerically",
                         standard_error=spread,
                     )
