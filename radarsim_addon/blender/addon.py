@@ -7,11 +7,12 @@ import bpy
 
 from . import asset_library, material_panel, operators, panels, properties, system_panel
 
-#: Every class besides the settings, in the order of registration.
+#: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
-    *panels.CLASSES,
+    *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
+    *panels.RUN_CLASSES,
     *material_panel.CLASSES,
     *asset_library.CLASSES,
 )

@@ -147,6 +147,11 @@ class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
     bl_label = "Passes"
     bl_idname = "RADARSIM_PT_passes"
 
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        # Paths take Doppler from the motion of what they touch.
+        return getattr(context.scene, SCENE_PROPERTY).acquisition == "RINGS"
+
     def draw(self, context: Any) -> None:
         layout = self.layout
         settings = getattr(context.scene, SCENE_PROPERTY)
@@ -154,8 +159,7 @@ class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
         column.row().prop(settings, "passes", expand=True)
         if settings.passes == "2":
             column.prop(settings, "delta_t_ms")
-        if settings.acquisition == "RINGS":
-            column.prop(settings, "max_bounces")
+        column.prop(settings, "max_bounces")
 
 
 class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
@@ -302,10 +306,10 @@ def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
 
 
-CLASSES: tuple[type, ...] = (
-    RADARSIM_PT_rig,
-    RADARSIM_PT_material,
-    RADARSIM_PT_waveform,
+#: What the radar is; the power budget stands below these.
+RADAR_CLASSES: tuple[type, ...] = (RADARSIM_PT_rig, RADARSIM_PT_material, RADARSIM_PT_waveform)
+#: What a run is.
+RUN_CLASSES: tuple[type, ...] = (
     RADARSIM_PT_rings,
     RADARSIM_PT_passes,
     RADARSIM_PT_render,

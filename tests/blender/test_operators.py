@@ -65,7 +65,7 @@ def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -
     from radarsim_addon.blender import operators, system_panel
 
     operator_classes: tuple[Any, ...] = (*operators.CLASSES, *system_panel.CLASSES[:2])
-    panel_classes: tuple[Any, ...] = panels.CLASSES
+    panel_classes: tuple[Any, ...] = (*panels.RADAR_CLASSES, *panels.RUN_CLASSES)
     assert all(item.__doc__ and item.bl_label for item in operator_classes)
     assert all(item.bl_category == "Radar" for item in panel_classes)
     groups = (

@@ -56,6 +56,10 @@ def test_the_tab_opens(walk: dict[str, Any], shots_dir: Path):
         assert pixels(shots_dir / name)[..., :3].std() > 0.05, f"{name} shows nothing"
 
 
+def test_antennas_are_drawn_and_materials_take_a_medium(walk: dict[str, Any]):
+    assert walk["physical"] == "concrete"
+
+
 def test_the_rig_is_a_camera_and_a_lamp_on_an_empty(walk: dict[str, Any]):
     added = [kind for name, kind in walk["rig"].items() if name not in ("Camera", "Light")]
     assert sorted(added) == ["CAMERA", "EMPTY", "LIGHT"]

@@ -202,6 +202,38 @@ def script(robot: Any) -> Any:
     settings.output_dir = str(second)
     yield 1.0
 
+    # Antennas and a medium: what the panels say of them.
+    settings.use_system = True
+    settings.transmitter_antenna.kind = "gaussian"
+    settings.receiver_antenna.kind = "cosine"
+    # The panel is closed until a user opens it: an open one takes its place.
+    panel = bpy.types.RADARSIM_PT_system
+    names = {"bl_idname": "RADARSIM_PT_system_open", "bl_options": set()}
+    bpy.utils.unregister_class(panel)
+    opened = type("RADARSIM_PT_system_open", panel.__mro__[:1], names)
+    bpy.utils.register_class(opened)
+    robot.view.tag_redraw()
+    yield 1.0
+    yield from robot.click("radarsim.draw_patterns")
+    yield from robot.wait(
+        lambda: sum("radarsim_pattern" in item for item in bpy.data.objects) == 2, "patterns", 20
+    )
+    select(objects[:1])
+    properties = next(a for a in robot.window.screen.areas if a.type == "PROPERTIES")
+    properties.spaces.active.context = "MATERIAL"
+    material = objects[0].active_material.copy()
+    objects[0].active_material = material
+    with bpy.context.temp_override(material=material):
+        bpy.ops.radarsim.make_physical()
+    yield 1.5
+    robot.shot("07_physics")
+    result["physical"] = material.radarsim.medium
+    yield 1.5
+    settings.use_system = False
+    bpy.ops.radarsim.remove_patterns()
+    bpy.utils.unregister_class(opened)
+    bpy.utils.register_class(panel)
+
     # 8. Processed, and shown.
     images = {image.name for image in bpy.data.images}
     yield from robot.click("radarsim.process_last_run")
