@@ -43,12 +43,12 @@ class FrequencyGrid:
     start_hz: float
     step_hz: float
     count: int
-    centre_hz: float | None = None
+    centre_hz: float | Fraction | None = None
 
     @classmethod
-    def centred(cls, centre_hz: float, step_hz: float, count: int) -> FrequencyGrid:
+    def centred(cls, centre_hz: float | Fraction, step_hz: float, count: int) -> FrequencyGrid:
         """The grid with f = centre_hz, to the last digit, at n = count//2."""
-        return cls(centre_hz - (count // 2) * step_hz, step_hz, count, centre_hz)
+        return cls(float(centre_hz - (count // 2) * step_hz), step_hz, count, centre_hz)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.count, int) and self.count >= 1):
@@ -131,6 +131,42 @@ class Listening:
 
 
 @dataclass(frozen=True)
+class Ramp:
+    """Frequencies that come one after the other: paths move from one to the next.
+
+    Frequency n is sampled at t_m + (n - count//2) interval: pulse times are those of the sample in
+    the middle of the grid.
+
+    Attributes
+    ----------
+    interval_s
+        Time between two frequencies [s].
+    video_hz_per_s
+        K of the residual video phase, K tau^2 / 2 cycles, of a ramp that climbs by K a second and
+        is mixed with itself; 0: none, as for tones that have settled [Hz/s].
+    """
+
+    interval_s: float
+    video_hz_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.interval_s) and self.interval_s > 0):
+            raise ConfigError(
+                f"Time between frequencies is {self.interval_s!r} s; expected more than 0."
+            )
+        if not math.isfinite(self.video_hz_per_s):
+            raise ConfigError(f"Slope of the ramp is {self.video_hz_per_s!r}; expected a number.")
+
+    def half_s(self, count: int) -> float:
+        """From the middle to where lengths are sampled, within the ramp on both sides [s]."""
+        return max((count - 1) // 2, 0.5) * self.interval_s
+
+    def video_cycles(self, delay_s: Real) -> Real:
+        """K tau^2 / 2."""
+        return np.asarray(self.video_hz_per_s / 2 * delay_s**2)
+
+
+@dataclass(frozen=True)
 class Sums:
     """Numbers that every transform of a synthesis shares."""
 
@@ -141,12 +177,27 @@ class Sums:
     step: CycleRate
     shift_centre: float
     shift_step: float
+    ramp: Ramp | None = None
 
     @classmethod
     def of(
-        cls, grid: FrequencyGrid, listening: Listening, extra_cycles: ExtraCycles | None
+        cls,
+        grid: FrequencyGrid,
+        listening: Listening,
+        extra_cycles: ExtraCycles | None,
+        ramp: Ramp | None = None,
     ) -> Sums:
-        """For a grid and a window."""
+        """For a grid and a window.
+
+        Raises
+        ------
+        ConfigError
+            A ramp beside further phases or folding.
+        """
+        if ramp is not None:
+            if extra_cycles is not None or listening.period_s is not None:
+                raise ConfigError("A ramp brings its own phase and does not fold in delay.")
+            extra_cycles = ramp.video_cycles if ramp.video_hz_per_s != 0 else None
         period = Fraction(listening.period_s or 0.0)
         centre = (grid.exact_centre_hz - Fraction(listening.reference_hz)) * period
         step = Fraction(grid.step_hz) * period
@@ -158,6 +209,7 @@ class Sums:
             CycleRate.of(Fraction(grid.step_hz)),
             float(centre - round(centre)),
             float(step - round(step)),
+            ramp,
         )
 
 

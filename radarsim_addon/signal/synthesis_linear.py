@@ -7,7 +7,8 @@ With tau_i(t) = tau_i + beta_i (t - t_b), f_n = f_c + k df and t_b the middle of
 
 the first term is a phase of each path, the others are a 2-D transform of the points
 (tau_i, beta_i) at the frequencies (k df, f_n (t_m - t_b)). Nothing is left out: range migration
-and the Doppler shift of every frequency are in it.
+and the Doppler shift of every frequency are in it. Where frequencies come one after the other,
+each has its own time t_m + k dt, and the motion meanwhile is in it as well.
 """
 
 from __future__ import annotations
@@ -110,6 +111,8 @@ def plan_linear(rows: LinearRows, sums: Sums, times_s: Real) -> LinearPlan:
     delay = rows.length_m / SPEED_OF_LIGHT_MPS
     spread_s = float(delay.max() - delay.min())
     burst_s = float(times_s.max() - times_s.min())
+    if sums.ramp is not None:
+        burst_s += grid.count * sums.ramp.interval_s
     fast = 4 * max(abs(grid.step_hz) * grid.count * (spread_s + spread_rate * burst_s), 8.0)
     slow = 4 * grid.highest_hz * spread_rate * burst_s
     blocks = max(
@@ -149,7 +152,10 @@ def linear_block(
     frequency_hz = float(grid.exact_centre_hz) + k * grid.step_hz
     shape = (times.size, grid.count)
     fast = np.broadcast_to(2 * np.pi * grid.step_hz * k, shape).ravel()
-    slow = (2 * np.pi * (times - middle_s)[:, None] * frequency_hz).ravel()
+    since_s = (times - middle_s)[:, None]
+    if sums.ramp is not None:
+        since_s = since_s + k * sums.ramp.interval_s
+    slow = (2 * np.pi * since_s * frequency_hz).ravel()
     size = np.abs(values)
     squares, total = float(np.dot(size, size)), float(size.sum())
     rate = rows.rate_mps / SPEED_OF_LIGHT_MPS

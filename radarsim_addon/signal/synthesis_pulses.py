@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .nufft import Backend
-from .synthesis_grid import Sums
-from .synthesis_transform import ErrorSum, PulseTransform
+from .synthesis_transform import ErrorSum, PulseResult
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Weights = NDArray[np.inexact[Any]]
+#: One pulse's spectrum from lengths, amplitudes and pulse intervals of folding.
+Transform = Callable[[Real, Weights, Real | None], PulseResult]
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class PulseBlock:
 class TransformPool:
     """As many transforms, each with its buffers, as there are threads."""
 
-    def __init__(self, sums: Sums, tolerance: float, backend: Backend, threads: int) -> None:
-        self._free: SimpleQueue[PulseTransform] = SimpleQueue()
+    def __init__(self, make: Callable[[], Transform], count: int, threads: int) -> None:
+        self._free: SimpleQueue[Transform] = SimpleQueue()
         for _ in range(threads):
-            self._free.put(PulseTransform(sums, tolerance, backend))
-        self._count = sums.grid.count
+            self._free.put(make())
+        self._count = count
 
     def block(
         self,
@@ -52,7 +52,7 @@ class TransformPool:
         amplitude: Weights,
         order: Real | None = None,
     ) -> PulseBlock:
-        """Spectra of the lengths (pulses, rows), one pulse after the other.
+        """Spectra of the lengths (pulses, ...), one pulse after the other.
 
         `order`: pulse intervals by which rows are folded; None: found from the delays.
         """

@@ -9,6 +9,13 @@ from typing import Literal
 Motion = Literal["still", "linear", "smooth", "sampled"]
 Transform = Literal["once", "type 3", "pulse by pulse", "direct sum"]
 
+#: Phase left out of the motion within a ramp that is worth a word: sidelobes at -66 dB.
+_RAMP_SLACK_RAD = 1e-3
+_FOLDS = (
+    "are longer than the pulse interval and stand folded at a shorter range, as in a radar. "
+    "Lower the PRF to be rid of the ambiguity."
+)
+
 
 @dataclass
 class SynthesisStep:
@@ -70,8 +77,13 @@ class SynthesisReport:
         Paths that stand in the window by folding (delay beyond the pulse interval).
     folded_doppler
         Moving paths whose phase turns by more than half a cycle from pulse to pulse.
+    ramp_left_out_rad
+        Where frequencies come one after the other: phase of the motion meanwhile beyond the second
+        order in time, about; 0 for constant rates [rad].
     wall_s
         Time spent in all [s].
+    notes
+        What else was done beside the steps, in whole sentences.
     warnings
         What a user should know, in whole sentences.
     """
@@ -89,7 +101,9 @@ class SynthesisReport:
     outside: float = 0.0
     folded_range: int = 0
     folded_doppler: int = 0
+    ramp_left_out_rad: float = 0.0
     wall_s: float = 0.0
+    notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
     def count(
@@ -116,14 +130,20 @@ class SynthesisReport:
             "asked for. Ask for a smaller tolerance."
         )
 
-    def with_warnings(self) -> SynthesisReport:
-        """This report, its warnings written."""
-        found = [text for text in [self.accuracy_warning()] if text]
+    def ramp_warning(self) -> str | None:
+        """Where the motion within a ramp is not followed well enough."""
+        if self.ramp_left_out_rad <= _RAMP_SLACK_RAD:
+            return None
+        return (
+            f"Paths move unevenly while the frequencies go by: up to about "
+            f"{self.ramp_left_out_rad:.2g} rad of their phase is left out. Shorten the ramp."
+        )
+
+    def with_warnings(self, folds: str = _FOLDS) -> SynthesisReport:
+        """This report, its warnings written; `folds` says why paths stand folded in range."""
+        found = [text for text in [self.accuracy_warning(), self.ramp_warning()] if text]
         if self.folded_range:
-            found.append(
-                f"{self.folded_range} paths are longer than the pulse interval and stand folded "
-                "at a shorter range, as in a radar. Lower the PRF to be rid of the ambiguity."
-            )
+            found.append(f"{self.folded_range} paths {folds}")
         if self.folded_doppler:
             found.append(
                 f"{self.folded_doppler} paths turn by more than half a cycle from pulse to pulse "
@@ -138,6 +158,7 @@ class SynthesisReport:
             f"{step.cpu_s:.3g} s of processor time"
             for step in self.steps
         ]
+        found.extend(self.notes)
         found.append(
             f"{self.backend}, relative error {self.error_estimate:.1e} "
             f"(asked {self.tolerance:g}), {self.wall_s:.3g} s"

@@ -29,6 +29,15 @@ _RANDOM, _WORST = 2.0, 15.0
 _ROUNDING = 1e-16
 
 
+def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[float, Type1]]:
+    """Engines to try one after the other, with their tolerances; of "direct" there is one."""
+    engine = engine_tolerance(tolerance)
+    engines = [(engine, Type1(count, engine, backend))]
+    if engine > TIGHTEST and engines[0][1].backend != "direct":
+        engines.append((TIGHTEST, Type1(count, TIGHTEST, backend)))
+    return engines
+
+
 def engine_tolerance(tolerance: float) -> float:
     """What the engines are asked for, so that the result meets `tolerance`."""
     return max(_MARGIN * tolerance, TIGHTEST)
@@ -92,10 +101,7 @@ class PulseTransform:
     def __init__(self, sums: Sums, tolerance: float, backend: Backend) -> None:
         self._sums = sums
         self._tolerance = tolerance
-        engine = engine_tolerance(tolerance)
-        self._engines = [(engine, Type1(sums.grid.count, engine, backend))]
-        if engine > TIGHTEST and self._engines[0][1].backend != "direct":
-            self._engines.append((TIGHTEST, Type1(sums.grid.count, TIGHTEST, backend)))
+        self._engines = engines_for(tolerance, sums.grid.count, backend)
         self._points: Real = np.empty(0)
         self._values: Complex = np.empty(0, dtype=np.complex128)
 
