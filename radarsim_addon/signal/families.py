@@ -10,7 +10,6 @@ from .nufft import Backend
 from .paths import Weighting
 from .phasenoise import LineOscillator, PhaseNoise, takes_phase_noise_by_path
 from .synthesis import TOLERANCE, Method
-from .synthesis_transform import engine_tolerance
 
 
 def synthesizer_for(
@@ -55,7 +54,8 @@ def synthesizer_for(
         weighting=weighting,
         receiver_gain=receiver_gain,
         method=method,
-        tolerance=engine_tolerance(tolerance),
+        tolerance=tolerance,
+        synthesis=synthesis,
         chunk=chunk,
         speckle_seed=speckle_seed,
         oscillator=oscillator,

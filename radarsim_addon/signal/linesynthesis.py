@@ -7,22 +7,17 @@ f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
     s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
 
 with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
-3519, 2007): a stepped tone has settled by the time it is sampled. The path moves while the ramp
-runs: with tau = tau_0 + tau' s + tau'' s^2 / 2, s = u - u_0 = n dt, n = k - k0 and f_k = f0 + n df,
-
-    f_k tau - K tau^2 / 2 = f0 tau_0 - K tau_0^2 / 2 + n df (tau_0 + tau' (f0 - K tau_0) / K)
-        + n^2 [df dt tau' + (f0 - K tau_0) dt^2 tau'' / 2 - K dt^2 tau'^2 / 2]
-
-and terms in n^3, 1e-8 cycles for a blade's tip at 77 GHz. The third term is the range-Doppler
-coupling of such radars: a mover stands at its range f0/K later. The last one bends the phase by
-B T v / 2c cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s: its exponential is
-a power series in n^2, one transform a term. PMCW holds all frequencies at once and has neither.
+3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
+see :mod:`.synthesis_ramp`; PMCW holds all frequencies at once. The sums are those of
+:mod:`.synthesis`; only phase noise, which differs from path to path, is put on here.
 
 Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
 """
 
 from __future__ import annotations
 
+import dataclasses
+from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
@@ -32,19 +27,28 @@ from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
 from .echoes import MAX_SAMPLES, Echoes, check_window
-from .nufft import TOLERANCE, Backend, nufft1
+from .nufft import Backend
 from .paths import Paths, Weighting, path_amplitude
 from .speckle import path_phasors
+from .synthesis import (
+    TOLERANCE,
+    FrequencyGrid,
+    Listening,
+    Method,
+    Ramp,
+    Spectrum,
+    SpectrumAccumulator,
+    SynthesisReport,
+)
+from .synthesis_moving import check_finite
 from .waveform import replica
 from .waveform_lines import FmcwWaveform, LineWaveform, PmcwWaveform
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Terms of a bent phase; 20 radians take 60.
-_MOST_TERMS = 80
-#: Lengths (rows x pulses) asked of a motion at a time: 8 MB.
-_MAX_LENGTHS = 1 << 20
+#: A delay of 0 is heard, too.
+_JUST_BEFORE_S = 1e-30
 
 
 def line_waveform(radar: Radar) -> LineWaveform:
@@ -85,6 +89,21 @@ class Oscillator(Protocol):
         """At the delay order x step_s, (rows, N)."""
 
 
+def line_grid(waveform: LineWaveform) -> FrequencyGrid:
+    """Frequencies of the samples, exact where the engine has its zero."""
+    ahead = waveform.grid_count // 2 - Fraction(waveform.grid_middle)
+    centre_hz = Fraction(waveform.carrier_hz) + ahead * Fraction(waveform.grid_step_hz)
+    return FrequencyGrid.centred(centre_hz, waveform.grid_step_hz, waveform.grid_count)
+
+
+def line_ramp(waveform: LineWaveform) -> Ramp | None:
+    """When they are taken; None: all at once."""
+    if waveform.grid_interval_s == 0:
+        return None
+    video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
+    return Ramp(waveform.grid_interval_s, video)
+
+
 class LineSynthesizer:
     """Adds up the samples of paths that come in parts; as :class:`.echoes.EchoSynthesizer`.
 
@@ -95,7 +114,7 @@ class LineSynthesizer:
     window_m
         One-way ranges that the profile will show [m]. Every echo within the waveform's own range
         is in the samples, whatever the window.
-    weighting, receiver_gain, method, tolerance, chunk, speckle_seed
+    weighting, receiver_gain, method, tolerance, synthesis, chunk, speckle_seed
         As for :func:`.echoes.synthesize`.
     oscillator
         Phase noise, see :class:`.phasenoise.LineOscillator`; None: none. Not for PMCW.
@@ -115,170 +134,106 @@ class LineSynthesizer:
         receiver_gain: float = 1.0,
         method: Backend = "auto",
         tolerance: float = TOLERANCE,
-        chunk: int = 1 << 18,
+        synthesis: Method = "auto",
+        chunk: int = 1 << 17,
         speckle_seed: int | None = None,
         oscillator: Oscillator | None = None,
     ) -> None:
-        if chunk < 1:
-            raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
         self.radar = radar
         self.window_m = check_window(window_m)
         self._waveform = line_waveform(radar)
         self._weighting: Weighting = weighting
         self._gain = receiver_gain
-        self._method: Backend = method
-        self._tolerance = tolerance
-        self._chunk = chunk
-        self._seed = speckle_seed
-        self._times_s = line_times_s(radar)
-        count = self._waveform.grid_count
-        if count * self._times_s.size > MAX_SAMPLES:
+        self._method, self._tolerance, self._synthesis = method, tolerance, synthesis
+        self._chunk, self._seed = chunk, speckle_seed
+        self._grid = line_grid(self._waveform)
+        count, rows = self._grid.count, line_times_s(radar).size
+        if count * rows > MAX_SAMPLES:
             raise ConfigError(
-                f"{self._times_s.size} rows of {count} samples are more than {MAX_SAMPLES}. "
+                f"{rows} rows of {count} samples are more than {MAX_SAMPLES}. "
                 "Choose fewer pulses or fewer samples."
             )
-        self._still = np.zeros(count, dtype=np.complex128)
-        self._moving: Complex | None = None
+        self._filtered = isinstance(self._waveform, FmcwWaveform)
         self._oscillator = oscillator
-        self._outside = 0
+        self._sum = self._accumulator()
+        self._noisy = NoisySum(rows, count) if oscillator is not None else None
+        self._added, self._beyond = 0, 0
+
+    def _accumulator(self) -> SpectrumAccumulator:
+        waveform = self._waveform
+        ends_s = (-np.inf, np.inf)
+        if self._filtered:
+            ends_s = (-_JUST_BEFORE_S, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
+        middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
+        return SpectrumAccumulator(
+            self._grid,
+            line_times_s(self.radar) + middle_s,
+            tolerance=self._tolerance,
+            method=self._synthesis,
+            backend=self._method,
+            listening=Listening(*ends_s, reference_hz=waveform.carrier_hz),
+            ramp=line_ramp(waveform),
+            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
+            chunk=self._chunk,
+        )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths."""
-        if self._oscillator is None:
-            self._add(paths, 1.0)
-            return
-        # each path between the two nearest delays for which there is a factor
-        whole, kept = (self._still, self._moving), self._outside
-        position = paths.length_m / SPEED_OF_LIGHT_MPS / self._oscillator.step_s
-        low = np.floor(position)
-        total = np.zeros((self._times_s.size, self._still.size), dtype=np.complex128)
-        if whole[1] is not None:
-            total += whole[1]
-        for order in np.unique(np.concatenate([low, low + 1])):
-            share = 1 - np.abs(position - order)
-            near = share > 0
-            self._still, self._moving = np.zeros_like(self._still), None
-            self._add(paths.select(near), share[near])
-            total += self._oscillator.factor(int(order)) * self.response()
-        self._still, self._moving = whole[0], total
-        # every path was added for two delays, but is lost only once
-        lost = 0
-        if isinstance(self._waveform, FmcwWaveform):
-            lost = int(np.count_nonzero(paths.range_m >= self._waveform.unambiguous_range_m))
-        self._outside = kept + lost * self._times_s.size
+        """Add the echoes of these paths.
 
-    def _add(self, paths: Paths, share: Real | float) -> None:
-        amplitude = path_amplitude(paths, self._waveform.wavelength_m, self._weighting, self._gain)
-        weights = (amplitude * share).astype(np.complex128)
+        Raises
+        ------
+        PathDataError
+            A row has a length or an amplitude that is NaN or infinite.
+        """
+        weights = path_amplitude(
+            paths, self._waveform.wavelength_m, self._weighting, self._gain
+        ).astype(np.complex128)
         if self._seed is not None:
             weights *= path_phasors(paths, self._seed)
-        motion = paths.lengths
-        moving = motion.moving
-        still = np.flatnonzero(~moving)
-        for start in range(0, still.size, self._chunk):
-            rows = still[start : start + self._chunk]
-            length_m = motion.lengths_m(self._times_s[:1], rows)[:, 0]
-            self._still += self._transform(weights[rows], length_m, None, self._times_s.size)
-        rows_moving = np.flatnonzero(moving)
-        if rows_moving.size and self._moving is None:
-            self._moving = np.zeros((self._times_s.size, self._still.size), dtype=np.complex128)
-        for start in range(0, rows_moving.size, self._chunk):
-            self._add_moving(paths, weights, rows_moving[start : start + self._chunk])
+        beyond = paths.range_m >= self._waveform.unambiguous_range_m
+        if self._noisy is None:
+            self._sum.add(paths.lengths, weights)
+        else:
+            self._add_noisy(paths, weights)
+        self._added += len(paths)
+        self._beyond += int(np.count_nonzero(beyond))
 
-    def _add_moving(self, paths: Paths, weights: Complex, rows: NDArray[np.intp]) -> None:
-        assert self._moving is not None
-        waveform = self._waveform
-        middle_s = waveform.grid_middle_s
-        # first and last sample, so that no time lies outside the burst
-        half_s = (waveform.grid_count - 1) * waveform.grid_interval_s / 2
-        block = max(1, _MAX_LENGTHS // rows.size)
-        for first in range(0, self._times_s.size, block):
-            times_s = self._times_s[first : first + block] + middle_s
-            lengths_m = paths.lengths.lengths_m(times_s, rows)
-            change: tuple[Real, Real] | None = None
-            if half_s > 0:
-                ends = [paths.lengths.lengths_m(times_s + s * half_s, rows) for s in (-1.0, 1.0)]
-                bend = (ends[1] - lengths_m) - (lengths_m - ends[0])
-                change = ((ends[1] - ends[0]) / (2 * half_s), bend / half_s**2)
-            for i in range(times_s.size):
-                self._moving[first + i] += self._transform(
-                    weights[rows],
-                    lengths_m[:, i],
-                    None if change is None else (change[0][:, i], change[1][:, i]),
-                    1,
-                )
-
-    def _transform(
-        self, weights: Complex, length_m: Real, change: tuple[Real, Real] | None, pulses: int
-    ) -> Complex:
-        """Samples of one pulse, from lengths in the middle of its band, rates, accelerations."""
-        waveform = self._waveform
-        delay_s = length_m / SPEED_OF_LIGHT_MPS
-        seen_s = delay_s
-        curve = np.zeros(0)
-        if change is not None:
-            rate, bend = (values / SPEED_OF_LIGHT_MPS for values in change)
-            step_s, slope = (
-                waveform.grid_interval_s,
-                waveform.grid_step_hz / waveform.grid_interval_s,
-            )
-            video = slope if isinstance(waveform, FmcwWaveform) else 0.0
-            carrier_hz = waveform.carrier_hz - video * delay_s
-            seen_s = delay_s + rate * (carrier_hz / slope)
-            curve = rate * (waveform.grid_step_hz * step_s - video * step_s**2 / 2 * rate)
-            curve += carrier_hz * bend * (step_s**2 / 2)
-        if isinstance(waveform, FmcwWaveform):
-            limit_s = 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS
-            heard = (seen_s >= 0) & (seen_s < limit_s)
-            lost = int(np.count_nonzero(~heard))
-            if lost:
-                self._outside += lost * pulses
-                weights, length_m = weights[heard], length_m[heard]
-                delay_s, seen_s = delay_s[heard], seen_s[heard]
-                curve = curve[heard] if curve.size else curve
-        # cycles of the carrier from the length in float64: 1e-9 rad at 10 km and 77 GHz
-        cycles = length_m * (waveform.carrier_hz / SPEED_OF_LIGHT_MPS)
-        cycles = cycles - np.round(cycles)
-        if isinstance(waveform, FmcwWaveform):
-            cycles = cycles - waveform.slope_hz_per_s * delay_s**2 / 2
-        # the transform counts k from -(N // 2)
-        count = waveform.grid_count
-        cycles = cycles - (waveform.grid_middle - count // 2) * waveform.grid_step_hz * seen_s
-        values = weights * np.exp(-2j * np.pi * cycles)
-        points = 2 * np.pi * waveform.grid_step_hz * seen_s
-        return self._bent(points, values, curve)
-
-    def _bent(self, points: Real, values: Complex, curve: Real) -> Complex:
-        """Sum of c exp(-j k x) exp(-j 2 pi curve n^2), n = k - k0, as a series in n^2."""
-        count = self._waveform.grid_count
-        square = (np.arange(count) - self._waveform.grid_middle) ** 2
-        half = float(square.max()) / 2
-        largest = 2 * np.pi * half * float(np.abs(curve).max()) if curve.size else 0.0
-        if largest == 0:
-            return nufft1(points, values, count, self._tolerance, self._method)
-        # about the middle of n^2, where the series is shortest
-        place = square / half - 1
-        values = values * np.exp(-2j * np.pi * half * curve)
-        total, power, size = np.zeros(count, dtype=np.complex128), np.ones(count), 1.0
-        for order in range(1, _MOST_TERMS):
-            total += power * nufft1(points, values, count, self._tolerance, self._method)
-            size *= largest / order
-            if size < self._tolerance and order > largest:
-                break
-            values = values * (-2j * np.pi * half / order * curve)
-            power = power * place
-        return total
+    def _add_noisy(self, paths: Paths, weights: Complex) -> None:
+        """Each path between the two nearest delays for which there is a factor."""
+        assert self._oscillator is not None and self._noisy is not None
+        rows = slice(0, len(paths))
+        check_finite(weights, rows, "amplitude", self._added)
+        check_finite(paths.length_m, rows, "length", self._added)
+        position = paths.length_m / SPEED_OF_LIGHT_MPS / self._oscillator.step_s
+        low = np.floor(position)
+        for order in np.unique(np.concatenate([low, low + 1])):
+            share = 1 - np.abs(position - order)
+            near = np.flatnonzero(share > 0)
+            accumulator = self._accumulator()
+            accumulator.add(paths.lengths.select(near), weights[near] * share[near])
+            self._noisy.add(accumulator.result(), self._oscillator.factor(int(order)))
 
     def response(self) -> Complex:
         """The scene's response at the frequencies, (rows, N), before the code of PMCW."""
-        if self._moving is None:
-            return np.tile(self._still, (self._times_s.size, 1))
-        return np.asarray(self._moving + self._still)
+        return self._sum.result().values if self._noisy is None else self._noisy.values.copy()
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
-        samples = self.response()
+        if self._noisy is None:
+            spectrum = self._sum.result()
+            samples, report = spectrum.values, spectrum.report
+        else:
+            samples = self._noisy.values.copy()
+            report = self._noisy.report(self._sum.result().report, self._added)
+            # every path was added for two delays, but is lost only once
+            report.outside = float(self._beyond) if self._filtered else 0.0
+        report.folded_range = 0 if self._filtered else self._beyond
+        report = report.with_warnings(
+            f"lie beyond the waveform's {waveform.unambiguous_range_m:.6g} m and stand folded at a "
+            "shorter range, as in a radar. Take smaller frequency steps, or a longer code, to be "
+            "rid of the ambiguity."
+        )
         if isinstance(waveform, PmcwWaveform):
             code = np.fft.fft(replica(waveform))
             samples = np.fft.ifft(np.fft.ifftshift(samples, axes=1) * code, axis=1)
@@ -288,5 +243,47 @@ class LineSynthesizer:
             self.window_m,
             self.radar,
             self._weighting,
-            self._outside / self._times_s.size,
+            report.outside,
+            report,
         )
+
+
+class NoisySum:
+    """Spectra times factors of modulus 1, one for each delay of an oscillator's phase."""
+
+    def __init__(self, rows: int, count: int) -> None:
+        self.values = np.zeros((rows, count), dtype=np.complex128)
+        self._parts: list[tuple[SynthesisReport, float]] = []
+
+    def add(self, spectrum: Spectrum, factor: Complex) -> None:
+        """Add one delay's."""
+        values = spectrum.values
+        self._parts.append((spectrum.report, float(np.vdot(values, values).real)))
+        values *= factor
+        self.values += values
+
+    def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
+        """One report of all; a path counts in the steps of both delays that it lies between."""
+        report = dataclasses.replace(empty, paths=paths, steps=[], notes=[])
+        energy = float(np.vdot(self.values, self.values).real)
+        expected, notes = 0.0, []
+        for part, own in self._parts:
+            for step in part.steps:
+                report.count(step.motion, step.transform, step.paths, step.transforms, step.cpu_s)
+            # the factors turn phases alone: absolute errors stay what they are
+            if energy > 0:
+                share = float(np.sqrt(own / energy))
+                report.error_estimate += share * part.error_estimate
+                report.error_bound += share * part.error_bound
+            if part.cancellation_db is not None:
+                expected += own / 10 ** (part.cancellation_db / 10)
+            report.motion_error_rad = max(report.motion_error_rad, part.motion_error_rad)
+            report.ramp_left_out_rad = max(report.ramp_left_out_rad, part.ramp_left_out_rad)
+            report.folded_doppler = max(report.folded_doppler, part.folded_doppler)
+            report.wall_s += part.wall_s
+            notes += part.notes
+        if energy > 0 and expected > 0:
+            report.cancellation_db = 10 * float(np.log10(energy / expected))
+        text = f"Phase noise path by path, each between two of {len(self._parts)} delays"
+        report.notes = [*dict.fromkeys(notes), f"{text}: a path counts twice in the steps."]
+        return report

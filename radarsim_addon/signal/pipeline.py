@@ -262,9 +262,11 @@ def _echoes_of_render(
 
 
 def _inexact(echoes: Echoes) -> list[str]:
-    """A warning where the echoes may miss their tolerance."""
-    text = None if echoes.report is None else echoes.report.accuracy_warning()
-    return [text] if text else []
+    """Warnings where the echoes may miss their tolerance."""
+    if echoes.report is None:
+        return []
+    texts = [echoes.report.accuracy_warning(), echoes.report.ramp_warning()]
+    return [text for text in texts if text]
 
 
 def _expected(

@@ -73,6 +73,8 @@ TOLERANCE = 1e-6
 #: Blocks of paths that stand still and wait for their turn, so that threads have work.
 _BLOCKS = 4
 
+_RAMP_NOTE = "Moving paths move while the frequencies go by, to the second order in time."
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -325,4 +327,5 @@ class SpectrumAccumulator:
             folded_doppler=self._moving.fast,
             ramp_left_out_rad=self._moving.left_out_rad,
             wall_s=self._wall_s,
+            notes=[_RAMP_NOTE] if values is not None and self._sums.ramp is not None else [],
         ).with_warnings()

@@ -31,8 +31,10 @@ from .synthesis_transform import _RANDOM, ErrorSum, PulseResult, engines_for
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Largest bend of a group's paths beside their mean [rad]; 19 nodes for 1e-8.
+#: Largest bend of a group's paths beside their mean [rad]; 16 nodes for 5e-8.
 _WIDEST_RAD = 4.0
+#: Error of the interpolation over that of the transforms: a node costs a transform.
+_NODES_SHARE = 5.0
 #: Largest of |t^3 - t| for |t| <= 1: what is left of a cube by the parabola through -1, 0, 1.
 _CUBE_LEFT = 2 / (3 * math.sqrt(3))
 #: Terms of the direct sum held at a time.
@@ -94,7 +96,8 @@ class RampTransform:
         expected = math.sqrt(grid.count * squares)
         for engine, transform in self._engines:
             result, nodes = self._bent(transform, engine, points, cycles, curve, amplitude)
-            error = engine * (1 + math.log(nodes))  # Lebesgue's constant of the nodes
+            # Lebesgue's constant of the nodes, and the interpolation itself
+            error = engine * (1 + math.log(nodes) + (_NODES_SHARE if nodes > 1 else 0))
             if _RANDOM * error * expected <= self._tolerance / 3 * float(np.linalg.norm(result)):
                 break
         return PulseResult(result, ErrorSum.of(error, grid.count, squares, total), kept, 0)
@@ -118,7 +121,7 @@ class RampTransform:
             mean = float(bends.min() + bends.max()) / 2
             bends = bends - mean
             widest_rad = 2 * np.pi * self._half * float(np.abs(bends).max())
-            places, weights = self._basis(nodes_for(widest_rad, tolerance))
+            places, weights = self._basis(nodes_for(widest_rad, _NODES_SHARE * tolerance))
             found = np.zeros(self._n.size, dtype=np.complex128)
             values = np.empty(own.size, dtype=np.complex128)
             for place, weight in zip(places, weights, strict=True):

@@ -54,6 +54,10 @@ def test_another_waveform_on_a_finished_run(folder: Path, waveform: object) -> N
     other = result_of(
         folder, ProcessOptions(products=False, plots=False, speckle_seed=None, radar=radar)
     )
+    summary = json.loads((folder / "products/frame_0001_summary.json").read_text("utf-8"))
+    steps = {(step["motion"], step["transforms"]) for step in summary["synthesis"]["steps"]}
+    assert ("still", 1) in steps and len(steps) == 2, "once for all that stands, and the mover"
+    assert summary["synthesis"]["error_estimate"] <= summary["synthesis"]["tolerance"] == 1e-6
     coupling_m = 0.0
     if isinstance(waveform, FmcwWaveform):
         coupling_m = 5.0 * waveform.carrier_hz / waveform.slope_hz_per_s
