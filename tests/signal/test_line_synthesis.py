@@ -26,6 +26,7 @@ from radarsim_addon.signal.linesynthesis import line_times_s
 from radarsim_addon.signal.nufft import has_finufft
 from radarsim_addon.signal.synthesis import FrequencyGrid, Listening, Ramp, SpectrumAccumulator
 from radarsim_addon.signal.synthesis_ramp import nodes_for
+from radarsim_addon.signal.waveform_lines import LineWaveform
 from tests.signal.oracle import unit_paths
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
@@ -43,7 +44,8 @@ def radar_of(waveform: AnyWaveform, pulses: int) -> Radar:
 def truth(radar: Radar, lengths: Callable, amplitude: np.ndarray) -> np.ndarray:
     """Every sample at its own time, in long double: f_k tau(t) - K tau^2 / 2."""
     waveform = radar.waveform
-    k = np.arange(waveform.grid_count)
+    assert isinstance(waveform, LineWaveform)
+    k = np.arange(waveform.grid_count, dtype=np.longdouble)
     frequency = np.longdouble(waveform.carrier_hz) + (
         k - np.longdouble(waveform.grid_middle)
     ) * np.longdouble(waveform.grid_step_hz)
