@@ -96,11 +96,17 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
     return np.asarray(local / np.linalg.norm(local), dtype=np.float64)
 
 
-def set_layer_normals(recorder: Recorder, depsgraph: Any) -> None:
+def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
     """Give every object with a penetrable physical material its layer normal, for a run.
 
     A property that the user has set is left alone; [0, 0, 0] there means: no layer.
+
+    Returns
+    -------
+    list of str
+        A warning that names the objects that are no layers.
     """
+    others = []
     for item in bpy.data.objects:
         if item.hide_render or item.library is not None or contract.OBJECT_LAYER_NORMAL in item:
             continue
@@ -109,9 +115,22 @@ def set_layer_normals(recorder: Recorder, depsgraph: Any) -> None:
         if item.name not in depsgraph.objects:
             continue
         normal = object_layer_normal(item, depsgraph)
-        if normal is not None:
-            recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
-            item.update_tag()
+        if normal is None:
+            others.append(item.name)
+            continue
+        recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+        item.update_tag()
+    if not others:
+        return []
+    shown = ", ".join(repr(name) for name in others[:5])
+    more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+    text = (
+        f"{shown}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
+        "so absorption and delay inside are taken as at normal incidence, whatever the angle. For "
+        f"a thick wall give the object the property {contract.OBJECT_LAYER_NORMAL} (three numbers: "
+        "the wall's normal in the object's own axes)."
+    )
+    return [text]
 
 
 def is_entered(material: Any) -> bool:

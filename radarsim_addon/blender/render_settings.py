@@ -277,9 +277,14 @@ class MeasurementSettings:
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
         failures = update_materials(self._plan.measurement.waveform.carrier_hz, self._recorder)
         depsgraph = evaluated_depsgraph(self._view_layer)
-        set_layer_normals(self._recorder, depsgraph)
+        no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
-        return [*failures, *check_meshes(depsgraph), *beyond_float32(wavelength)]
+        return [
+            *failures,
+            *check_meshes(depsgraph),
+            *no_layers,
+            *beyond_float32(wavelength),
+        ]
 
     def _set_code(self) -> None:
         put = self._recorder.set_item

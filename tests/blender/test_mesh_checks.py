@@ -14,7 +14,10 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
+from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender.layers import set_layer_normals  # noqa: E402
 from radarsim_addon.blender.mesh_checks import check_meshes  # noqa: E402
+from radarsim_addon.blender.recorder import Recorder  # noqa: E402
 from tests.blender import render_helpers as rh  # noqa: E402
 from tests.blender.slab_scene import physical_material  # noqa: E402
 
@@ -52,6 +55,21 @@ def edit(item: Any, faces: list[int] | None = None, flip: list[int] | None = Non
     mesh.from_pydata(points, [], kept)
     mesh.materials.append(material)
     item.data = mesh
+
+
+def test_what_is_no_layer_is_named() -> None:
+    """Its absorption does not follow the angle; a wall's does, and so does what the user sets."""
+    box((0, 0, 0), (4, 0.2, 3), "Wall")
+    box((0, 5, 0), (4, 9, 3), "Thick")
+    box((9, 5, 0), (13, 9, 3), "Told")[contract.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
+    bpy.context.view_layer.update()
+    recorder = Recorder()
+    (text,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
+    assert "'Thick': less than 60%" in text
+    assert "Wall" not in text and "Told" not in text
+    assert contract.OBJECT_LAYER_NORMAL in bpy.data.objects["Wall"]
+    assert recorder.restore() == []
+    assert contract.OBJECT_LAYER_NORMAL not in bpy.data.objects["Wall"]
 
 
 def test_sound_scene_is_silent() -> None:
