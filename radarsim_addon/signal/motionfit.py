@@ -10,133 +10,31 @@ split if, by the same criterion, two fit better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from .motionfile import VertexSeries
 from .motionmodel import BodyMotion, Piece, left_jacobian, rotation, rotation_vector
+from .motionpieces import FittedPiece, quality_of, split_pieces
+from .motionseries import (
+    Series,
+    criterion_of,
+    degrees_for,
+    design_matrix,
+    fit_series,
+    slow_noise,
+    spread_of,
+)
 
 Real = NDArray[np.float64]
 
-#: Highest degree of a series.
-MAX_DEGREE = 14
-#: Fewest samples that a piece of its own may have.
-_LEAST_SAMPLES = 6
-_MAX_DEPTH = 7
-#: How much better two pieces must be than one, in units of the criterion.
-_SPLIT_GAIN = 20.0
 #: How far relative axes may be from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-5
 #: Turn [rad] from which the centre of rotation is looked for.
 _TURN_WITH_CENTRE = 0.3
-#: Standard deviations in a bound.
-_SIGMAS = 3.0
-
-
-@dataclass(frozen=True)
-class _Series:
-    """A least-squares series and how it fits."""
-
-    coefficients: Real  # (degrees, columns)
-    criterion: float
-    residual: Real  # (samples, columns)
-    spread: float  # largest standard deviation of fit(t) - fit(0), for unit noise
-    slow: float  # noise that a fit takes for motion, see `_slow_noise`
-
-
-def _design(times_s: Real, start_s: float, stop_s: float, degree: int) -> Real:
-    x = 2 * (times_s - start_s) / (stop_s - start_s) - 1
-    return np.asarray(chebyshev.chebvander(x, degree), dtype=np.float64)
-
-
-def _criterion(squares: float, count: int, parameters: int, floor: float) -> float:
-    variance = squares / max(count, 1) + floor**2
-    return float(count * np.log(variance) + parameters * np.log(max(count, 2)))
-
-
-def _degrees(samples: int) -> range:
-    return range(min(MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
-
-
-def _spread(design: Real) -> float:
-    """Largest standard deviation of fit(t) - fit(first sample) for unit noise."""
-    inverse = np.linalg.pinv(design.T @ design)
-    difference = design - design[0]
-    return float(np.sqrt(np.einsum("ij,jk,ik->i", difference, inverse, difference).max()))
-
-
-def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor: float) -> _Series:
-    """Chebyshev series of the degree that the criterion chooses.
-
-    Parameters
-    ----------
-    times_s
-        (samples,) [s].
-    values
-        (samples, columns); all columns get one degree.
-    start_s, stop_s
-        What x = -1 and 1 stand for.
-    floor
-        Rounding below which nothing is fitted.
-    """
-    best: _Series | None = None
-    offset = values[0]
-    shifted = values - offset
-    worse = 0
-    for degree in _degrees(len(times_s)):
-        design = _design(times_s, start_s, stop_s, degree)
-        solved = np.linalg.lstsq(design, shifted, rcond=None)[0]
-        residual = shifted - design @ solved
-        # one column's parameters against one column's samples, summed over columns
-        criterion = _criterion(
-            float(np.sum(residual**2)), values.size, (degree + 1) * values.shape[1], floor
-        )
-        if best is None or criterion < best.criterion:
-            solved[0] += offset
-            best, worse = _Series(solved, criterion, residual, 0.0, 0.0), 0
-        else:
-            worse += 1
-            if worse > 3:
-                break
-    assert best is not None
-    degree = len(best.coefficients) - 1
-    spread = _spread(_design(times_s, start_s, stop_s, degree)) if degree else 0.0
-    slow = _slow_noise(times_s, best.residual, start_s, stop_s, degree)
-    return _Series(best.coefficients, best.criterion, best.residual, spread, slow)
-
-
-#: Terms beyond a fit from which its noise is estimated.
-_TERMS_BEYOND = 8
-
-
-def _slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:
-    """Standard deviation of noise as slow as a fit: rms of the terms that would come next.
-
-    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth, of
-    which a fit sees much less; motion that is not fitted shows as much more.
-    """
-    highest = min(degree + _TERMS_BEYOND, len(times_s) - 1)
-    if highest <= degree:
-        return float(np.sqrt(np.mean(residual**2)))
-    base = np.linalg.qr(_design(times_s, start_s, stop_s, highest))[0][:, degree + 1 :]
-    return float(np.sqrt(np.mean((base.T @ residual) ** 2)))
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    piece: Piece
-    criterion: float
-    move_residual: Real  # (samples, 3) m
-    turn_residual: Real  # (samples, 3) rad, or (samples, 9)
-    move_spread: float
-    turn_spread: float
-    move_slow: float
-    turn_slow: float
 
 
 class _Samples:
@@ -158,7 +56,7 @@ class _Samples:
             relative = left @ right
         self.relative = relative
 
-    def fit(self, first: int, stop: int, stop_s: float) -> _Fitted:
+    def fit(self, first: int, stop: int, stop_s: float) -> FittedPiece:
         rows = slice(first, stop)
         times_s = self.times_s[rows]
         start_s = float(times_s[0])
@@ -175,7 +73,7 @@ class _Samples:
                 np.eye(3),
                 axes.coefficients,
             )
-            return _Fitted(
+            return FittedPiece(
                 piece,
                 axes.criterion + move.criterion,
                 move.residual,
@@ -186,8 +84,8 @@ class _Samples:
                 axes.slow,
             )
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
-        spread = _spread(_design(times_s, start_s, stop_s, len(turn))) if len(turn) else 0.0
-        slow = _slow_noise(times_s, residual, start_s, stop_s, len(turn))
+        spread = spread_of(design_matrix(times_s, start_s, stop_s, len(turn))) if len(turn) else 0.0
+        slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
         bare = Piece(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
@@ -195,7 +93,7 @@ class _Samples:
         if len(turn) and np.linalg.norm(bare.vector(times_s), axis=-1).max() > _TURN_WITH_CENTRE:
             move, pivot = self._fit_centre(rows, start_s, stop_s, turned, move)
         piece = Piece(start_s, stop_s, move.coefficients, pivot, turn, reference)
-        return _Fitted(
+        return FittedPiece(
             piece,
             criterion + move.criterion,
             move.residual,
@@ -218,8 +116,8 @@ class _Samples:
         summed = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         best: tuple[Real, Real, float, Real] | None = None
         worse = 0
-        for degree in _degrees(len(times_s)):
-            design = _design(times_s, start_s, stop_s, degree)[:, 1:]
+        for degree in degrees_for(len(times_s)):
+            design = design_matrix(times_s, start_s, stop_s, degree)[:, 1:]
             basis = design - np.where(np.arange(1, degree + 1) % 2, -1.0, 1.0)
             turn = np.zeros((0, 3))
             if degree:
@@ -243,7 +141,7 @@ class _Samples:
                 if np.abs(step).max(initial=0.0) < 1e-11:
                     break
             residual = rotation_vector(poses @ (rotation(basis @ turn) @ fitted).transpose(0, 2, 1))
-            criterion = _criterion(
+            criterion = criterion_of(
                 float(np.sum(residual**2)), count, 3 * (degree + 1), self.floor_turn
             )
             if best is None or criterion < best[2]:
@@ -256,32 +154,32 @@ class _Samples:
         return best
 
     def _fit_centre(
-        self, rows: slice, start_s: float, stop_s: float, turned: Real, plain: _Series
-    ) -> tuple[_Series, Real]:
+        self, rows: slice, start_s: float, stop_s: float, turned: Real, plain: Series
+    ) -> tuple[Series, Real]:
         """T(t) = c(t) + G(t) pivot where that takes fewer numbers than a series of T."""
         times_s, origins = self.times_s[rows], self.origins[rows]
         count = origins.size
         offset = origins[0]
         best, pivot = plain, np.zeros(3)
         columns = turned.reshape(count, 3)
-        for degree in _degrees(len(times_s)):
+        for degree in degrees_for(len(times_s)):
             if (degree + 2) * 3 > plain.coefficients.size + 3:
                 break
-            design = _design(times_s, start_s, stop_s, degree)
+            design = design_matrix(times_s, start_s, stop_s, degree)
             series = np.einsum("nk,ij->nikj", design, np.eye(3)).reshape(count, -1)
             system = np.concatenate([series, columns], axis=1)
             # least norm: along the axis the pivot cannot be told from the centre
             solved = np.linalg.lstsq(system, (origins - offset).ravel(), rcond=1e-9)[0]
             residual = ((origins - offset).ravel() - system @ solved).reshape(-1, 3)
-            criterion = _criterion(
+            criterion = criterion_of(
                 float(np.sum(residual**2)), count, 3 * (degree + 2), self.floor_m
             )
             if criterion < best.criterion:
                 coefficients = solved[:-3].reshape(degree + 1, 3)
                 coefficients[0] += offset
-                spread = _spread(design) + np.sqrt(6 / len(times_s))
-                slow = _slow_noise(times_s, residual, start_s, stop_s, degree)
-                best = _Series(coefficients, criterion, residual, spread, slow)
+                spread = spread_of(design) + np.sqrt(6 / len(times_s))
+                slow = slow_noise(times_s, residual, start_s, stop_s, degree)
+                best = Series(coefficients, criterion, residual, spread, slow)
                 pivot = solved[-3:]
         return best, pivot
 
@@ -325,9 +223,9 @@ def fit_body(
     samples = _Samples(times_s, poses, floor_m, floor_turn)
     # indices at which a piece may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = _split(samples.fit, times_s, 0, len(times_s), span_s, marks, 0)
+    fitted = split_pieces(samples.fit, times_s, 0, len(times_s), span_s, marks, 0)
     still = len(fitted) == 1 and _stands_still(fitted[0].piece)
-    noise, bound = _quality(fitted, reach_m, still)
+    noise, bound = quality_of(fitted, reach_m, still)
     if not still and noise < 0.8 * floor_m:
         # steps of the rounding that go with the samples: a bias that no scatter tells of
         bound += 10 * floor_m if any(len(part.piece.move) > 1 for part in fitted) else 0.0
@@ -372,12 +270,12 @@ def fit_vertices(
     chosen = np.concatenate([order[: _DECIDING // 2], order[_DECIDING // 2 :: 1 + vertices // 200]])
     some = positions[:, chosen].astype(np.float64).reshape(count, -1)
 
-    def fit(first: int, stop: int, stop_s: float) -> _Fitted:
+    def fit(first: int, stop: int, stop_s: float) -> FittedPiece:
         start_s = float(times_s[first])
         found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m)
         piece = Piece(start_s, stop_s, found.coefficients, np.zeros(3), np.empty((0, 3)), np.eye(3))
         nothing = np.zeros((1, 3))
-        return _Fitted(
+        return FittedPiece(
             piece,
             found.criterion,
             found.residual,
@@ -389,7 +287,7 @@ def fit_vertices(
         )
 
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = _split(fit, times_s, 0, count, span_s, marks, 0)
+    fitted = split_pieces(fit, times_s, 0, count, span_s, marks, 0)
     degrees = max(len(part.piece.move) for part in fitted)
     series = np.zeros((len(fitted), degrees, vertices, 3))
     for number, part in enumerate(fitted):
@@ -398,12 +296,12 @@ def fit_vertices(
         stop = count
         if number + 1 < len(fitted):
             stop = int(np.searchsorted(times_s, piece.stop_s))
-        design = _design(times_s[first:stop], piece.start_s, piece.stop_s, own - 1)
+        design = design_matrix(times_s[first:stop], piece.start_s, piece.stop_s, own - 1)
         solver = np.linalg.pinv(design)
         for begin in range(0, vertices, 4096):
             part_m = positions[first:stop, begin : begin + 4096].astype(np.float64)
             series[number, :own, begin : begin + 4096] = np.tensordot(solver, part_m, axes=1)
-    noise, bound = _quality(fitted, 0.0, False)
+    noise, bound = quality_of(fitted, 0.0, False)
     edges = np.array([part.piece.start_s for part in fitted] + [span_s])
     return VertexSeries(edges, series), noise, bound
 
@@ -418,75 +316,3 @@ def _stands_still(piece: Piece) -> bool:
     if piece.linear is not None:
         return len(piece.linear) == 1 and len(piece.move) == 1
     return len(piece.turn) == 0 and len(piece.move) == 1
-
-
-def _split(
-    fit: Callable[[int, int, float], _Fitted],
-    times_s: Real,
-    first: int,
-    stop: int,
-    stop_s: float,
-    marks: list[int],
-    depth: int,
-) -> list[_Fitted]:
-    """One piece, or several where those fit better."""
-    whole = fit(first, stop, stop_s)
-    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
-        return [whole]
-    if _is_noise(whole):
-        return [whole]
-    lowest, highest = first + _LEAST_SAMPLES, stop - _LEAST_SAMPLES
-    candidates = [mark for mark in marks if lowest <= mark <= highest]
-    if len(candidates) > 8:
-        candidates = candidates[:: len(candidates) // 8]
-    candidates.append((first + stop) // 2)
-    best: tuple[float, int] | None = None
-    for at in dict.fromkeys(candidates):
-        total = sum(
-            part.criterion
-            for part in (
-                fit(first, at, float(times_s[at])),
-                fit(at, stop, stop_s),
-            )
-        )
-        if best is None or total < best[0]:
-            best = (total, at)
-    assert best is not None
-    at = best[1]
-    at_s = float(times_s[at])
-    parts = _split(fit, times_s, first, at, at_s, marks, depth + 1) + _split(
-        fit, times_s, at, stop, stop_s, marks, depth + 1
-    )
-    if sum(part.criterion for part in parts) + _SPLIT_GAIN < whole.criterion:
-        return parts
-    return [whole]
-
-
-def _is_noise(fitted: _Fitted) -> bool:
-    """Whether what is left over looks like rounding: no slow part, no peaks."""
-    for residual, slow in (
-        (fitted.move_residual, fitted.move_slow),
-        (fitted.turn_residual, fitted.turn_slow),
-    ):
-        scatter = float(np.sqrt(np.mean(residual**2)))
-        if slow > 2 * scatter or np.abs(residual).max() > 8 * scatter:
-            return False
-    return True
-
-
-def _quality(fitted: Sequence[_Fitted], reach_m: float, still: bool) -> tuple[float, float]:
-    """rms noise and bound of a displacement at the body's farthest point [m]."""
-    noise = bound = 0.0
-    for part in fitted:
-        move = float(np.sqrt(np.mean(part.move_residual**2)))
-        turn = float(np.sqrt(np.mean(part.turn_residual**2))) * reach_m
-        noise = max(noise, float(np.hypot(move, turn)))
-        if still:
-            # it may move by what its rounding hides
-            here = np.abs(part.move_residual).max() + reach_m * np.abs(part.turn_residual).max()
-        else:
-            here = _SIGMAS * np.hypot(
-                part.move_slow * part.move_spread, part.turn_slow * reach_m * part.turn_spread
-            )
-        bound = max(bound, float(here))
-    return noise, bound

@@ -13,6 +13,7 @@ its neighbour between shifts makes them anticorrelated, so the error is, if anyt
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,8 @@ from .link import Link
 from .pathframes import open_frame_table, usable
 from .paths import make_paths
 from .pathtable import PathRows
+from .synthesis_grid import repeat_orders
+from .waveform_lines import FmcwWaveform, LineWaveform
 from .windows import slow_time_window
 
 Real = NDArray[np.float64]
@@ -80,6 +83,10 @@ def expected_power(
     link
         Radar system, see :mod:`.link`; None: no gains but `receiver_gain`.
 
+    Notes
+    -----
+    Echoes beyond the unambiguous range stand folded, as by :func:`.echoes.synthesize`.
+
     Raises
     ------
     FrameFileError, SchemaError
@@ -95,17 +102,17 @@ def expected_power(
     for start, stop in _tile_edges(table):
         rows = np.array(table[start:stop])
         shifts = record.shifts
-        number, power = _cells(rows, radar, window_m[0], step_m, ranges, pulses)
-        cells, place = np.unique(number, return_inverse=True)
-        by_shift = np.zeros((shifts, cells.size))
+        rows = rows[usable(rows)]
+        power = scale * shifts * np.array(rows["power_w"])
         if link is not None:
             power *= link.factor(rows["length_m"], rows["direction"], rows["last_m"])
-        keep = usable(rows)
-        np.add.at(by_shift, (rows["shift"][keep], place[keep]), scale * shifts * power[keep])
-        inside = cells >= 0
-        mean[cells[inside]] += by_shift.mean(axis=0)[inside]
+        row, number = _cells(rows, radar, window_m[0], step_m, ranges, pulses)
+        cells, place = np.unique(number, return_inverse=True)
+        by_shift = np.zeros((shifts, cells.size))
+        np.add.at(by_shift, (rows["shift"][row], place), power[row])
+        mean[cells] += by_shift.mean(axis=0)
         if shifts > 1:
-            variance[cells[inside]] += by_shift.var(axis=0, ddof=1)[inside] / shifts
+            variance[cells] += by_shift.var(axis=0, ddof=1) / shifts
         else:
             variance[:] = np.nan  # one estimate says nothing of its error
     response = _range_response(radar, window, step_m, cells_per_sample)
@@ -132,14 +139,28 @@ def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
 
 def _cells(
     rows: PathRows, radar: Radar, start_m: float, step_m: float, ranges: int, pulses: int
-) -> tuple[NDArray[np.int64], Real]:
-    """Number of each row's cell, -1 outside the window, and its power."""
-    place = np.rint((rows["length_m"] / 2 - start_m) / step_m).astype(np.int64)
-    cycles = -2 * rows["range_rate_mps"] / radar.waveform.wavelength_m / radar.burst.prf_hz
+) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Rows that are seen, again where they fold into a long window, and the cell of each."""
+    waveform = radar.waveform
+    cell = (rows["length_m"] / 2 - start_m) / step_m
+    # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
+    fold_m = radar.burst.unambiguous_range_m
+    if isinstance(waveform, LineWaveform):
+        fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
+    period = fold_m / step_m
+    if math.isinf(period):
+        low = np.zeros(cell.size)
+        copies = ((cell >= -0.5) & (cell < ranges - 0.5)).astype(np.intp)
+        period = 0.0
+    else:
+        low = np.ceil((cell - (ranges - 0.5)) / period)
+        copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
+    seen = np.repeat(np.arange(copies.size), copies)
+    place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
+    column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
+    cycles = -2 * rows["range_rate_mps"][seen] / waveform.wavelength_m / radar.burst.prf_hz
     bins = np.rint(cycles * pulses).astype(np.int64)
-    row = (bins + pulses // 2) % pulses  # folds as in a radar
-    number = np.where((place >= 0) & (place < ranges), row * ranges + place, -1)
-    return number, np.array(rows["power_w"])
+    return seen, (bins + pulses // 2) % pulses * ranges + column  # Doppler folds, too
 
 
 def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: int) -> Real:
