@@ -27,7 +27,8 @@ from . import output_folder
 from .acquisition import Extent, Instant, Plan, make_plan
 from .isolation import SURFACE_TYPES
 from .measurement import Measurement
-from .motion_sampling import BurstMotion, SamplingPlan
+from .motion_samples import SamplingPlan
+from .motion_sampling import BurstMotion
 from .nodes import is_radar_material
 from .path_frame import FrameWork, PathTask
 from .path_gates import TracedView, TraceLimits, trace_view
