@@ -29,7 +29,8 @@ Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer; path_phasors; nufft1; replica, replica_spectrum,
     matched_filter
 Spectra for any waveform
-    SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening
+    SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening,
+    Ramp
 Receiver
     receive -> Reception; Receiver (noise figure, ADC bits, phase noise); PhaseNoise,
     load_phase_noise; range_noise_gain, map_noise_gain: the floor that noise makes
@@ -96,6 +97,7 @@ from .speckle import path_phasors
 from .synthesis import (
     FrequencyGrid,
     Listening,
+    Ramp,
     Spectrum,
     SpectrumAccumulator,
     SynthesisReport,
@@ -142,6 +144,7 @@ __all__ = [
     "Progress",
     "Radar",
     "RadarFrame",
+    "Ramp",
     "RangeDopplerMap",
     "Receiver",
     "Reception",
