@@ -160,8 +160,8 @@ def _process_frame(
     )
     total = StatisticsSum(radar, options.receiver_gain)
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
-        paths = speckle.apply(budget.apply(paths))
-        synthesizer.add(paths)
+        paths = budget.apply(paths)
+        synthesizer.add(speckle.apply(paths))
         accumulator.add(paths)
         total.add(paths)
         if frame.acquisition == "rings":

@@ -12,7 +12,8 @@ a coherent part that roughness weakens by m^2 = exp(-(2 k h cos)^2) in power (Am
 rough part of zero mean and the remaining power 1 - m^2. It goes over the scatterer, whose path has
 the length l_c instead of l. All paths of one cell meet there; g = sqrt(P / P_cell) keeps their
 power, so the mean power is the sum of the powers however fine the pixels are. Where the height is
-unknown m = 0: fully developed speckle.
+unknown m = 0: fully developed speckle. The scatterer moves with its body, and the rough parts of
+all paths of its cell move with it: on a body that turns they would else drift out of phase.
 
 Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
 be hit or missed by chance.
@@ -29,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contract import PathsRecord
+from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .pathtable import PathRows, iter_rows
 from .speckle import hash_step, uniform
@@ -41,6 +43,8 @@ Hash = NDArray[np.uint64]
 _FOOTPRINTS = 1.5
 #: Cells in the range resolution, at most: finer ones gain nothing.
 _CELLS_IN_RESOLUTION = 8
+#: Larger cells than this are a slip of the unit [m].
+_LARGEST_CELL_M = 1e6
 #: Where the origin lies in its cell: at no simple fraction of it.
 _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 #: Scatterers in a resolution cell from which its intensity is taken to be exponential.
@@ -105,6 +109,32 @@ class SpeckleReport:
         return [text]
 
 
+@dataclass(frozen=True)
+class Scattering:
+    """How n paths scatter.
+
+    Attributes
+    ----------
+    coherent
+        Factor of the amplitude of what keeps the path's own way, (n,).
+    rough
+        Complex factor of what goes over the scatterer, (n,), without the phase of its length.
+    first_m, last_m
+        Scatterers of the first and last vertex, equal at order 1, (n, 3) [m].
+    longer_m
+        Length over the scatterers minus the path's own, (n,) [m].
+    leader
+        Row of the table that stands for all paths of the cell, (n,).
+    """
+
+    coherent: Real
+    rough: Complex
+    first_m: Real
+    last_m: Real
+    longer_m: Real
+    leader: NDArray[np.intp]
+
+
 class SurfaceSpeckle:
     """Amplitude factors of the paths of one frame.
 
@@ -156,8 +186,13 @@ class SurfaceSpeckle:
             number: np.uint64(int.from_bytes(hashlib.sha256(body.name.encode()).digest()[:8]))
             for number, body in self._bodies.items()
         }
+        if cell_m is not None and not (math.isfinite(cell_m) and 0 < cell_m <= _LARGEST_CELL_M):
+            raise ConfigError(
+                f"Edge of a speckle cell is {cell_m!r} m; expected more than 0 and at most "
+                f"{_LARGEST_CELL_M:g} m, or none for one that fits the pixels."
+            )
         self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
-        self._keys, self._powers, self._ranges = self._add_up()
+        self._keys, self._powers, self._ranges, self._leaders = self._add_up()
 
     # -- cells -------------------------------------------------------------------------------------
 
@@ -219,7 +254,7 @@ class SurfaceSpeckle:
         )
         return state, scatterer, height
 
-    def _known(self, rows: PathRows) -> NDArray[np.bool_]:
+    def known(self, rows: PathRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known: those of one and two reflections."""
         finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(
             axis=-1
@@ -232,21 +267,27 @@ class SurfaceSpeckle:
         way |= rows["transparent_depth"].astype(np.uint64)
         return hash_step(hash_step(first ^ way) ^ last)
 
-    def _add_up(self) -> tuple[Hash, Real, Real]:
-        """Keys of all cells (sorted), the power over each, and its one-way range."""
+    def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp]]:
+        """Keys of all cells (sorted), the power over each, its one-way range and first row."""
         keys = np.zeros(0, dtype=np.uint64)
         powers, ranges = np.zeros(0), np.zeros(0)
+        leaders, start = np.zeros(0, dtype=np.intp), 0
         for rows in iter_rows(self._table):
-            rows = rows[self._known(rows)]
+            known = self.known(rows)
+            number = start + np.flatnonzero(known)
+            start += rows.size
+            rows = rows[known]
             found = self._path_keys(
                 rows, self._vertices(rows, True)[0], self._vertices(rows, False)[0]
             )
             every = np.concatenate([keys, found])
             power = np.concatenate([powers, rows["power_w"]])
             length = np.concatenate([ranges, rows["length_m"] / 2])
+            number = np.concatenate([leaders, number])
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
-        return keys, powers, ranges
+            leaders = number[place]
+        return keys, powers, ranges, leaders
 
     def report(self) -> SpeckleReport:
         """How many scatterers share a range cell."""
@@ -288,18 +329,30 @@ class SurfaceSpeckle:
         return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
 
     def factors(self, rows: PathRows) -> tuple[Complex, NDArray[np.bool_]]:
-        """Complex factors of the amplitudes of some rows, (n,), and which of them are known.
+        """Complex factors of the amplitudes of some rows at t, (n,), and which of them are known.
 
         Rows of three and more reflections, or of unknown vertices, have none.
         """
-        known = self._known(rows)
+        known = self.known(rows)
         result = np.ones(rows.size, dtype=np.complex128)
-        rows = rows[known]
+        found = self.scattering(rows[known])
+        result[known] = self.factors_at_rest(found)
+        return result, known
+
+    def factors_at_rest(self, found: Scattering) -> Complex:
+        """Both ways in one factor: exact as long as the path and its scatterer move alike."""
+        return np.asarray(
+            found.coherent + found.rough * np.exp(-1j * self._wavenumber * found.longer_m)
+        )
+
+    def scattering(self, rows: PathRows) -> Scattering:
+        """How rows scatter whose vertices are all known."""
         first, first_m, first_height = self._vertices(rows, True)
         last, last_m, last_height = self._vertices(rows, False)
         order = rows["order"]
         one = (order == 1)[:, None]
-        over_m = self._length_m(np.where(one, last_m, first_m), last_m, order, rows["direction"])
+        first_m = np.where(one, last_m, first_m)
+        over_m = self._length_m(first_m, last_m, order, rows["direction"])
         own_m = self._length_m(rows["first_m"], rows["last_m"], order, rows["direction"])
         place = np.searchsorted(self._keys, self._path_keys(rows, first, last))
         share = np.sqrt(rows["power_w"] / self._powers[place])
@@ -314,10 +367,8 @@ class SurfaceSpeckle:
             unknown = np.isnan(rms_m) & (turn > 0)
             phase += np.where(unknown, 2 * np.pi * _wrapped(unit), kappa_h * unit)
         mean = np.exp(-exponent)
-        shift = self._wavenumber * (over_m - own_m)
-        rough = (np.exp(1j * phase) - mean) * np.exp(-1j * shift)
-        result[known] = mean + share * rough
-        return result, known
+        rough = share * (np.exp(1j * phase) - mean)
+        return Scattering(mean, rough, first_m, last_m, over_m - own_m, self._leaders[place])
 
 
 def _wrapped(unit: Real) -> Real:

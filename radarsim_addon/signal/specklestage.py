@@ -14,10 +14,13 @@ from ..physics.rough import kirchhoff_limits
 from ..sidecar import read_record
 from .config import Radar
 from .frames import RadarFrame
+from .kinematics import KinematicMotion
 from .pathframes import open_frame_table
-from .paths import Paths
+from .paths import Paths, join_paths
 from .scatterers import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
+#: Coherent amplitudes below this are none.
+_LEAST_COHERENT = 1e-6
 #: Objects whose surface is warned of one by one.
 _MOST_NAMED = 8
 
@@ -64,11 +67,48 @@ class FrameSpeckle:
         )
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths with the factors of their scatterers."""
+        """The paths for the echo synthesis, with the factors of their scatterers.
+
+        Of a path that moves, what goes over the scatterer moves with the scatterer; where it has a
+        coherent part too, that is a row of its own. Powers are to be added up before.
+        """
         if self._speckle is None or not len(paths):
             return paths
-        factors, known = self._speckle.factors(np.array(self._table[paths.row]))
-        return dataclasses.replace(paths, phasors=np.where(known, factors, np.nan))
+        rows = np.array(self._table[paths.row])
+        known = np.flatnonzero(self._speckle.known(rows))
+        found = self._speckle.scattering(rows[known])
+        phasors = np.full(len(paths), np.nan + 0j)
+        phasors[known] = self._speckle.factors_at_rest(found)
+        motion = paths.motion
+        moving = np.zeros(0, dtype=np.intp)
+        if isinstance(motion, KinematicMotion):
+            moving = np.flatnonzero(motion.moving[known])
+        if not moving.size:
+            return dataclasses.replace(paths, phasors=phasors)
+        mine = known[moving]
+        phasors[mine] = found.coherent[moving]
+        stay = np.ones(len(paths), dtype=bool)
+        stay[mine] = found.coherent[moving] > _LEAST_COHERENT
+        own = dataclasses.replace(paths, phasors=phasors).select(stay)
+        going = np.zeros(len(paths), dtype=bool)
+        going[mine] = True
+        scattered = paths.select(going)
+        assert isinstance(scattered.motion, KinematicMotion)
+        length_m = scattered.length_m + found.longer_m[moving]
+        leaders = self._table[found.leader[moving]]
+        one = scattered.motion.order == 1
+        tracks = (np.where(one, leaders["track"], leaders["first_track"]), leaders["track"])
+        over = dataclasses.replace(
+            scattered.motion,
+            length_m=length_m,
+            first_m=found.first_m[moving],
+            last_m=found.last_m[moving],
+            tracks=np.stack(tracks, axis=-1).astype(np.int32),
+        )
+        scattered = dataclasses.replace(
+            scattered, length_m=length_m, motion=over, phasors=found.rough[moving]
+        )
+        return join_paths([own, scattered])
 
     @property
     def warnings(self) -> list[str]:
