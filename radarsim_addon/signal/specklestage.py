@@ -19,8 +19,8 @@ from .pathframes import open_frame_table
 from .paths import Paths, join_paths
 from .scatterers import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
-#: Coherent amplitudes below this are none.
-_LEAST_COHERENT = 1e-6
+#: Factors below this are none.
+_LEAST_FACTOR = 1e-6
 #: Objects whose surface is warned of one by one.
 _MOST_NAMED = 8
 
@@ -82,13 +82,14 @@ class FrameSpeckle:
         motion = paths.motion
         moving = np.zeros(0, dtype=np.intp)
         if isinstance(motion, KinematicMotion):
-            moving = np.flatnonzero(motion.moving[known])
+            rough = np.abs(found.rough) > _LEAST_FACTOR
+            moving = np.flatnonzero(motion.moving[known] & rough)
         if not moving.size:
             return dataclasses.replace(paths, phasors=phasors)
         mine = known[moving]
         phasors[mine] = found.coherent[moving]
         stay = np.ones(len(paths), dtype=bool)
-        stay[mine] = found.coherent[moving] > _LEAST_COHERENT
+        stay[mine] = found.coherent[moving] > _LEAST_FACTOR
         own = dataclasses.replace(paths, phasors=phasors).select(stay)
         going = np.zeros(len(paths), dtype=bool)
         going[mine] = True
