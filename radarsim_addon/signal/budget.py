@@ -13,15 +13,19 @@ from ..physics.noise import SnrPrediction, predict_snr
 from .config import Radar
 from .frames import RadarFrame
 from .link import Link, frame_antennas
+from .mti import mti_response
 from .noisefloor import coherent_samples, map_noise_gain
 from .objects import ObjectEcho, object_echoes
 from .paths import Paths
 from .system import RadarSystem, make_system
+from .waveform_lines import FmcwWaveform
 
 #: Share of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
 #: Objects whose share of the strongest one's power is below this are rounding [dB].
 _LEAST_DB = -200.0
+#: What a canceller leaves of an echo, below which it is gone from the map [power].
+_CANCELLED = 1e-20
 
 
 def compression_loss_db(radar: Radar, window: str, doppler_window: str) -> float:
@@ -66,7 +70,9 @@ class BudgetReport:
     objects
         Objects that echo, the strongest first; none for rings.
     snr
-        By the object's name, where there is a system.
+        By the object's name, where there is a system and the object is in the map.
+    not_in_map
+        Why an object is not in the map, by its name.
     warnings
         In whole sentences.
     """
@@ -76,6 +82,7 @@ class BudgetReport:
     objects: list[ObjectEcho] = field(default_factory=list)
     snr: dict[str, SnrPrediction] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    not_in_map: dict[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """For ``_summary.json``: powers in W and dBm, cross sections in m^2 and dBsm."""
@@ -92,6 +99,7 @@ class BudgetReport:
                     "predicted_snr": dataclasses.asdict(self.snr[echo.name])
                     if echo.name in self.snr
                     else None,
+                    "not_in_map": self.not_in_map.get(echo.name),
                 }
                 for echo in self.objects
             ],
@@ -114,6 +122,8 @@ class BudgetReport:
                 line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
+            if echo.name in self.not_in_map:
+                line += f"   not in the map: {self.not_in_map[echo.name]}"
             found.append(line)
         return found
 
@@ -152,7 +162,13 @@ class FrameBudget:
         return paths if self.link is None else self.link.apply(paths)
 
     def report(
-        self, received_w: float, window: str = "hamming", doppler_window: str = "hamming"
+        self,
+        received_w: float,
+        window: str = "hamming",
+        doppler_window: str = "hamming",
+        *,
+        window_m: tuple[float, float] | None = None,
+        mti: int = 0,
     ) -> BudgetReport:
         """Objects, noise and predictions, after all paths were seen.
 
@@ -162,6 +178,10 @@ class FrameBudget:
             Sum of the paths' powers [W].
         window, doppler_window
             Over band and pulses, for the predicted SNR.
+        window_m
+            One-way ranges of the map (start, stop); None: all [m].
+        mti
+            Pulses of the canceller before the map; 0: none.
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
@@ -171,14 +191,19 @@ class FrameBudget:
             objects = [echo for echo in objects if echo.power_w > least]
         noise_w = None
         snr = {}
+        absent = {echo.name: why for echo in objects if (why := _absence(echo, radar, window_m))}
         if system is not None:
             noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
             if noise_w > 0:
-                snr = {
-                    echo.name: predicted_snr(echo.power_w, radar, system, window, doppler_window)
-                    for echo in objects
-                }
-        return BudgetReport(received_w, noise_w, objects, snr, self._warnings())
+                for echo in objects:
+                    left = _canceller_gain(echo, radar, mti)
+                    if left < _CANCELLED:
+                        absent.setdefault(echo.name, "cancelled by the MTI")
+                    if echo.name not in absent:
+                        point = predicted_snr(echo.power_w, radar, system, window, doppler_window)
+                        burst_db = point.burst_db + 10 * math.log10(left)
+                        snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
+        return BudgetReport(received_w, noise_w, objects, snr, self._warnings(), absent)
 
     def _warnings(self) -> list[str]:
         link = self.link
@@ -191,6 +216,37 @@ class FrameBudget:
             "paths, or rings without bounces, to be rid of it."
         )
         return [text]
+
+
+def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
+    """What a canceller leaves of the object's power, at its mean Doppler, over that of noise."""
+    if not mti:
+        return 1.0
+    doppler_hz = -2 * echo.range_rate_mps / radar.waveform.wavelength_m
+    # it shortens the burst too
+    share = (radar.burst.pulses - mti + 1) / radar.burst.pulses
+    return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * share
+
+
+def _absence(echo: ObjectEcho, radar: Radar, window_m: tuple[float, float] | None) -> str | None:
+    """Why an object is not in the map; None: it is."""
+    waveform = radar.waveform
+    range_m, cell_m = echo.range_m, waveform.range_resolution_m
+    if isinstance(waveform, FmcwWaveform):
+        if range_m >= waveform.unambiguous_range_m:
+            return "beyond the ADC's band"
+        fold_m = math.inf
+    elif waveform.family == "line":
+        fold_m = waveform.unambiguous_range_m
+    else:
+        fold_m = radar.burst.unambiguous_range_m
+    if window_m is None:
+        return None
+    start_m, stop_m = window_m[0] - cell_m, window_m[1] + cell_m
+    # where it is heard, folded: the farthest place that is not beyond the window
+    orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
+    shown_m = range_m - orders * fold_m if orders else range_m
+    return None if start_m <= shown_m <= stop_m else "outside the window"
 
 
 def _dbm(power_w: float) -> float | None:

@@ -51,6 +51,8 @@ class ObjectEcho:
         One-way range, mean weighted by power [m].
     shared_power_w
         Power of paths that touch other objects too (first or last vertex); not in `power_w` [W].
+    range_rate_mps
+        Rate of the one-way range at t, mean weighted by power, receding positive [m/s].
     """
 
     name: str
@@ -61,6 +63,7 @@ class ObjectEcho:
     rcs_error_m2: float | None
     range_m: float
     shared_power_w: float
+    range_rate_mps: float = 0.0
 
     @property
     def power_dbm(self) -> float:
@@ -162,6 +165,7 @@ class _Sums:
         self._variance = np.zeros((2, groups))
         self._paths = np.zeros(groups, dtype=np.int64)
         self._range = np.zeros(groups)
+        self._rate = np.zeros(groups)
         self._shared = np.zeros(groups)
 
     def add_tile(self, rows: PathRows, power: Real, rcs: Real, member: NDArray[np.bool_]) -> None:
@@ -173,6 +177,7 @@ class _Sums:
             self._shared[group] += power[touched_last ^ touched_first].sum()
             self._paths[group] += np.count_nonzero(mine)
             self._range[group] += power[mine] @ rows["length_m"][mine] / 2
+            self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
             for place, value in enumerate((power, rcs)):
                 by_shift = self._shifts * np.bincount(
                     rows["shift"][mine], value[mine], minlength=self._shifts
@@ -194,6 +199,7 @@ class _Sums:
                 rcs_error_m2=float(errors[1, i]) if known else None,
                 range_m=float(self._range[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
                 shared_power_w=float(self._shared[i]),
+                range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
             )
             for i, name in enumerate(names)
             if self._paths[i] or self._shared[i]

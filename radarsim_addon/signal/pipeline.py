@@ -28,7 +28,7 @@ from .detections import detect_targets
 from .echoes import Echoes, check_window
 from .families import synthesizer_for
 from .files import make_folder
-from .findings import dynamics_db, find_edges, find_movers
+from .findings import dynamics_db, find_edges, find_movers, peaks_beyond
 from .frame_files import draw_results, write_results
 from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
@@ -183,7 +183,14 @@ def _process_frame(
     # windows are at most three cells wide to each side: what is slower hides in the stripe
     slowest_mps = 3 * radar.velocity_resolution_mps
     scatterers = speckle.report()
-    report = budget.report(statistics.power_w, options.window, options.doppler_window)
+    report = budget.report(
+        statistics.power_w,
+        options.window,
+        options.doppler_window,
+        window_m=window_m,
+        mti=options.mti,
+    )
+    beyond = peaks_beyond(echoes, rd_map, options.mti, slowest_mps)
     result = FrameResult(
         frame=frame.number,
         time_s=frame.time_s,
@@ -198,6 +205,7 @@ def _process_frame(
             slowest_mps,
             options.tolerance,
             reception.noise_power_w * map_noise_gain(radar, options.window, options.doppler_window),
+            beyond,
         ),
         warnings=statistics_warnings(statistics, radar)
         + report.warnings

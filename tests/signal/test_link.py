@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -13,16 +14,19 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
-from radarsim_addon.signal.budget import FrameBudget, compression_loss_db
+from radarsim_addon.sidecar import file_sha256, read_record, write_record
+from radarsim_addon.signal.budget import BudgetReport, FrameBudget, compression_loss_db
 from radarsim_addon.signal.cli import main
-from radarsim_addon.signal.config import Radar
+from radarsim_addon.signal.config import Burst, Radar
 from radarsim_addon.signal.frames import open_run
 from radarsim_addon.signal.link import Link
 from radarsim_addon.signal.objects import matching_objects, object_echoes
 from radarsim_addon.signal.paths import frame_paths, join_paths, make_paths, path_power_w
+from radarsim_addon.signal.pathtable import open_table, write_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.ringgeometry import single_vertex_m
 from radarsim_addon.signal.system import make_system
+from radarsim_addon.signal.waveform_lines import FmcwWaveform
 from tests.signal import path_runs as pr
 from tests.signal import synthetic
 
@@ -233,6 +237,52 @@ def test_summary_holds_watts_and_square_metres(tmp_path: Path) -> None:
     assert results[0].expected is not None
     peak = results[0].expected.profile[np.abs(results[0].expected.range_m - 600) < 20].max()
     assert 10 * math.log10(peak / near["power_w"]) == pytest.approx(0, abs=0.3)
+
+
+def budget_of(folder: Path, options: ProcessOptions) -> BudgetReport:
+    result = next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
+    assert result.budget is not None
+    return result.budget
+
+
+def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
+    folder = two_plates(tmp_path / "run")
+    quick = ProcessOptions(products=False, plots=False, window_m=(0.0, 800.0))
+    report = budget_of(folder, quick)
+    assert set(report.snr) == {"Near"}
+    assert report.not_in_map == {"Far": "outside the window"}
+    assert "outside the window" in report.lines()[2] and "SNR" not in report.lines()[2]
+    # 50 MHz over 250 samples: 749 m; the anti-alias filter takes out what is beyond
+    fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
+    report = budget_of(folder, dataclasses.replace(quick, window_m=None, radar=fmcw))
+    assert report.not_in_map == {"Far": "beyond the ADC's band"}
+    # echoes of pulses fold: 900 m is heard at 400 m
+    folding = Radar(pr.WAVEFORM, Burst(pr.C0_MPS / 2 / 500, 64))
+    report = budget_of(folder, dataclasses.replace(quick, window_m=(300.0, 480.0), radar=folding))
+    assert report.not_in_map == {"Near": "outside the window"}
+    assert set(report.snr) == {"Far"}
+
+
+def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
+    folder = two_plates(tmp_path / "run")
+    quick = ProcessOptions(products=False, plots=False, mti=2)
+    assert set(budget_of(folder, quick).not_in_map.values()) == {"cancelled by the MTI"}
+    table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
+    rows = np.array(open_table(table))
+    rows["range_rate_mps"][rows["object"] == 2] = 2.0
+    write_table(table, [rows])
+    sidecar = folder / contract.frame_dir(1) / contract.PATHS_FILE
+    record = read_record(sidecar, contract.PathsRecord)
+    write_record(sidecar, dataclasses.replace(record, table_sha256=file_sha256(table)))
+    plain = budget_of(folder, dataclasses.replace(quick, mti=0)).snr["Far"]
+    for pulses in (2, 3):
+        report = budget_of(folder, dataclasses.replace(quick, mti=pulses))
+        assert report.not_in_map == {"Near": "cancelled by the MTI"}
+        # the textbook's response over that of white noise; the burst is a little shorter, too
+        sine = math.sin(math.pi * (-2 * 2.0 / WAVELENGTH_M) / 1000.0) ** 2
+        gain = {2: 4 * sine / 2, 3: 16 * sine**2 / 6}[pulses] * (65 - pulses) / 64
+        change_db = report.snr["Far"].burst_db - plain.burst_db
+        assert change_db == pytest.approx(10 * math.log10(gain), abs=1e-9)
 
 
 def test_windows_cost_what_harris_says() -> None:
