@@ -80,8 +80,8 @@ def read_record(path: Path, kind: type[Record]) -> Record:
         ) from error
     except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise FrameFileError(
-            f"{path} cannot be read as JSON ({error}). Render the run again: it goes on where "
-            "files are missing, so remove this file and its EXR first."
+            f"{path} cannot be read as JSON ({error}). Remove it{_belonging(kind)}, and render the "
+            "run again."
         ) from error
     if not isinstance(data, dict):
         raise FrameFileError(f"{path} holds a {type(data).__name__}; expected a JSON object.")
@@ -100,6 +100,12 @@ def read_record(path: Path, kind: type[Record]) -> Record:
             f"{contract.SCHEMA_VERSION}. Update radarsim to process this run."
         )
     return typing.cast(Record, _build(kind, data, str(path)))
+
+
+def _belonging(kind: Any) -> str:
+    """What must go with a damaged record, so that it is rendered again."""
+    others = {contract.RenderRecord: " and its EXR", contract.PathsRecord: " and its table"}
+    return others.get(kind, "")
 
 
 def _build(kind: Any, value: Any, where: str) -> Any:

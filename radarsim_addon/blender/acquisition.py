@@ -163,8 +163,14 @@ def make_plan(
     Raises
     ------
     ConfigError
-        Automatic rings would be more than `MAX_RINGS`, or scale or frame rate are not positive.
+        Automatic rings would be more than `MAX_RINGS`, scale or frame rate are not positive, or
+        there are more renders in a burst than pulses.
     """
+    if renders_per_burst > measurement.burst.pulses:
+        raise ConfigError(
+            f"Renders per burst: {renders_per_burst}, more than the {measurement.burst.pulses} "
+            "pulses of the burst; expected at most one a pulse. Lower it, or send more pulses."
+        )
     for name, value in (("Unit scale", metres_per_unit), ("Frame rate", fps)):
         if not (math.isfinite(value) and value > 0):
             raise ConfigError(f"{name} of the scene is {value!r}; expected a positive number.")

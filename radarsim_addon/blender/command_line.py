@@ -9,6 +9,17 @@ from typing import Any
 from ..errors import ConfigError
 from .measurement import parse_frames
 
+#: Options that are of rings alone.
+_RINGS = ("auto_rings",)
+_RING_NUMBERS = ("rings", "ring_step", "samples", "bounces")
+#: Options of paths that are called otherwise than what they set.
+_PATH_FLAGS = {
+    "max_order": "order",
+    "refine_by": "error_of",
+    "error_target": "error",
+    "time_budget_s": "budget",
+}
+
 
 def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """Options by the names of the scene's settings; None where not given."""
@@ -45,12 +56,23 @@ def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
     """The acquisition that was named, or that the options belong to; None: the file's own."""
     if arguments.acquisition is not None:
         return str(arguments.acquisition)
-    of_rings = (arguments.rings, arguments.ring_step, arguments.samples, arguments.bounces)
-    if arguments.auto_rings or any(value is not None for value in of_rings):
-        return "rings"
-    if any(value is not None for value in path_overrides(arguments).values()):
-        return "paths"
-    return None
+    of_rings = [f"--{name.replace('_', '-')}" for name in _RINGS if getattr(arguments, name)]
+    of_rings += [
+        f"--{name.replace('_', '-')}"
+        for name in _RING_NUMBERS
+        if getattr(arguments, name) is not None
+    ]
+    of_paths = [
+        f"--{_PATH_FLAGS.get(name, name).replace('_', '-')}"
+        for name, value in path_overrides(arguments).items()
+        if value is not None
+    ]
+    if of_rings and of_paths:
+        raise ConfigError(
+            f"{of_paths[0]} is of paths, {of_rings[0]} of rings; expected options of one of them, "
+            "or --acquisition that says which."
+        )
+    return "rings" if of_rings else "paths" if of_paths else None
 
 
 def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -201,7 +201,14 @@ def _cosine(given: _Parameters, _: float) -> PeakedAntenna:
 
 
 def _gaussian(given: _Parameters, _: float) -> PeakedAntenna:
-    widths = [given.number(f"{axis}_beamwidth_deg", "degrees") for axis in ("azimuth", "elevation")]
+    widths = []
+    for axis in ("azimuth", "elevation"):
+        name = f"{axis}_beamwidth_deg"
+        widths.append(given.number(name, "degrees"))
+        if not 0 < widths[-1] <= 180:
+            raise ConfigError(
+                f"{given.where}: {name} is {widths[-1]:g}; expected more than 0, up to 180 degrees."
+            )
     antenna = Gaussian(*(float(np.radians(width)) for width in widths))
     return _with_gain(given, antenna, antenna.peak_gain)
 

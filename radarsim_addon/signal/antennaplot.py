@@ -150,9 +150,8 @@ def print_antennas(source: str, out: str, carrier_ghz: float | None) -> int:
     if carrier_ghz is not None:
         wavelength_m = SPEED_OF_LIGHT_MPS / (carrier_ghz * 1e9)
     if not wavelength_m > 0:
-        raise ConfigError(
-            f"The carrier is {carrier_ghz!r} GHz; a system file holds none: give --carrier-ghz."
-        )
+        given = "No carrier" if carrier_ghz is None else f"Carrier of {carrier_ghz:g} GHz"
+        raise ConfigError(f"{given}: a system file holds none, give --carrier-ghz, above 0.")
     system = make_system(record, wavelength_m)
     target = plots.save(plot_antennas(system), make_folder(Path(out)) / ANTENNA_PICTURE)
     for name, antenna in (("transmitter", system.transmitter), ("receiver", system.receiver)):

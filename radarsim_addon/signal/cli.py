@@ -24,6 +24,7 @@ from .pipeline import (
     process_run,
 )
 from .process_arguments import add_process_parser, frame_numbers, process_options
+from .rangedoppler import level_unit
 from .rcscommand import add_rcs_parser, print_rcs
 
 #: Rounding of the range code in float32, relative to code length or path length, whichever is more.
@@ -100,12 +101,13 @@ def _show(progress: Progress) -> None:
 
 def _print_frame(result: FrameResult) -> None:
     statistics = result.statistics
+    unit = level_unit(result.echoes.weighting)
     print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
     for edge in result.edges:
-        print(f"  leading edge {edge.range_m:10.2f} m   level {edge.level_db:8.2f} dB")
+        print(f"  leading edge {edge.range_m:10.2f} m   level {edge.level_db:8.2f} {unit}")
     for peak in result.movers:
         print(
-            f"  mover        {peak.range_m:10.2f} m   level {peak.level_db:8.2f} dB   "
+            f"  mover        {peak.range_m:10.2f} m   level {peak.level_db:8.2f} {unit}   "
             f"range rate {peak.velocity_mps:+9.3f} m/s   Doppler {peak.doppler_hz:+9.2f} Hz   "
             f"{peak.above_db:.1f} dB above its surroundings"
         )

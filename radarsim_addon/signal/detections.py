@@ -146,8 +146,8 @@ def _interpolate(
     return found
 
 
-def write_detections(stem: Path, found: Detections) -> list[Path]:
-    """Write ``<stem>_detections.csv`` and ``.json``; returns both paths."""
+def write_detections(stem: Path, found: Detections, unit: str = "dB") -> list[Path]:
+    """Write ``<stem>_detections.csv`` and ``.json``, levels in `unit`; returns both."""
     table = stem.with_name(stem.name + "_detections.csv")
     names = [field.name for field in dataclasses.fields(Detection)]
     with replaced(table) as temporary, open(temporary, "w", encoding="utf-8", newline="") as out:
@@ -155,14 +155,15 @@ def write_detections(stem: Path, found: Detections) -> list[Path]:
         writer.writerow(names)
         writer.writerows([getattr(target, name) for name in names] for target in found.targets)
     record = stem.with_name(stem.name + "_detections.json")
-    write_json(record, detections_record(found))
+    write_json(record, detections_record(found, unit))
     return [table, record]
 
 
-def detections_record(found: Detections) -> dict[str, Any]:
-    """As plain JSON."""
+def detections_record(found: Detections, unit: str = "dB") -> dict[str, Any]:
+    """As plain JSON; `unit` is that of levels."""
     return {
         "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+        "level_unit": unit,
         **dataclasses.asdict(found),
     }
 

@@ -50,6 +50,17 @@ def make_folder(path: Path) -> Path:
     return path
 
 
+def remove_file(path: Path) -> None:
+    """Remove a file where there is one, or raise OutputError."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"Cannot remove {path}, which is of an earlier processing: {error.strerror or error}. "
+            "Remove it, or choose another output folder."
+        ) from error
+
+
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
     """Write plain arrays and numbers as .npz; ``numpy.load`` needs no pickle for it."""
     with replaced(path) as temporary:

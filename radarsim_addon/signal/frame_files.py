@@ -4,25 +4,36 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from . import plots
 from .detections import write_detections
-from .files import write_arrays, write_json
+from .files import remove_file, write_arrays, write_json
 from .frames import RadarFrame
 from .hdf5 import write_hdf5
 from .pipeline_options import FrameResult, ProcessOptions
+from .rangedoppler import level_unit
 from .receiver import Reception
 from .sigmf import write_sigmf
 from .uncertainty import ExpectedPower
 from .waveform_files import waveform_to_dict
 
+#: All that processing writes of a frame, and nobody else: see `remove_stale`.
+_ENDINGS = (
+    *("_amplitude_t0.exr", "_amplitude_t1.exr", "_range_t0.exr", "_range_t1.exr"),
+    *("_profile.npz", "_map.npz", "_summary.json", "_expected.npz"),
+    *("_detections.csv", "_detections.json", ".h5", ".sigmf-data", ".sigmf-meta"),
+    *("_rings.png", "_echo.png", "_matched_filter.png", "_range_doppler.png"),
+)
+
 
 def write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:
     stem = folder / f"frame_{result.frame:04d}"
     profile, rd_map = result.profile, result.rd_map
+    unit = level_unit(result.echoes.weighting)
     names = [stem.with_name(stem.name + s) for s in ("_profile.npz", "_map.npz", "_summary.json")]
     write_arrays(
         names[0],
@@ -51,6 +62,7 @@ def write_results(result: FrameResult, folder: Path, options: ProcessOptions) ->
             "waveform": waveform_to_dict(rd_map.radar.waveform),
             "burst": dataclasses.asdict(rd_map.radar.burst),
             "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "level_unit": unit,
             "synthesis": dataclasses.asdict(result.echoes.report) if result.echoes.report else None,
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
@@ -64,12 +76,21 @@ def write_results(result: FrameResult, folder: Path, options: ProcessOptions) ->
     if result.expected is not None:
         names.append(_write_expected(stem, result.expected))
     if result.detections is not None:
-        names += write_detections(stem, result.detections)
+        names += write_detections(stem, result.detections, unit)
     if options.hdf5:
         names.append(write_hdf5(stem.with_name(stem.name + ".h5"), result, options))
     if options.sigmf:
         names += write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
     return names
+
+
+def remove_stale(folder: Path, frame: int, written: Collection[Path]) -> None:
+    """Remove files of a frame that an earlier processing wrote and this one did not."""
+    keep = {path.name for path in written}
+    for ending in _ENDINGS:
+        name = f"frame_{frame:04d}{ending}"
+        if name not in keep:
+            remove_file(folder / name)
 
 
 def _receiver_record(reception: Reception) -> dict[str, float | int | None]:

@@ -99,6 +99,13 @@ class RadarFrame:
         """1, or 2 where the frame was rendered again at t + delta t."""
         return self.record.passes
 
+    @property
+    def planned(self) -> int:
+        """Renders of the plan: images, or tables for the acquisition "paths"."""
+        if self.acquisition == "paths":
+            return self.renders_per_burst
+        return self.rings * self.passes
+
     def missing(self) -> list[MissingRender]:
         """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
         if self.acquisition == "paths":
@@ -256,9 +263,7 @@ class Run:
     @property
     def renders(self) -> int:
         """Number of renders in the plan; of tables for the acquisition "paths"."""
-        if self.record.acquisition == "paths":
-            return len(self.record.frames)
-        return len(self.record.frames) * self.record.rings * self.record.passes
+        return sum(frame.planned for frame in self.frames())
 
     @property
     def window_m(self) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from .detections import Detection
 from .files import replaced
 from .linesynthesis import line_times_s
 from .pipeline_options import FrameResult, ProcessOptions
+from .rangedoppler import level_unit
 from .waveform_files import waveform_to_dict
 
 #: Version of the layout below.
@@ -28,7 +29,7 @@ _UNITS = {
     "range_m": "m",
     "velocity_mps": "m/s",
     "doppler_hz": "Hz",
-    "level_db": "dB",
+    "level_db": "dB",  # dBW where powers are watts, see `level_unit`
     "noise_db": "dB",
     "snr_db": "dB",
     "row": "1",
@@ -151,7 +152,10 @@ def _write_detections(group: Any, result: FrameResult) -> None:
     group.attrs["independent_training_cells"] = found.independent_cells
     for field in dataclasses.fields(Detection):
         column = np.array([getattr(target, field.name) for target in found.targets])
-        _put(group, field.name, column, _UNITS[field.name], f"{field.name} of each target")
+        unit = _UNITS[field.name]
+        if field.name in ("level_db", "noise_db"):
+            unit = level_unit(result.echoes.weighting)
+        _put(group, field.name, column, unit, f"{field.name} of each target")
 
 
 def _write_uncertainty(group: Any, result: FrameResult) -> None:

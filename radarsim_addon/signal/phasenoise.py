@@ -165,7 +165,7 @@ def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex
     if waveform.family == "line":
         raise ConfigError(
             f"Phase noise of a waveform of kind {waveform.kind!r} differs from path to path: give "
-            "it to the synthesis, synthesize(..., phase_noise=...)."
+            "it to the synthesis, synthesizer_for(..., phase_noise=...)."
         )
     return _through_pulses(echoes, noise, seed)
 

@@ -27,9 +27,9 @@ from .config import Radar
 from .detections import detect_targets
 from .echoes import Echoes, check_window
 from .families import synthesizer_for
-from .files import make_folder
+from .files import make_folder, remove_file
 from .findings import dynamics_db, find_edges, find_movers, peaks_beyond
-from .frame_files import draw_results, write_results
+from .frame_files import draw_results, remove_stale, write_results
 from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
 from .link import Link
@@ -107,7 +107,7 @@ def process_run(
     for frame in chosen:
         gaps = frame.missing()
         if gaps and not allow_incomplete:
-            raise FrameFileError(_gaps_text(run, frame, len(gaps), gaps[0].reason))
+            raise FrameFileError(_gaps_text(frame, len(gaps), gaps[0].reason))
         if gaps:
             finished += steps
             text = f"frame {frame.number} skipped: {len(gaps)} of its renders are missing"
@@ -116,6 +116,7 @@ def process_run(
         complete += 1
         for event in _process_frame(run, frame, folder, options):
             if isinstance(event, FrameResult):
+                remove_stale(folder, event.frame, event.files)
                 stem = f"frame_{event.frame:04d}"
                 maps.append(MapFile(folder / f"{stem}_map.npz", event.frame, event.time_s))
                 yield event
@@ -130,11 +131,13 @@ def process_run(
     if options.animate or (options.animate is None and draws and len(maps) > 1):
         path = animate_maps(maps, folder / ANIMATION_FILE)
         yield Progress(total, total, f"animation: {path}")
+    else:
+        remove_file(folder / ANIMATION_FILE)
 
 
-def _gaps_text(run: Run, frame: RadarFrame, count: int, first: str) -> str:
+def _gaps_text(frame: RadarFrame, count: int, first: str) -> str:
     return (
-        f"{frame.path} lacks {count} of {run.record.rings * run.record.passes} renders; the first: "
+        f"{frame.path} lacks {count} of {frame.planned} renders; the first: "
         f"{first}. Render the run again: it goes on where it stopped. Or process only what is "
         "complete with --allow-incomplete."
     )

@@ -148,10 +148,12 @@ class ProcessOptions:
         ------
         ConfigError
             A receiver gain beside a system, which has one already; the noise of a system without
-            one; an unknown canceller.
+            one; an unknown canceller; a tolerance out of range.
         """
         if self.mti not in (0, 2, 3):
             raise ConfigError(f"MTI canceller of {self.mti!r} pulses; expected 0, 2 or 3.")
+        if not 1e-13 <= self.tolerance <= 1e-2:
+            raise ConfigError(f"Tolerance is {self.tolerance:g}; expected 1e-13 to 1e-2.")
         system = self.system or run.record.system
         if system is not None and self.receiver_gain != 1:
             raise ConfigError(

@@ -27,6 +27,11 @@ def decibels(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) ->
     return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))
 
 
+def level_unit(weighting: str) -> str:
+    """Unit of a level: dBW with the weighting "radar-equation", whose powers are watts."""
+    return "dBW" if weighting == "radar-equation" else "dB"
+
+
 @dataclass(frozen=True)
 class RangeDopplerMap:
     """Range-Doppler map.

@@ -193,6 +193,13 @@ def test_scale_and_rate_must_be_positive(scale: float, fps: float) -> None:
         make_plan(PAPER, scale, fps, Extent())
 
 
+def test_no_more_renders_in_a_burst_than_pulses() -> None:
+    asked = dataclasses.replace(PAPER, rings=3, burst=dataclasses.replace(PAPER.burst, pulses=4))
+    assert make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=4).renders_per_burst == 4
+    with pytest.raises(ConfigError, match="Renders per burst: 300, more than the 4 pulses"):
+        make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=300)
+
+
 # -- nearest distance ------------------------------------------------------------------------------
 
 
