@@ -75,7 +75,7 @@ def test_a_tolerance_is_named_as_it_was_given(
 
 def test_a_beamwidth_is_named_in_degrees() -> None:
     beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 1e9}
-    with pytest.raises(ConfigError, match="elevation_beamwidth_deg is 1e\\+09.*180 degrees"):
+    with pytest.raises(ConfigError, match=r"elevation_beamwidth_deg is 1e\+09.*180 degrees"):
         make_antenna(AntennaRecord("gaussian", beam), 0.05)
 
 
@@ -89,10 +89,24 @@ def test_what_goes_with_a_damaged_record(tmp_path: Path) -> None:
         read_record(file, RenderRecord)
 
 
-_NAMES = (
-    "acquisition rings auto_rings ring_step samples bounces order shifts error_of error budget "
-    "motion motion_samples renders_per_burst code amplitude"
-).split()
+_NAMES = [
+    "acquisition",
+    "rings",
+    "auto_rings",
+    "ring_step",
+    "samples",
+    "bounces",
+    "order",
+    "shifts",
+    "error_of",
+    "error",
+    "budget",
+    "motion",
+    "motion_samples",
+    "renders_per_burst",
+    "code",
+    "amplitude",
+]
 
 
 def given(**values: object) -> Namespace:
