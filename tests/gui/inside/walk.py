@@ -229,6 +229,13 @@ def script(robot: Any) -> Any:
     robot.shot("07_physics")
     result["physical"] = material.radarsim.medium
     yield 1.5
+    region = next(region for region in properties.regions if region.type == "WINDOW")
+    for _ in range(3):
+        with bpy.context.temp_override(window=robot.window, area=properties, region=region):
+            bpy.ops.view2d.scroll_down(page=True)
+        yield 0.5
+    robot.shot("07_material")
+    yield 1.5
     settings.use_system = False
     bpy.ops.radarsim.remove_patterns()
     bpy.utils.unregister_class(opened)
