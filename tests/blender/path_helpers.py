@@ -12,8 +12,10 @@ import bpy
 import numpy as np
 
 from radarsim_addon import contract
+from radarsim_addon.blender import nodes
 from radarsim_addon.blender.path_job import PathJob
 from radarsim_addon.blender.path_options import PathOptions
+from radarsim_addon.blender.rig import DEFAULT_EIRP_W
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.pathtable import open_table
@@ -121,6 +123,21 @@ def half_transparent(transmission: float, name: str = "Half") -> Any:
         ("ShaderNodeBsdfDiffuse", {"Color": grey(1 - transmission)}),
         ("ShaderNodeBsdfTransparent", {"Color": grey(transmission)}),
     )
+
+
+def rough_metal() -> Any:
+    """Radar Material that reflects 99.98 %, as a Lambert surface."""
+    return nodes.make_material("Rough metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+
+
+def mirror(name: str = "Mirror") -> Any:
+    """Radar Material that reflects 99.98 % and does not scatter."""
+    return nodes.make_material(name, 1e4, 1e4, 1.0, 0.0, penetrable=False)
+
+
+def irradiance(range_m: np.ndarray) -> np.ndarray:
+    """Of the rig's transmitter at a distance from it, W/m^2."""
+    return DEFAULT_EIRP_W / (4 * np.pi * range_m**2)
 
 
 def plate_at(y: float, size: float, material: Any, tilt_deg: float = 0.0) -> Any:

@@ -1,55 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of waveforms: what follows from their numbers, their responses, and their files."""
+"""Kinds of waveforms: their codes, what follows from their numbers, and their responses."""
 
 import csv
-import dataclasses
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from radarsim_addon.errors import ConfigError, FrameFileError
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import (
-    ArbitraryPulse,
     Burst,
     FmcwWaveform,
-    PhaseCodedPulse,
     PmcwWaveform,
     Radar,
-    SteppedWaveform,
     Waveform,
     compress,
     expected_power_profile,
-    load_radar,
     make_paths,
-    range_doppler,
     replica,
     synthesize,
     waveform_from_dict,
-    waveform_to_dict,
 )
 from radarsim_addon.signal.codes import BARKER, barker, m_sequence
 from radarsim_addon.signal.config import AnyWaveform
 from radarsim_addon.signal.linesynthesis import line_times_s
-from radarsim_addon.signal.pathmotion import LinearMotion, Rows
-from radarsim_addon.signal.waveform_files import load_samples
 from tests.signal.oracle import unit_paths
-
-FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6, adc_start_s=5e-6, idle_s=4e-6)
-STEPPED = SteppedWaveform(10e9, 2e6, 128, 50e-6)
-PMCW = PmcwWaveform(79e9, 1e-9, 8, repeats=4)
-BARKER13 = PhaseCodedPulse(5.3e9, 50e-9, 13, 4)
-ALL = [Waveform(5.3e9, 50e6, 2.5e-6, 60e6), FMCW, STEPPED, PMCW, BARKER13]
-
-
-def burst_of(waveform: AnyWaveform, pulses: int) -> Radar:
-    # pulses with a pause, so that no echo of these tests comes after the next pulse
-    prf_hz = 1e4 if waveform.family == "pulse" else 1 / waveform.duration_s
-    return Radar(waveform, Burst(prf_hz, pulses))
-
+from tests.signal.waveform_kinds import ALL, BARKER13, PMCW, STEPPED, burst_of
 
 # -- codes -----------------------------------------------------------------------------------------
 
@@ -110,139 +87,6 @@ def test_stepped_and_pmcw_ranges() -> None:
     assert STEPPED.range_resolution_m == pytest.approx(SPEED_OF_LIGHT_MPS / (2 * 256e6))
     assert PMCW.unambiguous_range_m == pytest.approx(SPEED_OF_LIGHT_MPS * 255e-9 / 2)
     assert Radar(PMCW, Burst(1 / PMCW.duration_s, 4)).unambiguous_range_m < 40
-
-
-# -- FMCW ------------------------------------------------------------------------------------------
-
-
-def beat(
-    waveform: FmcwWaveform, range_m: float, rate_mps: float, times_s: np.ndarray
-) -> np.ndarray:
-    """Received times conjugate of transmitted, from the phase of the ramp itself."""
-    start_hz = waveform.carrier_hz - waveform.slope_hz_per_s * waveform.grid_middle_s
-    ramp_s = waveform.adc_start_s + np.arange(waveform.adc_samples) / waveform.sampling_rate_hz
-
-    def cycles(t: np.ndarray) -> np.ndarray:
-        return start_hz * t + waveform.slope_hz_per_s * t**2 / 2
-
-    rows = []
-    for time_s in times_s:
-        delay_s = 2 * (range_m + rate_mps * (time_s + ramp_s)) / SPEED_OF_LIGHT_MPS
-        rows.append(np.exp(2j * np.pi * (cycles(ramp_s - delay_s) - cycles(ramp_s))))
-    return np.array(rows)
-
-
-@pytest.mark.parametrize("rate_mps", [0.0, 8.0, -30.0, 300.0])
-def test_beat_of_a_path_is_that_of_the_two_ramps(rate_mps: float) -> None:
-    """Frequency, phase, residual video phase, coupling and motion within the ramp together."""
-    radar = burst_of(FMCW, 8)
-    found = synthesize(unit_paths(radar, [23.4], [rate_mps]), radar, window_m=(0.0, 38.0)).samples
-    truth = beat(FMCW, 23.4, rate_mps, line_times_s(radar))
-    assert np.linalg.norm(found - truth) < 1e-6 * np.linalg.norm(truth)
-
-
-def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
-    """Tip 50 m/s on 0.25 m: 10 000 m/s^2."""
-    radar = burst_of(FMCW, 32)
-
-    def range_m(time_s: np.ndarray) -> np.ndarray:
-        angle = 200 * time_s + 0.4
-        return np.hypot(20 + 0.25 * np.cos(angle), 0.25 * np.sin(angle))
-
-    class Blade:
-        moving = np.array([True])
-
-        def lengths_m(self, times_s: np.ndarray, rows: object) -> np.ndarray:
-            return 2 * range_m(times_s)[None]
-
-        def select(self, rows: object) -> "Blade":
-            return self
-
-    paths = dataclasses.replace(unit_paths(radar, [20.0]), motion=Blade())
-    found = synthesize(paths, radar, window_m=(0.0, 38.0)).samples
-    start_hz = FMCW.carrier_hz - FMCW.slope_hz_per_s * FMCW.grid_middle_s
-    ramp_s = FMCW.adc_start_s + np.arange(FMCW.adc_samples) / FMCW.sampling_rate_hz
-    delay_s = 2 * range_m(line_times_s(radar)[:, None] + ramp_s) / SPEED_OF_LIGHT_MPS
-    cycles = -start_hz * delay_s - FMCW.slope_hz_per_s * (ramp_s * delay_s - delay_s**2 / 2)
-    truth = np.exp(2j * np.pi * cycles)
-    # the jerk, left out, turns the phase by 2e-5 rad at the ends of the ramp
-    assert np.linalg.norm(found - truth) < 1e-5 * np.linalg.norm(truth)
-
-
-def test_beat_frequency_and_residual_video_phase() -> None:
-    radar = burst_of(FMCW, 1)
-    delay_s = 2 * 20.0 / SPEED_OF_LIGHT_MPS
-    samples = synthesize(unit_paths(radar, [20.0]), radar, window_m=(0.0, 38.0)).samples[0]
-    beat_hz = -FMCW.slope_hz_per_s * delay_s  # falls: received times conjugate of transmitted
-    step = np.exp(2j * np.pi * beat_hz / FMCW.sampling_rate_hz)
-    np.testing.assert_allclose(samples[1:] / samples[:-1], step, atol=1e-7)
-    profile = compress(
-        synthesize(unit_paths(radar, [20 * 0.149896229]), radar, window_m=(0.0, 38.0)), "none", 1
-    )
-    delay_s = 2 * 20 * 0.149896229 / SPEED_OF_LIGHT_MPS
-    phase = -2 * np.pi * FMCW.carrier_hz * delay_s + np.pi * FMCW.slope_hz_per_s * delay_s**2
-    assert profile.values[0, 20] == pytest.approx(np.exp(1j * phase), abs=1e-6)
-
-
-def test_fmcw_mover_stands_where_it_will_be() -> None:
-    """Range-Doppler coupling: f0 / K times the range rate."""
-    radar = burst_of(FMCW, 64)
-    rate_mps, range_m = 8.0, 20.0
-    rd_map = range_doppler(
-        compress(
-            synthesize(unit_paths(radar, [range_m], [rate_mps]), radar, window_m=(0.0, 38.0)),
-            "hann",
-            16,
-        ),
-        "hann",
-    )
-    row, col = np.unravel_index(np.argmax(rd_map.power), rd_map.power.shape)
-    burst_s = 63 / radar.burst.prf_hz
-    later_s = FMCW.carrier_hz / FMCW.slope_hz_per_s
-    assert rate_mps * later_s > 0.015
-    expected_m = range_m + rate_mps * (burst_s / 2 + FMCW.grid_middle_s + later_s)
-    # the cell's own raster, and the residual video phase: K tau of tau' is no Doppler
-    assert rd_map.range_m[col] == pytest.approx(expected_m, abs=0.006)
-    assert rd_map.velocity_mps[row] == pytest.approx(rate_mps, abs=radar.velocity_resolution_mps)
-
-
-class _BurstOnly(LinearMotion):
-    """Known from 0 to the end of the burst alone, as motion sampled from an animation."""
-
-    span_s = 0.0
-
-    def lengths_m(self, times_s: np.ndarray, rows: Rows) -> np.ndarray:
-        assert times_s.min() >= 0 and times_s.max() <= self.span_s
-        return super().lengths_m(times_s, rows)
-
-
-@pytest.mark.parametrize("waveform", [FmcwWaveform(77e9, 1e9, 64, 5e6), STEPPED, PMCW])
-def test_motion_is_asked_for_within_the_burst_alone(waveform: AnyWaveform) -> None:
-    radar = burst_of(waveform, 6)
-    paths = unit_paths(radar, [5.0], [3.0])
-    motion = _BurstOnly(paths.length_m, paths.range_rate_mps)
-    object.__setattr__(motion, "span_s", 6 / radar.burst.prf_hz)
-    known = dataclasses.replace(paths, motion=motion)
-    window_m = (0.0, 9.0)
-    np.testing.assert_array_equal(
-        synthesize(known, radar, window_m=window_m).samples,
-        synthesize(paths, radar, window_m=window_m).samples,
-    )
-
-
-def test_anti_alias_filter_takes_out_what_is_beyond_the_adc() -> None:
-    for real in (False, True):
-        waveform = FmcwWaveform(77e9, 1e9, 256, 10e6, real_adc=real)
-        radar = burst_of(waveform, 2)
-        limit_m = waveform.unambiguous_range_m
-        paths = unit_paths(radar, [limit_m * 0.9, limit_m * 1.1])
-        echoes = synthesize(paths, radar, window_m=(0.0, 2 * limit_m))
-        assert echoes.outside == 1
-        profile = compress(echoes, "hann")
-        assert profile.range_m[-1] < limit_m
-        assert profile.range_m[np.argmax(np.abs(profile.values[0]))] == pytest.approx(
-            0.9 * limit_m, abs=0.1
-        )
 
 
 # -- stepped frequency, codes, samples -------------------------------------------------------------
@@ -357,100 +201,3 @@ def test_a_path_of_power_p_peaks_at_p(waveform: AnyWaveform, window: str) -> Non
         profile.power[:: 2], np.abs(found.values[0, : -(-profile.power.size // 2)]) ** 2,
         atol=2e-5 * power,
     )  # fmt: skip
-
-
-# -- files -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("waveform", ALL, ids=lambda w: w.kind)
-def test_a_radar_file_gives_the_waveform_back(waveform: AnyWaveform, tmp_path: Path) -> None:
-    data = waveform_to_dict(waveform)
-    assert ("kind" in data) == (waveform.kind != "lfm")
-    file = tmp_path / "radar.json"
-    file.write_text(json.dumps({"waveform": data, "burst": {"pulses": 12}}))
-    radar = load_radar(file)
-    assert radar.waveform == waveform
-    assert radar.burst == Burst(1 / waveform.duration_s, 12)
-
-
-def test_arbitrary_samples_survive_a_dictionary() -> None:
-    pulse = ArbitraryPulse(1e9, 10e6, np.array([1, 1j, -2.0]))
-    again = waveform_from_dict(json.loads(json.dumps(waveform_to_dict(pulse))))
-    np.testing.assert_allclose(again.samples, pulse.samples, rtol=1e-15)
-    assert np.mean(np.abs(again.samples) ** 2) == pytest.approx(1)
-
-
-def test_samples_from_a_table(tmp_path: Path) -> None:
-    file = tmp_path / "pulse.csv"
-    file.write_text("# made by hand\nreal, imag\n1, 0\n0.5, -2e-1\n")
-    np.testing.assert_array_equal(load_samples(file), [1, 0.5 - 0.2j])
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.csv", "1,2\nx,3\n", "line 2"),
-        ("a.csv", "1,2,3\n1,2,3\n", "line 2"),
-        ("a.txt", "1,2", r"expected \.npy"),
-        ("a.npy", "not an array", "cannot be read"),
-        ("a.csv", "nan,1\n", "sample 0"),
-    ],
-)
-def test_samples_that_are_none(tmp_path: Path, name: str, content: str, message: str) -> None:
-    (tmp_path / name).write_text(content)
-    with pytest.raises(FrameFileError, match=message):
-        load_samples(tmp_path / name)
-
-
-def test_pickles_are_not_read(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(FrameFileError, match="cannot be read"):
-        load_samples(tmp_path / "a.npy")
-    with pytest.raises(FrameFileError, match="cannot be read"):
-        load_samples(tmp_path / "missing.npy")
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        ({"kind": "sonar"}, "sonar.*knows"),
-        ({"kind": "fmcw", "carrier_hz": 77e9}, "lacks adc_samples"),
-        ({**waveform_to_dict(FMCW), "slope": 1}, "knows no slope"),
-        ({**waveform_to_dict(FMCW), "carrier_hz": "77e9"}, "carrier_hz is '77e9'"),
-        ({**waveform_to_dict(FMCW), "carrier_hz": 77.0}, "check the units"),
-        ({**waveform_to_dict(FMCW), "ramp_s": 1e-6}, "ends before the ADC"),
-        ({**waveform_to_dict(FMCW), "idle_s": -1.0}, "Idle time"),
-        ({**waveform_to_dict(FMCW), "adc_samples": 1.5}, "ADC samples is 1.5"),
-        ({**waveform_to_dict(PMCW), "degree": 40}, "Degree"),
-        ({**waveform_to_dict(BARKER13), "code_length": 6}, "length 6"),
-        ({**waveform_to_dict(STEPPED), "step_hz": math.nan}, "Frequency step"),
-        ({"kind": "arbitrary", "carrier_hz": 1e9, "sampling_rate_hz": 1e6}, "needs"),
-    ],
-)
-def test_waveforms_that_do_not_fit(data: dict, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        waveform_from_dict(data)
-
-
-def test_radar_files_that_do_not_fit(tmp_path: Path) -> None:
-    file = tmp_path / "radar.json"
-    for text, error, message in (
-        ("{", FrameFileError, "cannot be read as JSON"),
-        ('{"burst": {}}', ConfigError, "expected the objects"),
-        (json.dumps({"waveform": waveform_to_dict(FMCW)}), ConfigError, "no burst"),
-        (
-            json.dumps({"waveform": waveform_to_dict(FMCW), "burst": {"pulses": 4, "prf_hz": 1e6}}),
-            ConfigError,
-            "longer than the pulse interval",
-        ),
-    ):
-        file.write_text(text)
-        with pytest.raises(error, match=message):
-            load_radar(file)
-
-
-def test_a_window_beyond_the_waveforms_range_is_named() -> None:
-    radar = burst_of(FMCW, 1)
-    echoes = synthesize(unit_paths(radar, [20.0]), radar, window_m=(50.0, 60.0))
-    with pytest.raises(ConfigError, match="range ends at"):
-        compress(echoes)
