@@ -64,6 +64,9 @@ Blender 5.0 on. 0: at normal incidence on the facet, which is what a radar sees 
 OBJECT_LAYER_NORMAL = "radarsim_layer_normal"
 """Custom property of an object, three numbers: normal of its plane-parallel faces in object space,
 for absorption and delay at an angle. Absent: those of normal incidence whatever the angle."""
+OBJECT_LAYER_THICKNESS = "radarsim_layer_thickness"
+"""Custom property of an object: distance between these faces, in the object's own units. It tells
+which rays began inside, so that echoes between the faces keep their polarisation."""
 
 # Gates of the acquisition "paths" (absent: no gate). Half-integers, so that no comparison in a
 # shader depends on rounding.

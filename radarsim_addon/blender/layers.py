@@ -32,6 +32,10 @@ _PARALLEL = 0.02
 #: before give zero from 122 dB on.
 MOST_LOSS_DB = 350.0
 MOST_LOSS_DB_4_5 = 120.0
+#: Share of a layer's faces that must lie in the two planes furthest apart for it to be one plate.
+PLATE_SHARE = 0.9
+#: How far from these planes, relative to their distance.
+_IN_PLANE = 1e-3
 #: Directions with the most area that are tried.
 _CANDIDATES = 8
 
@@ -96,36 +100,83 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
     return np.asarray(local / np.linalg.norm(local), dtype=np.float64)
 
 
-def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
-    """Give every object with a penetrable physical material its layer normal, for a run.
+def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
+    """Distance between a layer's two faces in the object's own units; None where there are others.
 
-    A property that the user has set is left alone; [0, 0, 0] there means: no layer.
+    Parameters
+    ----------
+    item, depsgraph
+        The object, as evaluated there.
+    normal
+        Of the layer, object space, not zero.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return None
+    try:
+        count = len(mesh.polygons)
+        if not count:
+            return None
+        normals = np.empty(count * 3, dtype=np.float32)
+        centres = np.empty(count * 3, dtype=np.float32)
+        areas = np.empty(count, dtype=np.float32)
+        mesh.polygons.foreach_get("normal", normals)
+        mesh.polygons.foreach_get("center", centres)
+        mesh.polygons.foreach_get("area", areas)
+    finally:
+        evaluated.to_mesh_clear()
+    unit = normal / np.linalg.norm(normal)
+    along = np.abs(normals.reshape(-1, 3).astype(np.float64) @ unit) > 1 - _PARALLEL**2 / 2
+    height = (centres.reshape(-1, 3).astype(np.float64) @ unit)[along]
+    area = areas.astype(np.float64)[along]
+    if not area.sum() > 0:
+        return None
+    low, thickness = float(height.min()), float(np.ptp(height))
+    if not thickness > 0:
+        return None
+    outer = np.abs(2 * (height - low) / thickness - 1) > 1 - 2 * _IN_PLANE
+    return thickness if area[outer].sum() >= PLATE_SHARE * area.sum() else None
+
+
+def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
+    """Give every object with a penetrable physical material its layer's normal and thickness.
+
+    For a run; linked objects, too, whose properties are set in memory. Properties that the user
+    has set are left alone; [0, 0, 0] for the normal means: no layer.
 
     Returns
     -------
     list of str
         A warning that names the objects that are no layers.
     """
+    # Members of instanced collections and linked objects are not among depsgraph.objects.
+    shown = {i.object.original.as_pointer(): i.object.original for i in depsgraph.object_instances}
     others = []
-    for item in bpy.data.objects:
-        if item.hide_render or item.library is not None or contract.OBJECT_LAYER_NORMAL in item:
+    for item in shown.values():
+        if item.hide_render:
             continue
         if not any(is_entered(slot.material) for slot in item.material_slots):
             continue
-        if item.name not in depsgraph.objects:
-            continue
-        normal = object_layer_normal(item, depsgraph)
+        given = item.get(contract.OBJECT_LAYER_NORMAL)
+        normal = None if given is None else np.array(given, dtype=np.float64)
         if normal is None:
-            others.append(item.name)
-            continue
-        recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+            normal = object_layer_normal(item, depsgraph)
+            if normal is None:
+                others.append(item.name)
+                continue
+            recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+        if contract.OBJECT_LAYER_THICKNESS not in item and np.any(normal):
+            thickness = object_layer_thickness(item, depsgraph, normal)
+            if thickness is not None:
+                recorder.set_item(item, contract.OBJECT_LAYER_THICKNESS, thickness)
         item.update_tag()
     if not others:
         return []
-    shown = ", ".join(repr(name) for name in others[:5])
+    named = ", ".join(repr(name) for name in others[:5])
     more = f" and {len(others) - 5} more" if len(others) > 5 else ""
     text = (
-        f"{shown}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
+        f"{named}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
         "so absorption and delay inside are taken as at normal incidence, whatever the angle. For "
         f"a thick wall give the object the property {contract.OBJECT_LAYER_NORMAL} (three numbers: "
         "the wall's normal in the object's own axes)."

@@ -67,9 +67,32 @@ def test_what_is_no_layer_is_named() -> None:
     (text,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
     assert "'Thick': less than 60%" in text
     assert "Wall" not in text and "Told" not in text
-    assert contract.OBJECT_LAYER_NORMAL in bpy.data.objects["Wall"]
+    wall = bpy.data.objects["Wall"]
+    assert contract.OBJECT_LAYER_NORMAL in wall
+    assert wall[contract.OBJECT_LAYER_THICKNESS] == pytest.approx(0.2, rel=1e-6)
+    # The normal was told, the thickness measured.
+    assert bpy.data.objects["Told"][contract.OBJECT_LAYER_THICKNESS] == pytest.approx(4.0)
     assert recorder.restore() == []
-    assert contract.OBJECT_LAYER_NORMAL not in bpy.data.objects["Wall"]
+    assert contract.OBJECT_LAYER_NORMAL not in wall
+    assert contract.OBJECT_LAYER_THICKNESS not in wall
+    assert contract.OBJECT_LAYER_THICKNESS not in bpy.data.objects["Told"]
+
+
+def test_two_plates_in_one_object_have_no_thickness() -> None:
+    """Four parallel faces: a ray that is shorter than their extent may come from outside."""
+    first, second = box((0, 0, 0), (4, 0.2, 3), "Two"), box((0, 1, 0), (4, 1.3, 3), "Other")
+    with bpy.context.temp_override(
+        active_object=first,
+        selected_objects=[first, second],
+        selected_editable_objects=[first, second],
+    ):
+        bpy.ops.object.join()
+    bpy.context.view_layer.update()
+    recorder = Recorder()
+    assert set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get()) == []
+    assert contract.OBJECT_LAYER_NORMAL in first
+    assert contract.OBJECT_LAYER_THICKNESS not in first
+    recorder.restore()
 
 
 def test_sound_scene_is_silent() -> None:

@@ -11,13 +11,13 @@ each polarisation, without subtraction of nearly equal numbers (Born & Wolf 1.5.
 
 A wave of shares w_s and w_p enters with the power T_in = w_s t_s + w_p t_p. Inside, its shares are
 no longer those, and in a lossy medium the power that leaves is not 1 - |r|^2 of what arrives, as
-incident and reflected wave interfere. With
+incident and reflected wave interfere. After j reflections inside, with v_i = w_i R_i^j,
 
-    T_out = (w_s d_s^2 + w_p d_p^2) / T_in,    R_out = (w_s t_s R_s + w_p t_p R_p) / T_in
+    T_out = sum v_i d_i^2 / sum v_i t_i,       R_out = sum v_i t_i R_i / sum v_i t_i
 
-the product T_in T_out over the two faces of a layer is the exact power through it, the mean of
-|1 - r_s^2|^2 and |1 - r_p^2|^2, and without loss nothing is created: T_in + R_in = 1 and
-T_out + R_out = 1.
+so that the product of all factors from the first face to the last is, passage by passage, the mean
+of both polarisations' series, sum w_i d_i^2 R_i^j; and without loss nothing is created:
+T_in + R_in = 1 and T_out + R_out = 1.
 """
 
 from __future__ import annotations
@@ -81,8 +81,13 @@ def wave_inside(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Wave:
     return Wave(excess, imaginary, cosine, u, v)
 
 
-def interface_power(build: TreeBuilder, n: Any, kappa: Any, wave: Wave) -> InterfacePower:
-    """Reflected and passed power at a face that is hit from outside (front) or inside (back)."""
+def interface_power(
+    build: TreeBuilder, n: Any, kappa: Any, wave: Wave, echoes: Any
+) -> InterfacePower:
+    """Reflected and passed power at a face that is hit from outside (front) or inside (back).
+
+    `echoes` is j, how often the wave was reflected inside before.
+    """
     math = build.math
     excess, eps_im, c, u, v = wave
     eps_re = math("ADD", "Re epsilon", excess, 1.0)
@@ -104,29 +109,35 @@ def interface_power(build: TreeBuilder, n: Any, kappa: Any, wave: Wave) -> Inter
     flux = math("MULTIPLY_ADD", "Re(epsilon q*)", eps_re, u, math("MULTIPLY", "e v", eps_im, v))
     enter_p = _share(build, "t_p", four_c, flux, sum_p)
     both_p = _share(build, "d_p", four_c, math("MULTIPLY", "|epsilon q|", eps_abs, q_abs), sum_p)
-    power_p = math("MULTIPLY", "R_p", power_s, _ratio_p(build, wave))
+    ratio = _ratio_p(build, wave)
+    power_p = math("MULTIPLY", "R_p", power_s, ratio)
 
     share_s, share_p = polarisation(build)
+    # v_i over R_s^j, which cancels: R_p is never more than R_s.
+    left_p = math("MULTIPLY", "v_p", share_p, math("POWER", "(R_p / R_s)^j", ratio, echoes))
 
-    def mean(label: str, s: Any, p: Any) -> Any:
+    def weighted(label: str, weight_p: Any, s: Any, p: Any) -> Any:
         return math(
-            "MULTIPLY_ADD", label, share_s, s, math("MULTIPLY", f"p of {label}", share_p, p)
+            "MULTIPLY_ADD", label, share_s, s, math("MULTIPLY", f"p of {label}", weight_p, p)
         )
 
-    entering = mean("T_in", enter_s, enter_p)
-    reflected_in = mean("R_in", power_s, power_p)
-    both = mean(
-        "w_s d_s^2 + w_p d_p^2",
+    entering = weighted("T_in", share_p, enter_s, enter_p)
+    reflected_in = weighted("R_in", share_p, power_s, power_p)
+    arriving = weighted("sum v t", left_p, enter_s, enter_p)
+    both = weighted(
+        "sum v d^2",
+        left_p,
         math("MULTIPLY", "d_s^2", both_s, both_s),
         math("MULTIPLY", "d_p^2", both_p, both_p),
     )
-    inside = mean(
-        "w_s t_s R_s + w_p t_p R_p",
+    inside = weighted(
+        "sum v t R",
+        left_p,
         math("MULTIPLY", "t_s R_s", enter_s, power_s),
         math("MULTIPLY", "t_p R_p", enter_p, power_p),
     )
-    leaving = math("DIVIDE", "T_out", both, entering)
-    reflected_out = math("DIVIDE", "R_out", inside, entering)
+    leaving = math("DIVIDE", "T_out", both, arriving)
+    reflected_out = math("DIVIDE", "R_out", inside, arriving)
     back = build.node("ShaderNodeNewGeometry", "Side").outputs["Backfacing"]
     passed = build.select("T", back, entering, leaving)
     reflected = build.select("R", back, reflected_in, reflected_out)

@@ -35,6 +35,7 @@ from ...physics.rough_transmission import RAMP_BELOW
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence
 from .interface import excess, interface_power, wave_inside
+from .layer import internal_echoes, layer_cosine
 from .radar_material import EXTINCTION, INDEX, ROUGHNESS, camera_lobes
 from .range_code import inverse_code_length, range_code, ray_length
 
@@ -59,7 +60,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     math = build.math
     roughness = build.group_input(ROUGHNESS)
     cosine = cos_incidence(build)
-    power = interface_power(build, n, kappa, wave_inside(build, n, kappa, cosine))
+    wave = wave_inside(build, n, kappa, cosine)
+    power = interface_power(build, n, kappa, wave, internal_echoes(build))
     code = range_code(build, ray_length(build), inverse_k)
     reflects, transmits = camera_lobes(build)
     is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
@@ -187,39 +189,9 @@ def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
     return math("DIVIDE", "F(0)", top, bottom)
 
 
-def _layer_cosine(build: TreeBuilder) -> Any:
-    """Cosine to the object's layer normal, 1 where it has none."""
-    math = build.math
-    normal = build.node(
-        "ShaderNodeAttribute",
-        "Layer normal",
-        attribute_type="OBJECT",
-        attribute_name=contract.OBJECT_LAYER_NORMAL,
-    ).outputs["Vector"]
-    world = build.node(
-        "ShaderNodeVectorTransform",
-        "Layer normal, world",
-        {0: normal},
-        vector_type="NORMAL",
-        convert_from="OBJECT",
-        convert_to="WORLD",
-    ).outputs[0]
-    unit = build.vector_math("NORMALIZE", "Unit layer normal", {0: world})
-    ray = build.node("ShaderNodeNewGeometry", "Ray inside").outputs["Incoming"]
-    dot = build.node(
-        "ShaderNodeVectorMath", "I . layer normal", {0: ray, 1: unit}, operation="DOT_PRODUCT"
-    ).outputs["Value"]
-    length = build.node(
-        "ShaderNodeVectorMath", "|layer normal|", {0: normal}, operation="LENGTH"
-    ).outputs["Value"]
-    given = math("GREATER_THAN", "layer normal given", length, 0.5)
-    cosine = math("ABSOLUTE", "|I . layer normal|", dot, clamp=True)
-    return build.select("c to the layer", given, 1.0, cosine)
-
-
 def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
     math = build.math
-    cosine = _layer_cosine(build)
+    cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
         wave = wave_inside(build, n, kappa, cosine)
     given = build.scene_attribute(contract.ATTR_WAVELENGTH)
@@ -250,7 +222,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=1,
+    version=2,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with what the wave does "
         "inside: Fresnel losses, absorption and delay at the angle at which it goes through"
