@@ -28,11 +28,12 @@ from .detections import detect_targets
 from .echoes import Echoes, check_window
 from .families import synthesizer_for
 from .files import make_folder, remove_file
-from .findings import dynamics_db, find_edges, find_movers, peaks_beyond
+from .findings import dynamics_db, find_edges
 from .frame_files import draw_results, remove_stale, write_results
 from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
 from .link import Link
+from .movers import SLOWEST_CELLS, find_movers
 from .mti import cancel
 from .noisefloor import map_noise_gain
 from .paths import iter_paths
@@ -183,8 +184,6 @@ def _process_frame(
     rd_map = range_doppler(filtered, options.doppler_window)
     profile = accumulator.result()
     statistics = total.result(echoes.outside)
-    # windows are at most three cells wide to each side: what is slower hides in the stripe
-    slowest_mps = 3 * radar.velocity_resolution_mps
     scatterers = speckle.report()
     report = budget.report(
         statistics.power_w,
@@ -193,7 +192,6 @@ def _process_frame(
         window_m=window_m,
         mti=options.mti,
     )
-    beyond = peaks_beyond(echoes, rd_map, options.mti, slowest_mps)
     result = FrameResult(
         frame=frame.number,
         time_s=frame.time_s,
@@ -204,11 +202,15 @@ def _process_frame(
         rd_map=rd_map,
         edges=find_edges(profile),
         movers=find_movers(
+            echoes,
             rd_map,
-            slowest_mps,
-            options.tolerance,
-            reception.noise_power_w * map_noise_gain(radar, options.window, options.doppler_window),
-            beyond,
+            options.mti,
+            tolerance=options.tolerance,
+            noise_power=reception.noise_power_w
+            * map_noise_gain(radar, options.window, options.doppler_window),
+            # what is blended over the burst has sidelobes of its own beside 0 Hz
+            slowest_cells=SLOWEST_CELLS if frame.renders_per_burst == 1 else 3.0,
+            noisy_columns=options.receiver.phase_noise is not None,
         ),
         warnings=statistics_warnings(statistics, radar)
         + report.warnings
