@@ -73,6 +73,11 @@ class InteractiveRender:
         self.stop_reason = "the file was saved, loaded or undone"
         self.close()
 
+    @property
+    def rendering(self) -> object | None:
+        """What is being rendered by Blender's render job; None between two renders."""
+        return self._task
+
     def request_stop(self, reason: str) -> None:
         """Stop as soon as the running render has ended."""
         self.stop_reason = self.stop_reason or reason

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
@@ -97,6 +97,36 @@ class _TimedOperator:
         redraw_panels(context)
 
 
+class RADARSIM_OT_watch_escape(bpy.types.Operator):
+    """Hear Esc while Blender's own render job runs"""
+
+    # Blender's render operator swallows Esc for as long as its job exists, and the job heeds it
+    # only until Cycles has looked for the last time: between the two an Esc would be lost. The
+    # newest handler is asked first, so each render gets one of these on top of Blender's.
+
+    bl_idname = "radarsim.watch_escape"
+    bl_label = "Watch for Esc"
+    bl_options = {"INTERNAL"}
+
+    run: ClassVar[InteractiveRender | None] = None
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        self._run = type(self).run
+        self._task = self._run.rendering if self._run else None
+        if self._task is None:
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        assert self._run is not None
+        if self._run.closed or self._run.rendering is not self._task:
+            return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS":
+            self._run.request_stop("stopped by Esc")
+        return {"PASS_THROUGH"}
+
+
 class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
     """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
 
@@ -105,6 +135,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     _run: InteractiveRender | None = None
+    _watched: object | None = None
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -148,10 +179,19 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
             raise
         if not ended:
             job = run.job
+            self._watch_escape(run)
             text = progress_text(job.done, job.total, job.seconds_left, job.unit)
             self._show(context, job.fraction, text)
             return {"PASS_THROUGH"}
         return self._conclude(context, run)
+
+    def _watch_escape(self, run: InteractiveRender) -> None:
+        """Put a watcher on top of the handler of a render that has just begun."""
+        if run.rendering is not None and run.rendering is not self._watched:
+            RADARSIM_OT_watch_escape.run = run
+            bpy.ops.radarsim.watch_escape("INVOKE_DEFAULT")
+            RADARSIM_OT_watch_escape.run = None
+            self._watched = run.rendering
 
     def _conclude(self, context: Any, run: InteractiveRender) -> set[str]:
         job = run.job
@@ -324,6 +364,7 @@ def redraw_panels(context: Any) -> None:
 CLASSES: tuple[type, ...] = (
     RADARSIM_OT_setup_rig,
     RADARSIM_OT_assign_material,
+    RADARSIM_OT_watch_escape,
     RADARSIM_OT_render_frames,
     RADARSIM_OT_process_last_run,
     RADARSIM_OT_open_output,

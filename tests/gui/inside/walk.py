@@ -181,6 +181,21 @@ def script(robot: Any) -> Any:
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
 
+    # Esc at any moment of a render, not only at one that Blender's own render job hears.
+    result["escapes"] = []
+    for number, delay_s in enumerate((0.0, 0.07, 0.14, 0.21, 0.28, 0.35)):
+        folder = FOLDER / f"run escape {number}"
+        settings.output_dir = str(folder)
+        region = next(r for r in robot.view.regions if r.type == "WINDOW")
+        with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+            bpy.ops.radarsim.render_frames("INVOKE_DEFAULT")
+        yield from robot.wait(lambda f=folder: any(f.rglob("*.exr")), "a file", 120)
+        yield delay_s
+        robot.press("Escape")
+        yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 120)
+        result["escapes"].append(len(list(folder.rglob("*.exr"))))
+        yield 0.3
+
     # 7. The other acquisition, and back.
     third = FOLDER / "run paths"
     settings.acquisition = "PATHS"
