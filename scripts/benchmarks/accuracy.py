@@ -14,6 +14,7 @@ from radarsim_addon.blender.path_budget import FAINTEST
 
 from .clock import Cost
 from .paper import PaperScene, Real, Result, decibel_error, relative_l2
+from .target import TOLERANCE_DB, ring_spread, target_summary
 
 #: The paper's method at full resolution.
 RINGS = (1280, 720, 4)
@@ -45,7 +46,6 @@ REFERENCE = {"width_px": 1296, "height_px": 729, "shifts": 8, "tile_px": 700}
 #: Bins of the coarse profile, in range bins: blind to the shift by a few bins that mixed pixels
 #: bring, which is most of the rings' error.
 COARSE_BINS = 10
-TARGET_TOLERANCE_DB = 0.2
 #: Runs shorter than this are timed three times, and the median counts [s].
 _SHORT_S = 1.5
 #: The target's face, perpendicular to the line of sight: half its side over its range, from the
@@ -98,7 +98,7 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
         },
         "runs": rows,
         "ratios": ratios(rows),
-        "tiles": tile_summary(rows),
+        "target": target_summary(rows, ring_spread(scene, target_w, quick)),
     }
 
 
@@ -192,44 +192,10 @@ def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ):
         good = steady(paths, key, main[key])
         found.append(_ratio(text, main, good, key))
-    good = steady(paths, "target_db", TARGET_TOLERANCE_DB)
-    text = f"target within {TARGET_TOLERANCE_DB} dB"
+    good = steady(paths, "target_db", TOLERANCE_DB)
+    text = f"target within {TOLERANCE_DB} dB"
     found.append(_ratio(f"{text}, rings at full resolution", main, good, "target_db"))
-    enough = steady(
-        [r for r in rows if r["acquisition"] == "rings"], "target_db", TARGET_TOLERANCE_DB
-    )
-    if enough is not None:
-        found.append(_ratio(f"{text}, cheapest rings that do it", enough, good, "target_db"))
     return found
-
-
-def tile_summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Error of the target's power over all runs that laid tiles over it, and their median time
-    beside that of the rings."""
-    tiles = [r for r in rows if r["series"] == "tiles"]
-    errors = np.array([r["target_db"] for r in tiles])
-    cpu_s, wall_s = (float(np.median([r[key] for r in tiles])) for key in ("cpu_s", "wall_s"))
-    rings = {"full": rows[0]}
-    enough = steady(
-        [r for r in rows if r["acquisition"] == "rings"], "target_db", TARGET_TOLERANCE_DB
-    )
-    if enough is not None:
-        rings["cheapest"] = enough
-    return {
-        "runs": len(tiles),
-        "rms_db": float(np.sqrt(np.mean(errors**2))),
-        "max_db": float(np.abs(errors).max()),
-        "cpu_s": cpu_s,
-        "wall_s": wall_s,
-        "rings": {
-            name: {
-                "label": row["label"],
-                "ratio_cpu": row["cpu_s"] / cpu_s,
-                "ratio_wall": row["wall_s"] / wall_s,
-            }
-            for name, row in rings.items()
-        },
-    }
 
 
 def steady(rows: list[dict[str, Any]], key: str, limit: float) -> dict[str, Any] | None:

@@ -98,8 +98,10 @@ class PaperScene:
         self._folder = folder
         self._read = properties.read_measurement
 
-    def rings(self, width_px: int, height_px: int, samples: int) -> Result:
-        """21 rings of 250 m, one pass."""
+    def rings(
+        self, width_px: int, height_px: int, samples: int, count: int | None = None
+    ) -> Result:
+        """Rings of 250 m, one pass: 21 as in the scene, or so many."""
         from radarsim_addon.blender.render_job import RenderJob
 
         folder = self._fresh("rings")
@@ -107,6 +109,8 @@ class PaperScene:
             self._scene, width_px=width_px, height_px=height_px, samples=samples
         )
         measurement = dataclasses.replace(measurement, passes=1)
+        if count is not None:
+            measurement = dataclasses.replace(measurement, rings=count)
         with (
             stopwatch() as acquire,
             RenderJob(self._scene, self._layer, measurement, folder) as job,

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from .motion import motion_table
+from .target import target_lines
 
 
 def table(result: dict[str, Any]) -> str:
@@ -19,7 +20,7 @@ def table(result: dict[str, Any]) -> str:
         ),
     ]
     for name, parts in (
-        ("accuracy", (_accuracy, _tiles, _rings)),
+        ("accuracy", (_accuracy, _target, _rings)),
         ("scaling", (_scaling,)),
         ("synthesis", (_synthesis,)),
         ("motion", (_motion,)),
@@ -75,24 +76,8 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _tiles(part: dict[str, Any]) -> list[str]:
-    found = part["tiles"]
-    lines = [
-        "",
-        (
-            f"   target's power by tiles laid over it, {found['runs']} runs: rms error "
-            f"{found['rms_db']:.3f} dB, largest {found['max_db']:.3f} dB; median "
-            f"{found['cpu_s']:.2f} s cpu, {found['wall_s']:.2f} s wall"
-        ),
-    ]
-    for name, text in (("full", "rings at full resolution"), ("cheapest", "cheapest rings")):
-        if name in found["rings"]:
-            rings = found["rings"][name]
-            lines.append(
-                f"   time of the {text} ({rings['label']}) over that: {rings['ratio_cpu']:.0f} by "
-                f"processor time, {rings['ratio_wall']:.0f} by wall time"
-            )
-    return lines
+def _target(part: dict[str, Any]) -> list[str]:
+    return target_lines(part["target"])
 
 
 def _rings(part: dict[str, Any]) -> list[str]:
