@@ -43,6 +43,7 @@ class InteractiveRender:
         self._task: Task | None = None
         self._ended = ""
         self._idle_ticks = 0
+        self._refused_ticks = 0
         self._recorder = Recorder()
         self._recorder.set(preferences.view, "render_display_type", "NONE")
         self._hook(bpy.app.handlers.render_complete, self._on_complete)
@@ -92,6 +93,8 @@ class InteractiveRender:
         """
         if self.closed:
             return True
+        if not self._may_write():
+            return False
         if self.job.blocking:
             return self._tick_blocking()
         if self._task is not None:
@@ -123,6 +126,20 @@ class InteractiveRender:
             self.job.render(task)
             self.job.finish(task)
         return bool(self.stop_reason)
+
+    def _may_write(self) -> bool:
+        """Whether Blender lets scripts change data just now.
+
+        It does not while a script draws, and its note of that is one for all threads: a preview
+        that is rendered beside us can hold it up for a moment. After a while it is asked no more.
+        """
+        try:
+            self.job.touch()
+        except AttributeError:
+            self._refused_ticks += 1
+            return self._refused_ticks > _PATIENCE_TICKS
+        self._refused_ticks = 0
+        return True
 
     def _render_has_ended(self) -> bool:
         if self._ended:

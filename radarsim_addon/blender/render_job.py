@@ -378,6 +378,16 @@ class RenderJob:
 
     # -- afterwards --------------------------------------------------------------------------------
 
+    def touch(self) -> None:
+        """Set one of the scene's values to what it is.
+
+        Raises
+        ------
+        AttributeError
+            Blender does not let scripts change the scene at this moment.
+        """
+        self._scene.frame_step = self._scene.frame_step
+
     @property
     def scene_name(self) -> str:
         """Name of the scene that is rendered."""

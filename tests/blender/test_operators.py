@@ -247,6 +247,26 @@ def test_esc_stops_after_the_running_render_and_the_run_goes_on(
     assert rs.run(tmp_path).done == 3
 
 
+def test_a_moment_at_which_blender_refuses_changes_is_waited_for(
+    interactive_run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touch = interactive_run.job.touch
+    touch()
+    refusals = iter(range(5))
+
+    def touch_later() -> None:
+        if next(refusals, None) is not None:
+            raise AttributeError("Writing to ID classes in this context is not allowed")
+        touch()
+
+    monkeypatch.setattr(interactive_run.job, "touch", touch_later)
+    for _ in range(5):
+        assert not interactive_run.tick()
+        assert interactive_run.rendering is None
+    assert not interactive_run.tick()
+    assert interactive_run.rendering is not None
+
+
 def test_cancelled_render_stops_the_run(
     interactive_run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -45,6 +45,8 @@ class Robot:
         steps = script(self)
 
         def tick() -> float | None:
+            if not self._may_write():
+                return BEAT_S
             try:
                 return next(steps)
             except StopIteration:
@@ -57,6 +59,15 @@ class Robot:
 
         bpy.app.timers.register(tick, first_interval=1.5, persistent=True)
         bpy.app.timers.register(self._beat, first_interval=1.5, persistent=True)
+
+    def _may_write(self) -> bool:
+        """Blender's note that a script is drawing is one for all threads: wait until it is gone."""
+        scene = bpy.context.scene
+        try:
+            scene.frame_step = scene.frame_step
+        except AttributeError:
+            return False
+        return True
 
     def _beat(self) -> float:
         now = time.monotonic()
