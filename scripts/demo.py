@@ -29,9 +29,12 @@ from radarsim_addon.contract import RUN_FILE, SCENE_FILE, SceneRecord, frame_dir
 from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
 from radarsim_addon.sidecar import read_record  # noqa: E402
 from radarsim_addon.signal import plots  # noqa: E402
+from radarsim_addon.signal.echoplot import plot_echo  # noqa: E402
 from radarsim_addon.signal.files import write_json  # noqa: E402
 from radarsim_addon.signal.frames import open_run  # noqa: E402
+from radarsim_addon.signal.mapplot import plot_range_doppler  # noqa: E402
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run  # noqa: E402
+from radarsim_addon.signal.profileplot import plot_matched_filter  # noqa: E402
 
 #: An edge this far from an object's near face is of something else [range resolutions].
 EDGE_SEARCH = 3
@@ -68,12 +71,12 @@ def run_demo(out: Path) -> dict[str, Any]:
     frame = open_run(run_folder).frame(result.frame)
     for name, figure in (
         ("fig6_rings", plots.plot_rings(frame)),
-        ("fig7_echo", plots.plot_echo(result.echoes)),
+        ("fig7_echo", plot_echo(result.echoes)),
         (
             "fig8_matched_filter",
-            plots.plot_matched_filter(result.compressed, result.profile, result.edges),
+            plot_matched_filter(result.compressed, result.profile, result.edges),
         ),
-        ("fig9_range_doppler", plots.plot_range_doppler(result.rd_map, result.movers[:1])),
+        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.movers)),
     ):
         plots.save(figure, out / f"{name}.png")
     done = time.perf_counter()

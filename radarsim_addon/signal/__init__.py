@@ -66,9 +66,11 @@ from .doppler import (
     range_rate,
 )
 from .echoes import Echoes, EchoSynthesizer, synthesize
+from .echoplot import plot_echo
 from .exr import read_exr, write_exr
 from .frames import MissingRender, RadarFrame, Run, open_run
 from .framestats import FrameStatistics, frame_statistics
+from .mapplot import plot_range_doppler
 from .mti import cancel, mti_response
 from .noisefloor import map_noise_gain, range_noise_gain
 from .nufft import nufft1
@@ -89,8 +91,9 @@ from .pipeline import (
     Progress,
     process_run,
 )
-from .plots import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
+from .plots import plot_rings, save
 from .products import write_products
+from .profileplot import plot_matched_filter
 from .rangedoppler import RangeDopplerMap, decibels, range_doppler
 from .receiver import Receiver, Reception, receive
 from .speckle import path_phasors

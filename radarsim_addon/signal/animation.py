@@ -13,13 +13,11 @@ import numpy as np
 
 from ..errors import FrameFileError
 from .files import replaced
-from .plots import SIGN_TEXT, new_figure
-from .rangedoppler import decibels
+from .mapplot import draw_map, joined_level, map_axes, picture_floor_db
+from .plots import new_figure
 
 #: Pictures a second.
 FRAMES_PER_SECOND = 5
-#: Most cells along an axis of a picture; more are drawn as the largest of those next to each other.
-_MOST_CELLS = 600
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,14 @@ class MapFile:
     time_s: float
 
 
-def animate_maps(maps: Sequence[MapFile], out: Path, floor_db: float = -80.0) -> Path:
+def animate_maps(
+    maps: Sequence[MapFile],
+    out: Path,
+    floor_db: float | None = None,
+    *,
+    noise_power: float = 0.0,
+    unit: str = "",
+) -> Path:
     """Write the maps of several frames as one GIF.
 
     Decibels are relative to the strongest cell of all frames. Maps are read one at a time.
@@ -43,7 +48,9 @@ def animate_maps(maps: Sequence[MapFile], out: Path, floor_db: float = -80.0) ->
     out
         File to write.
     floor_db
-        Lowest level drawn.
+        Lowest level drawn; None: as for one map, see :func:`.mapplot.picture_floor_db`.
+    noise_power, unit
+        As for :func:`.mapplot.plot_range_doppler`.
 
     Raises
     ------
@@ -52,32 +59,25 @@ def animate_maps(maps: Sequence[MapFile], out: Path, floor_db: float = -80.0) ->
     FrameFileError
         A map is missing or damaged, or has other axes than the first one.
     """
-    writer_class = None
     figure = new_figure(8, 6.5)
     writer_class = importlib.import_module("matplotlib.animation").PillowWriter
     first = _read(maps[0].path)
-    top = max(float(_read(item.path)["power"].max()) for item in maps) or 1.0
-    axis = figure.subplots()
-    doppler_hz, range_m = first["doppler_hz"], first["range_m"]
-    left, right = _edges(doppler_hz)
-    bottom, upper = _edges(range_m)
-    picture = axis.imshow(
-        _level(first["power"], top, floor_db),
-        aspect="auto",
-        origin="lower",
-        extent=(left, right, bottom, upper),
-        vmin=floor_db,
-        vmax=0,
-        cmap="viridis",
-        interpolation="nearest",
+    top = max(float(_read(item.path)["power"].max()) for item in maps)
+    if floor_db is None:
+        floor_db = max(
+            picture_floor_db(_read(item.path)["power"], noise_power, top) for item in maps
+        )
+    axes = map_axes(first["doppler_hz"], first["range_m"], _velocity_factor(first))
+    axis, picture = draw_map(
+        figure,
+        first["power"],
+        axes,
+        reference=top,
+        floor_db=floor_db,
+        noise_power=noise_power,
+        unit=unit,
+        of="strongest cell of all",
     )
-    figure.colorbar(picture, ax=axis, label="power [dB re strongest cell of all frames]")
-    axis.set_xlabel(f"Doppler [Hz]      {SIGN_TEXT}")
-    axis.set_ylabel("one-way range [m]")
-    factor = _velocity_factor(first)
-    if factor:
-        speeds = axis.secondary_xaxis("top", functions=(lambda f: f * factor, lambda v: v / factor))
-        speeds.set_xlabel("range rate v [m/s]")
     title = axis.set_title("", fontsize=10)
     with replaced(out) as temporary:
         writer = writer_class(fps=FRAMES_PER_SECOND)
@@ -89,7 +89,7 @@ def animate_maps(maps: Sequence[MapFile], out: Path, floor_db: float = -80.0) ->
                 raise FrameFileError(
                     f"{item.path} has other axes than {maps[0].path}. Process the run anew."
                 )
-            picture.set_data(_level(arrays["power"], top, floor_db))
+            picture.set_data(joined_level(arrays["power"], axes, top or 1.0, floor_db))
             title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
             writer.grab_frame()
         writer.finish()
@@ -106,20 +106,6 @@ def _read(path: Path) -> dict[str, Any]:
         raise FrameFileError(
             f"{path} cannot be read as a range-Doppler map ({error}). Process the run anew."
         ) from error
-
-
-def _level(power: Any, top: float, floor_db: float) -> Any:
-    """Decibels, ranges upwards; strong cells stay visible where cells are joined."""
-    for axis in (0, 1):
-        step = -(-power.shape[axis] // _MOST_CELLS)
-        if step > 1:
-            power = np.maximum.reduceat(power, np.arange(0, power.shape[axis], step), axis=axis)
-    return decibels(power, top, floor_db).T
-
-
-def _edges(centres: Any) -> tuple[float, float]:
-    half = (centres[1] - centres[0]) / 2 if len(centres) > 1 else 0.5
-    return float(centres[0] - half), float(centres[-1] + half)
 
 
 def _velocity_factor(arrays: dict[str, Any]) -> float:

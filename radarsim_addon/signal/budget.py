@@ -115,8 +115,8 @@ class BudgetReport:
             )
         for echo in self.objects:
             line = (
-                f"{echo.name:20.20} {echo.range_m:10.2f} m   {_text(_dbm(echo.power_w))} dBm   "
-                f"RCS {_text(_db(echo.rcs_m2))} dBsm"
+                f"{echo.name:20.20} {_range_text(echo.range_m)} m   "
+                f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(_db(echo.rcs_m2))} dBsm"
             )
             if echo.power_error_w is not None and echo.power_w > 0:
                 line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
@@ -258,4 +258,10 @@ def _db(value: float) -> float | None:
 
 
 def _text(value: float | None) -> str:
-    return "   -inf" if value is None else f"{value:7.2f}"
+    return "   -inf" if value is None else f"{value:z7.2f}"
+
+
+def _range_text(range_m: float) -> str:
+    """Two digits behind the point, more below a metre."""
+    digits = max(2, 2 - math.floor(math.log10(range_m))) if range_m > 0 else 2
+    return f"{range_m:10.{min(digits, 9)}f}"

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from .. import __version__
 from ..errors import RadarSimError
 from .antennaplot import add_antennas_parser, print_antennas
-from .detections import detection_lines
+from .consoletext import map_digits
+from .detections import detection_lines, target_count
 from .frames import RadarFrame, Run, open_run
 from .framestats import frame_statistics, statistics_warnings
 from .pathframes import read_paths_record
@@ -102,21 +103,24 @@ def _show(progress: Progress) -> None:
 def _print_frame(result: FrameResult) -> None:
     statistics = result.statistics
     unit = level_unit(result.echoes.weighting)
+    digits = map_digits(result.rd_map)
     print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
     for edge in result.edges:
-        print(f"  leading edge {edge.range_m:10.2f} m   level {edge.level_db:8.2f} {unit}")
+        place = digits.range_text(edge.range_m)
+        print(f"  leading edge {place}   level {edge.level_db:z8.2f} {unit}")
     for peak in result.movers:
         print(
-            f"  mover        {peak.range_m:10.2f} m   level {peak.level_db:8.2f} {unit}   "
-            f"range rate {peak.velocity_mps:+9.3f} m/s   Doppler {peak.doppler_hz:+9.2f} Hz   "
+            f"  mover        {digits.range_text(peak.range_m)}   "
+            f"level {peak.level_db:z8.2f} {unit}   "
+            f"{digits.motion_text(peak.velocity_mps, peak.doppler_hz)}   "
             f"{peak.above_db:.1f} dB above its surroundings"
         )
     if result.detections is not None:
         found = result.detections
-        print(
-            f"  CFAR         {len(found.targets)} targets, {found.cells} cells above the threshold"
-        )
-        for line in detection_lines(found.targets):
+        count = target_count(len(found.targets), found.left_out)
+        cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
+        print(f"  CFAR         {count}, {cells} above the threshold")
+        for line in detection_lines(found.targets, result.rd_map):
             print(f"  {line}")
     for line in result.budget.lines() if result.budget is not None else []:
         print(f"  {line}")

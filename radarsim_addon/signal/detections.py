@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .cfar import Cfar, CfarResult, cfar_threshold
+from .consoletext import map_digits
 from .detect import local_maxima, pulse_spectra, refine_peak
 from .files import replaced, write_json
 from .rangedoppler import RangeDopplerMap, decibels
@@ -168,11 +169,21 @@ def detections_record(found: Detections, unit: str = "dB") -> dict[str, Any]:
     }
 
 
-def detection_lines(targets: Sequence[Detection], most: int = 10) -> list[str]:
-    """For people, one target a line."""
+def target_count(count: int, left_out: int) -> str:
+    """How many targets, and that there were more, for people."""
+    if left_out:
+        return f"{count} strongest of {count + left_out} targets"
+    return f"{count} target{'' if count == 1 else 's'}"
+
+
+def detection_lines(
+    targets: Sequence[Detection], rd_map: RangeDopplerMap | None = None, most: int = 10
+) -> list[str]:
+    """For people, one target a line; `rd_map` tells the digits that its cells bear."""
+    digits = map_digits(rd_map)
     lines = [
-        f"target       {t.range_m:10.2f} m   SNR {t.snr_db:8.2f} dB   "
-        f"range rate {t.velocity_mps:+9.3f} m/s   Doppler {t.doppler_hz:+9.2f} Hz"
+        f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
+        f"{digits.motion_text(t.velocity_mps, t.doppler_hz)}"
         for t in targets[:most]
     ]
     if len(targets) > most:

@@ -11,11 +11,14 @@ import numpy as np
 
 from . import plots
 from .detections import write_detections
+from .echoplot import plot_echo
 from .files import remove_file, write_arrays, write_json
 from .frames import RadarFrame
 from .hdf5 import write_hdf5
+from .mapplot import plot_range_doppler
 from .pipeline_options import FrameResult, ProcessOptions
-from .rangedoppler import level_unit
+from .profileplot import plot_matched_filter
+from .rangedoppler import level_unit, power_unit
 from .receiver import Reception
 from .sigmf import write_sigmf
 from .uncertainty import ExpectedPower
@@ -108,35 +111,46 @@ def _write_expected(stem: Path, expected: ExpectedPower) -> Path:
     return path
 
 
-def draw_results(frame: RadarFrame, result: FrameResult, folder: Path) -> list[Path]:
+def draw_results(
+    frame: RadarFrame, result: FrameResult, folder: Path, options: ProcessOptions
+) -> list[Path]:
+    """Pictures of a frame; returns their files."""
+
     def name(what: str) -> Path:
         return folder / f"frame_{result.frame:04d}_{what}.png"
 
-    title = f"frame {result.frame}"
+    title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     line = result.echoes.radar.waveform.family == "line"
     profile_name = "Range profile" if line else "Matched filter"
+    unit = power_unit(result.echoes.weighting)
+    mti = f"{options.mti}-pulse MTI, " if options.mti else ""
     rings = []
     if frame.acquisition == "rings":
         rings.append(plots.save(plots.plot_rings(frame), name("rings")))
     return [
         *rings,
-        plots.save(plots.plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
+        plots.save(plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
         plots.save(
-            plots.plot_matched_filter(
+            plot_matched_filter(
                 result.compressed,
                 result.profile,
                 result.edges,
                 f"{profile_name}, {title}",
                 expected=result.expected,
+                noise_power=result.profile_noise_power,
+                unit=unit,
             ),
             name("matched_filter"),
         ),
         plots.save(
-            plots.plot_range_doppler(
+            plot_range_doppler(
                 result.rd_map,
-                result.movers[:1] if result.detections is None else (),
-                f"Range-Doppler map, {title}",
+                result.movers,
+                f"Range-Doppler map, {mti}{title}",
                 targets=() if result.detections is None else result.detections.targets,
+                left_out=0 if result.detections is None else result.detections.left_out,
+                noise_power=result.map_noise_power,
+                unit=unit,
             ),
             name("range_doppler"),
         ),

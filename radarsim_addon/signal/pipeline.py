@@ -39,7 +39,7 @@ from .noisefloor import map_noise_gain
 from .paths import iter_paths
 from .pipeline_options import FrameResult, ProcessOptions, Progress
 from .products import write_products
-from .rangedoppler import range_doppler
+from .rangedoppler import power_unit, range_doppler
 from .receiver import receive
 from .specklestage import FrameSpeckle
 from .system import make_system
@@ -105,6 +105,7 @@ def process_run(
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
     maps: list[MapFile] = []
+    noise_power, unit = 0.0, ""
     for frame in chosen:
         gaps = frame.missing()
         if gaps and not allow_incomplete:
@@ -120,6 +121,8 @@ def process_run(
                 remove_stale(folder, event.frame, event.files)
                 stem = f"frame_{event.frame:04d}"
                 maps.append(MapFile(folder / f"{stem}_map.npz", event.frame, event.time_s))
+                noise_power = event.map_noise_power
+                unit = power_unit(event.echoes.weighting)
                 yield event
             else:
                 finished += 1
@@ -130,7 +133,7 @@ def process_run(
             "it stopped."
         )
     if options.animate or (options.animate is None and draws and len(maps) > 1):
-        path = animate_maps(maps, folder / ANIMATION_FILE)
+        path = animate_maps(maps, folder / ANIMATION_FILE, noise_power=noise_power, unit=unit)
         yield Progress(total, total, f"animation: {path}")
     else:
         remove_file(folder / ANIMATION_FILE)
@@ -234,7 +237,7 @@ def _process_frame(
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
     if plots.has_matplotlib() if options.plots is None else options.plots:
-        result.files.extend(draw_results(frame, result, folder))
+        result.files.extend(draw_results(frame, result, folder, options))
     yield f"frame {frame.number}: pictures"
     yield result
 

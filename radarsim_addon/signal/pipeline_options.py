@@ -20,6 +20,7 @@ from .doppler import MAX_SPEED_MPS
 from .echoes import Echoes
 from .frames import Run
 from .framestats import FrameStatistics
+from .noisefloor import map_noise_gain, range_noise_gain
 from .nufft import Backend
 from .paths import Weighting
 from .rangedoppler import RangeDopplerMap
@@ -64,6 +65,20 @@ class FrameResult:
     speckle: SpeckleReport | None = None
     reception: Reception | None = None
     detections: Detections | None = None
+
+    @property
+    def profile_noise_power(self) -> float:
+        """Mean thermal noise of a cell of the profile [W]; 0 without."""
+        return self._noise_power(range_noise_gain(self.compressed.radar, self.compressed.window))
+
+    @property
+    def map_noise_power(self) -> float:
+        """Mean thermal noise of a cell of the map [W]; 0 without."""
+        gain = map_noise_gain(self.rd_map.radar, self.rd_map.window, self.rd_map.doppler_window)
+        return self._noise_power(gain)
+
+    def _noise_power(self, gain: float) -> float:
+        return 0.0 if self.reception is None else self.reception.noise_power_w * gain
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,11 @@ def level_unit(weighting: str) -> str:
     return "dBW" if weighting == "radar-equation" else "dB"
 
 
+def power_unit(weighting: str) -> str:
+    """Unit of a picture's powers in decibels: "dBW", or "" where they are no watts."""
+    return "dBW" if weighting == "radar-equation" else ""
+
+
 @dataclass(frozen=True)
 class RangeDopplerMap:
     """Range-Doppler map.

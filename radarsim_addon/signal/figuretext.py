@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers and units as people read them: no "-0.0", digits that the cells bear, km where it is far.
+
+Functions of this module return text; what is stored is never rounded by them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+#: Digits behind the point at most: float64 holds no more of a range of metres.
+_MOST_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit for an axis or a label: `name`, and how many SI units it is."""
+
+    name: str
+    size: float
+
+
+def fixed(value: float, decimals: int, *, signed: bool = False) -> str:
+    """A number with `decimals` digits behind the point; zero has no sign.
+
+    Parameters
+    ----------
+    value
+        Finite or not.
+    decimals
+        0 or more.
+    signed
+        Whether a positive number has its plus.
+    """
+    text = f"{value:{'+' if signed else ''}z.{decimals}f}"
+    # the option z takes the minus from zero, not the plus
+    return text[1:] if text.startswith("+") and not float(text) else text
+
+
+def decimals_for(step: float) -> int:
+    """Digits behind the point that show a tenth of `step`, such as the width of a cell."""
+    if not (math.isfinite(step) and step > 0):
+        return 0
+    return min(max(math.ceil(1 - math.log10(step) - 1e-9), 0), _MOST_DIGITS)
+
+
+def cell_width(centres: ArrayLike) -> float:
+    """Distance of an axis' evenly spaced cells; 0 where there is one."""
+    values = np.asarray(centres, dtype=np.float64)
+    return float(abs(values[1] - values[0])) if values.size > 1 else 0.0
+
+
+def _chosen(units: tuple[tuple[float, Unit], ...], largest: float) -> Unit:
+    for least, unit in units:
+        if abs(largest) >= least:
+            return unit
+    return units[-1][1]
+
+
+def range_unit(largest_m: float) -> Unit:
+    """km from 20 km, mm below half a metre, else m; by the largest range of an axis [m]."""
+    units = ((20e3, Unit("km", 1e3)), (0.5, Unit("m", 1.0)), (0.0, Unit("mm", 1e-3)))
+    return _chosen(units, largest_m) if largest_m > 0 else Unit("m", 1.0)
+
+
+def speed_unit(largest_mps: float) -> Unit:
+    """km/s from 5 km/s, mm/s below 0.1 m/s, else m/s."""
+    units = ((5e3, Unit("km/s", 1e3)), (0.1, Unit("m/s", 1.0)), (0.0, Unit("mm/s", 1e-3)))
+    return _chosen(units, largest_mps) if largest_mps > 0 else Unit("m/s", 1.0)
+
+
+def frequency_unit(largest_hz: float) -> Unit:
+    """MHz from 10 MHz, kHz from 10 kHz, else Hz."""
+    return _chosen(
+        ((1e7, Unit("MHz", 1e6)), (1e4, Unit("kHz", 1e3)), (0, Unit("Hz", 1.0))), largest_hz
+    )
+
+
+def time_unit(largest_s: float) -> Unit:
+    """s from 1 s, ms from 1 ms, ns below 0.1 us, else us."""
+    units = (
+        (1.0, Unit("s", 1.0)),
+        (1e-3, Unit("ms", 1e-3)),
+        (1e-7, Unit("µs", 1e-6)),
+        (0.0, Unit("ns", 1e-9)),
+    )
+    return _chosen(units, largest_s)
+
+
+def reference_text(power: float, unit: str) -> str:
+    """Level of the power that is 0 dB, such as " = -73.1 dBW"; "" where its unit is not known."""
+    if not (unit and power > 0):
+        return ""
+    return f" = {with_minus(fixed(10 * math.log10(power), 1))} {unit}"
+
+
+def with_minus(text: str) -> str:
+    """Hyphens before digits as minus signs, which matplotlib puts on its axes."""
+    return re.sub(r"-(?=[\d.])", "\N{MINUS SIGN}", text)
