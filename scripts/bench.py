@@ -36,6 +36,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--large", action="store_true", help="also a run of ten million paths")
     parser.add_argument("--quick", action="store_true", help="a tenth of it, to see that it runs")
     parser.add_argument("--only", choices=PARTS, action="append", help="this part; may be repeated")
+    parser.add_argument(
+        "--pictures", action="store_true", help="draw the pictures of a bench.json again"
+    )
     parser.add_argument("--one", nargs=5, metavar="X", help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.one:
@@ -46,6 +49,10 @@ def main(argv: list[str] | None = None) -> int:
     from scripts.benchmarks.report import table
 
     out = arguments.out.resolve()
+    if arguments.pictures:
+        for path in draw(json.loads((out / "bench.json").read_text(encoding="utf-8")), out):
+            print(f"wrote {path}")
+        return 0
     out.mkdir(parents=True, exist_ok=True)
     result = measure(arguments.only or PARTS, arguments.large, arguments.quick)
     temporary = out / "bench.json.part"

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compare the program's powers, ranges and losses with closed forms, case by case.
 
-    python scripts/validate.py [--quick] [--only GROUP ...] [--out docs] [--list]
+    python scripts/validate.py [--quick] [--only GROUP ...] [--out docs] [--list] [--pictures]
 
 Writes validation.md, validation.json and images/validation_*.png into the folder of --out (with
 --quick or --only: out/validation, unless told otherwise). Exit status 1 if a bound is broken; the
@@ -45,6 +45,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the report")
     parser.add_argument("--quick", action="store_true", help="a subset, in less than a minute")
     parser.add_argument("--only", nargs="+", metavar="GROUP", help="these groups alone")
+    parser.add_argument(
+        "--pictures", action="store_true", help="draw the pictures of a validation.json again"
+    )
     parser.add_argument("--list", action="store_true", help="name the cases and end")
     parser.add_argument("--worker", type=Path, metavar="JSON", help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
@@ -53,6 +56,9 @@ def main(argv: list[str] | None = None) -> int:
         # bpy 4.5 as a module hangs at its exit while properties are registered
         sys.stdout.flush()
         os._exit(0)
+    if arguments.pictures:
+        redraw((arguments.out or ROOT / "docs").resolve())
+        return 0
     from scripts.validation.registry import groups
 
     try:
@@ -100,6 +106,16 @@ def validate(found: list[Group], quick: bool, out: Path) -> int:
         f"{machine['wall_s']:.0f} s by the clock"
     )
     return 1 if faults else 0
+
+
+def redraw(out: Path) -> None:
+    """Pictures of what was measured before, from validation.json in the folder `out`."""
+    from scripts.validation.figures import draw
+
+    record = json.loads((out / "validation.json").read_text(encoding="utf-8"))
+    outcomes = [outcome_from_json(item) for item in record["outcomes"]]
+    for file, _ in draw(outcomes, record["curves"], out / "images"):
+        print(f"wrote {out / 'images' / file}")
 
 
 def _run_part(part: list[Group], quick: bool) -> dict[str, Any]:

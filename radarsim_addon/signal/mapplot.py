@@ -43,6 +43,8 @@ MOST_CELLS = 640
 _LABELS, _STILL_LABELS = 5, 2
 #: A peak this far below a labelled one at its Doppler or at its range is hardly an own target [dB].
 _SHADOW_DB = 25.0
+#: Of targets so near one another in a picture only the stronger gets a label [share of an axis].
+_BESIDE = 0.03
 #: Windows are at most three cells wide to each side: what is slower stands still, for a label.
 _STILL_CELLS = 3.0
 
@@ -270,8 +272,8 @@ def foremost(
 ) -> list[Peak | Detection]:
     """What gets a label: peaks, then targets that move, then those that stand still.
 
-    Each by falling level. Targets within the guard cells of one that has a label, and those 25 dB
-    below it at its Doppler or at its range, where its sidelobes are, get none.
+    Each by falling level. Targets right beside one that has a label, and those 25 dB below it at
+    its Doppler or at its range, where its sidelobes are, get none.
     """
     cell_m = cell_width(rd_map.range_m)
     cell_hz = cell_width(rd_map.doppler_hz)
@@ -283,17 +285,29 @@ def foremost(
         for target in sorted(group, key=lambda item: -item.level_db):
             if len(chosen) >= _LABELS or not left:
                 break
-            if not any(_hidden(target, other, cell_hz, cell_m) for other in chosen):
+            if not any(
+                _hidden(target, other, cell_hz, cell_m, rd_map.values.shape) for other in chosen
+            ):
                 chosen.append(target)
                 left -= 1
     return chosen
 
 
-def _hidden(item: Detection, other: Peak | Detection, cell_hz: float, cell_m: float) -> bool:
+def _hidden(
+    item: Detection,
+    other: Peak | Detection,
+    cell_hz: float,
+    cell_m: float,
+    shape: tuple[int, ...],
+) -> bool:
     """Whether a target is the other one, or may be its sidelobe."""
     apart_hz = abs(item.doppler_hz - other.doppler_hz)
     apart_m = abs(item.range_m - other.range_m)
-    if apart_hz <= 4 * cell_hz and apart_m <= 8 * cell_m:
+    beside_hz, beside_m = (
+        max(guard * cell, _BESIDE * cell * count)
+        for guard, cell, count in zip((4, 8), (cell_hz, cell_m), shape, strict=True)
+    )
+    if apart_hz <= beside_hz and apart_m <= beside_m:
         return True
     aligned = apart_hz <= 2 * cell_hz or apart_m <= 4 * cell_m
     return aligned and item.level_db < other.level_db - _SHADOW_DB

@@ -47,7 +47,7 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
 
 def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> None:
     """Error against time."""
-    figure, axes = pyplot.subplots(1, 3, figsize=(16, 4.6), layout="constrained")
+    figure, axes = pyplot.subplots(1, 3, figsize=(15, 5.0), layout="constrained")
     panels = (
         ("error", "Range profile, 2.5 m bins", "relative L2 error", "standard_error"),
         ("error_coarse", "Range profile, 25 m bins", "relative L2 error", "standard_error_coarse"),
@@ -61,7 +61,7 @@ def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> N
             axis.loglog(
                 [r["cpu_s"] for r in rows],
                 [max(abs(r[key]), 1e-5) for r in rows],
-                label=_LABELS[kind],
+                label=_LABELS[kind] if axis is axes[0] else None,
                 **style,
             )
         if floor:
@@ -69,7 +69,7 @@ def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> N
                 accuracy["reference"][floor],
                 color="grey",
                 linestyle=":",
-                label="standard error of the reference",
+                label="standard error of the reference" if axis is axes[0] else None,
             )
         else:
             axis.axhline(0.2, color="grey", linestyle="--", label="0.2 dB")
@@ -77,7 +77,8 @@ def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> N
         axis.set_xlabel("processor time, scene to profile [s]")
         axis.set_ylabel(label)
         axis.grid(True, which="both", alpha=0.25)
-        axis.legend(fontsize=8)
+    # one for all three: within the axes it would cover points
+    figure.legend(loc="outside lower center", ncols=4, fontsize=9)
     save(figure, "error_against_time.png")
 
 

@@ -61,18 +61,27 @@ def _bounds(pyplot: Any, outcomes: Sequence[Outcome], _curves: Curves) -> Any:
 
 
 def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
-    figure, axis = pyplot.subplots(figsize=(7.5, 4.8), layout="constrained")
+    figure, axis = pyplot.subplots(figsize=(8.5, 5.2), layout="constrained")
     points = curves["error_against_time"]
+    sides = sorted({round(p["side_px"]) for p in points})
     for number, scene in enumerate(dict.fromkeys(p["scene"] for p in points)):
         chosen = [p for p in points if p["scene"] == scene]
-        colour = f"C{number}"
+        # no lines: what costs next to nothing is measured with a spread that would bend them back
+        sizes = [12 + 16 * sides.index(round(p["side_px"])) for p in chosen]
         time = [p["cpu_s"] for p in chosen]
-        axis.loglog(time, [abs(p["error_db"]) for p in chosen], "o-", color=colour, label=scene)
+        common = {"color": f"C{number}", "s": sizes, "linewidths": 1.2}
+        axis.scatter(time, [abs(p["error_db"]) for p in chosen], marker="o", label=scene, **common)
         spread = [p["standard_error_db"] for p in chosen]
-        axis.loglog(time, spread, ":", color=colour, label=f"{scene}: standard error")
+        axis.scatter(time, spread, marker="x", **common)
+    axis.scatter([], [], color="0.4", marker="x", label="their standard errors, from the shifts")
+    axis.set_xscale("log")
+    axis.set_yscale("log")
     axis.set_xlabel("processor time, scene to power [s]")
     axis.set_ylabel("|error| of the received power [dB]")
-    axis.set_title("Error against time, 4 sub-pixel shifts, more and more pixels")
+    axis.set_title(
+        f"Error against time: {sides[0]} (smallest mark) to {sides[-1]} pixels a side, 4 shifts",
+        fontsize=11,
+    )
     axis.grid(True, which="major", alpha=0.3)
     axis.legend(fontsize=8)
     return figure
@@ -97,22 +106,26 @@ def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
                 [p["expected_db"] for p in chosen],
                 color=colour,
                 linewidth=0.8,
-                label=f"slope {slope:g}, model" if first else None,
+                label=f"rms slope {slope:g}" if first else None,
             )
             right.plot(
                 angle,
                 [p["error_db"] for p in chosen],
                 linewidth=0.6,
-                label=f"n = {medium}" if slope_number == 0 else None,
                 **style,
             )
+            if slope_number == 0:
+                # in no colour: colours are slopes
+                mark = {"color": "0.3", "marker": markers[number], "markersize": 4}
+                right.plot([], [], linestyle="none", label=f"n = {medium}", **mark)
     left.set_ylabel("$\\sigma_0$ [dB]")
     left.legend(fontsize=8)
-    left.set_title("Backscatter (markers: measured; one a medium)")
+    left.set_title("Backscatter: lines model, markers measured")
     right.axhline(0.1, color="grey", linestyle="--", linewidth=1)
     right.axhline(-0.1, color="grey", linestyle="--", linewidth=1)
+    right.set_ylim(-0.13, 0.19)  # room for the legend above the bound
     right.set_ylabel("measured - model [dB]")
-    right.set_title("Error, colours as on the left, bound dashed")
+    right.set_title("Error: colour slope, marker medium; bound dashed")
     right.legend(fontsize=8)
     for axis in (left, right):
         axis.set_xlabel("angle of incidence [deg]")
@@ -126,7 +139,7 @@ def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     for number, tilt in enumerate(sorted({p["tilt_deg"] for p in points})):
         chosen = [p for p in points if p["tilt_deg"] == tilt]
         reach = [p["range_m"] for p in chosen]
-        colour, label = f"C{number}", f"{tilt:g} degrees"
+        colour, label = f"C{number}", f"incidence {tilt:g} deg"
         left.loglog(reach, [p["expected_w"] for p in chosen], "-", color=colour)
         left.loglog(reach, [p["measured_w"] for p in chosen], "o", color=colour, label=label)
         right.semilogx(reach, [p["error_db"] for p in chosen], "o-", color=colour, label=label)
@@ -134,6 +147,7 @@ def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     left.set_title("Lambert plate of 1 m$^2$, EIRP 1 MW (line: radar equation)")
     right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
     right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
+    right.set_ylim(-0.065, 0.095)  # room for the legend above the bound
     right.set_ylabel("measured - radar equation [dB]")
     right.set_title("Error, bound dashed")
     for axis in (left, right):
@@ -159,6 +173,7 @@ def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     left.set_title("Two-way beam (line: model, dots: measured)")
     right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
     right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
+    right.set_ylim(-0.065, 0.095)  # room for the legend above the bound
     right.set_ylabel("measured - model [dB]")
     right.set_title("Error, bound dashed")
     right.legend(fontsize=7)
