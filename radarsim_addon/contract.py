@@ -224,7 +224,8 @@ class PathsRecord:
     left_order_share lies in orders above max_order, left_depth_share in gates that were not
     rendered, mixed_share in rows whose pixel held several paths even so, no_code_share in rows
     without a usable range. left_order_sigma is the standard error of left_order_share, which is
-    probed by few rays. reached says which limit ended the refinement.
+    probed by few rays. reached says which limit ended the refinement. small_objects are in view
+    before refinement and have few pixels; small_objects_tiled of them got tiles of their own.
     """
 
     frame: int
@@ -263,6 +264,8 @@ class PathsRecord:
     table_file: str
     table_sha256: str
     left_order_sigma: float = 0.0
+    small_objects: int = 0
+    small_objects_tiled: int = 0
     motion_file: str = ""  # empty: nothing is known of motion, all stands still
     motion_sha256: str = ""
     warnings: list[str] = field(default_factory=list)

@@ -144,14 +144,18 @@ class ErrorBudget:
             weight[group] = importance / importance.sum() / mean[group] ** 2 / len(groups)
         return weight
 
-    def worst(self, tiles: Iterable[int], share: float) -> list[int]:
-        """Tiles that carry `share` of the squared error, worst first."""
+    def squared_errors(self, tiles: Iterable[int]) -> dict[int, float]:
+        """What each of these tiles adds to the squared relative error."""
         weight = self._weights(self.totals()[0])
-        score = {
+        return {
             tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
             for tile in tiles
             if tile in self.powers
         }
+
+    def worst(self, tiles: Iterable[int], share: float) -> list[int]:
+        """Tiles that carry `share` of the squared error, worst first."""
+        score = self.squared_errors(tiles)
         total = sum(score.values())
         chosen, carried = [], 0.0
         for tile in sorted(score, key=lambda t: (-score[t], t)):

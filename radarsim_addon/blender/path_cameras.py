@@ -7,6 +7,7 @@ for an orthographic one, radians of longitude and latitude for an equirectangula
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..errors import SceneError
@@ -93,9 +94,12 @@ def aim(
         camera.type = "PANO"
         settings = _panorama(camera)
         settings.panorama_type = "EQUIRECTANGULAR"
-        camera.shift_x = camera.shift_y = 0.0
+        # Latitudes end at the poles, and a grid may begin up to half a pixel beyond. The camera's
+        # shift does that; all of it would cost digits, as it is in units of the window.
+        beyond = max(top - math.pi / 2, 0.0) or min(bottom + math.pi / 2, 0.0)
+        camera.shift_x, camera.shift_y = 0.0, beyond / (top - bottom)
         settings.longitude_min, settings.longitude_max = left, right
-        settings.latitude_min, settings.latitude_max = bottom, top
+        settings.latitude_min, settings.latitude_max = bottom - beyond, top - beyond
         return frame_edges(camera, across_px, down_px, metres_per_unit)
     width = right - left
     camera.sensor_fit = "HORIZONTAL"

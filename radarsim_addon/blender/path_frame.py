@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +17,15 @@ from ..sidecar import file_sha256, write_record
 from ..signal.pathtable import PathRows, write_table
 from .acquisition import Instant
 from .motion_sampling import BurstMotion
+from .path_areas import ViewBoxes, view_boxes
 from .path_budget import CellGrid, ErrorBudget, ShiftPowers
+from .path_choice import MOST_TILED, in_sight, most_needy, small_boxes
 from .path_inserts import lay_over_small
 from .path_options import FINEST_PITCH
 from .path_parts import TileParts, TileRecord
 from .path_quality import QualitySums
 from .path_tiles import Tile, ViewWindow
-from .path_unseen import unseen_warning, view_rectangles
+from .path_unseen import unseen_warning
 from .path_views import RenderRequest
 
 if TYPE_CHECKING:
@@ -30,8 +33,6 @@ if TYPE_CHECKING:
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
-#: In a scene of more objects in sight, none of them is looked after by itself.
-_MOST_RECTANGLES = 256
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,6 +92,17 @@ class FrameWork:
         reach_m = job.plan.rings * job.measurement.ring_step_m
         self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
         self._budget = ErrorBudget(self._grid.first_object, job.options.refine_by)
+        self._whole = ViewWindow(
+            camera.left,
+            camera.right,
+            camera.bottom,
+            camera.top,
+            asked.width_px,
+            asked.height_px,
+            sphere=camera.kind == "equirectangular",
+        )
+        #: Small objects in sight, and how many of them got tiles of their own.
+        self._small, self._tiled = 0, 0
 
     def run(self) -> Generator[PathTask, None, None]:
         """All renders of the frame; its table and record are written at the end.
@@ -98,22 +110,10 @@ class FrameWork:
         Measured tiles stay on disk until then: where a run is stopped, the next one takes them.
         """
         job = self._job
-        whole = ViewWindow(
-            self._camera.left,
-            self._camera.right,
-            self._camera.bottom,
-            self._camera.top,
-            job.measurement.width_px,
-            job.measurement.height_px,
-        )
-        uniform = tiles = Tile(whole).split(job.options.tile_px)
+        uniform = tiles = Tile(self._whole).split(job.options.tile_px)
         if job.options.refines:
-            scene = job.path_scene
-            assert scene is not None
-            numbered = enumerate(scene.objects, start=1)
-            names = [name for number, name in numbered if number not in scene.hidden]
-            areas = view_rectangles(self._poses, names, self._camera, _MOST_RECTANGLES)
-            tiles = lay_over_small(uniform, areas, whole, job.options)
+            chosen = yield from self._choose(uniform)
+            tiles = lay_over_small(uniform, chosen.areas(self._whole), self._whole, job.options)
         job.total += len(tiles) - len(uniform)
         for tile in tiles:
             yield from self._measure(tile)
@@ -122,6 +122,29 @@ class FrameWork:
             reached = yield from self._refine()
         self._write(reached)
         self._parts.remove()
+
+    def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
+        """Boxes of the small objects that get tiles of their own."""
+        scene = self._job.path_scene
+        assert scene is not None
+        boxes = view_boxes(self._poses, scene.objects, self._camera, scene.hidden)
+        small = chosen = small_boxes(boxes, self._whole)
+        if len(small) > MOST_TILED:
+            start_s = time.monotonic()
+            seen = np.zeros(len(small), dtype=bool)
+            for number, tile in enumerate(uniform):
+                camera, view = yield from self._job.look_tasks(
+                    self._frame, self._instant, number, tile.window
+                )
+                units = self._job.plan.metres_per_unit
+                seen |= in_sight(small, camera, tile.window, view, scene.opaque, units)
+            self._renders += len(uniform)
+            self._seconds += time.monotonic() - start_s
+            chosen = most_needy(
+                small, seen, boxes, self._whole, self._camera, self._emitter_m, MOST_TILED
+            )
+        self._small, self._tiled = len(small), len(chosen)
+        return chosen
 
     def _refine(self) -> Generator[PathTask, None, str]:
         """Split the worst tiles until a limit is reached; returns which one it was."""
@@ -135,6 +158,10 @@ class FrameWork:
                 if measured.tile.level < options.max_level
                 and measured.tile.window.pitch / 2 >= FINEST_PITCH
             ]
+            open_error = math.sqrt(sum(self._budget.squared_errors(open_tiles).values()))
+            if open_error <= options.error_target:
+                # The others are as fine as may be, and the error is theirs.
+                return "finest pixels"
             worst = self._budget.worst(open_tiles, _ROUND_SHARE)
             if not worst:
                 return "finest pixels"
@@ -230,10 +257,16 @@ class FrameWork:
             scene.objects,
             quality.seen | quality.echoing | scene.hidden,
             self._camera,
-            job.measurement.width_px,
+            self._whole,
         )
         if unseen:
             warnings.append(unseen)
+        if self._tiled < self._small:
+            warnings.append(
+                f"{self._small:,} small objects are in view and {self._tiled} of them got tiles of "
+                "their own: those in sight of fewest pixels whose echo counts. The others are "
+                "measured by the rays of the frame. Raise the resolution for those."
+            )
         warnings += self._motion.warnings
         record = contract.PathsRecord(
             frame=self._frame,
@@ -254,6 +287,8 @@ class FrameWork:
             seed=job.measurement.seed,
             tiles=len(self._tiles),
             shifts=job.options.shifts,
+            small_objects=self._small,
+            small_objects_tiled=self._tiled,
             finest_level=max((m.tile.level for m in self._tiles.values()), default=0),
             renders=self._renders,
             render_time_s=self._seconds,

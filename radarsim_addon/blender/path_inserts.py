@@ -15,7 +15,7 @@ from .path_tiles import Area, Tile, ViewWindow, lay_in
 
 #: Objects of fewer pixels across get tiles of their own; the measured error of larger ones says
 #: soon enough where to refine.
-_SMALL_PX = 8.0
+SMALL_PX = 8.0
 #: Pixels across below which an object may slip between the rays.
 _LEAST_ACROSS = 2.0
 #: Pixels across where no error is asked for, and the most.
@@ -58,7 +58,7 @@ def lay_over_small(
     options
         What accuracy is asked for.
     """
-    small = [area for area in areas if 0 < area.shorter < _SMALL_PX * frame.pitch]
+    small = [area for area in areas if area.shorter > 0 and _least_px(area, frame) < SMALL_PX]
     most_px = max(_PIXELS_FOR_ALL, frame.width_px * frame.height_px) / max(len(small), 1)
     wanted = []
     for area in small:
@@ -74,13 +74,19 @@ def lay_over_small(
     return found
 
 
+def _least_px(area: Area, frame: ViewWindow) -> float:
+    """Pixels of the frame across the side that has fewer."""
+    return min((area.right - area.left) / frame.step_u, (area.top - area.bottom) / frame.step_v)
+
+
 def _affordable(area: Area, coarsest: float, across: float, most_px: float) -> float:
     """Pixel pitch that gives so many pixels across an object, or as many as may be spent."""
     least = area.shorter / _LEAST_ACROSS
     pitch = min(area.shorter / across, least)
     while pitch < least:
         margin = 2 * min(_STEP * pitch, coarsest)
-        size = (area.right - area.left + margin) * (area.top - area.bottom + margin)
+        width = (area.right - area.left) * area.stretch
+        size = (width + margin) * (area.top - area.bottom + margin)
         if size <= most_px * pitch**2:
             break
         pitch = min(1.2 * pitch, least)

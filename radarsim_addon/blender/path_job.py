@@ -36,8 +36,8 @@ from .path_options import PathOptions
 from .path_parts import TileParts
 from .path_rows import rows_of_view
 from .path_scene import PathScene
-from .path_tiles import Tile, shift_px, view_seed
-from .path_views import View
+from .path_tiles import Tile, ViewWindow, shift_px, view_seed
+from .path_views import Gate, RenderRequest, View
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings
@@ -252,6 +252,16 @@ class PathJob(RenderJob):
         """Received power of a unit of radiance times solid angle, per square Blender unit [W]."""
         area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
         return area_m2 / self.plan.metres_per_unit**2
+
+    def look_tasks(
+        self, frame: int, instant: Instant, number: int, window: ViewWindow
+    ) -> Generator[PathTask, None, tuple[contract.CameraRecord, View]]:
+        """One render of a part of the unrefined frame, for what is seen first in each pixel."""
+        assert self.path_scene is not None
+        record = self.path_scene.look(window, (0.0, 0.0), self._measurement.seed)
+        yield PathTask(frame, instant, number, 0, RenderRequest(Gate(order_max=1)))
+        assert self._view is not None
+        return record, self._view
 
     def view_tasks(
         self,

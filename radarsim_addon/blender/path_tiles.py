@@ -7,6 +7,7 @@ so the view has no gap and no overlap whatever was refined. No bpy.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import itertools
 import math
@@ -29,7 +30,10 @@ _EDGE = 1e-6
 
 @dataclass(frozen=True)
 class ViewWindow:
-    """A part of the field of view: tangents of its edges, and its pixels."""
+    """A part of the field of view: its edges in the camera's coordinates, and its pixels.
+
+    The coordinates are tangents, metres, or, where it is part of a sphere, longitude and latitude.
+    """
 
     left: float
     right: float
@@ -37,28 +41,45 @@ class ViewWindow:
     top: float
     width_px: int
     height_px: int
+    sphere: bool = False
+
+    @property
+    def step_u(self) -> float:
+        """Step of the first coordinate from pixel to pixel."""
+        return (self.right - self.left) / self.width_px
+
+    @property
+    def step_v(self) -> float:
+        """Step of the second coordinate from pixel to pixel."""
+        return (self.top - self.bottom) / self.height_px
+
+    @property
+    def stretch(self) -> float:
+        """Most true length per unit of the first coordinate."""
+        if not self.sphere:
+            return 1.0
+        return math.cos(min(max(0.0, self.bottom), self.top))
 
     @property
     def pitch(self) -> float:
-        """Largest tangent step of a pixel."""
-        return max(
-            (self.right - self.left) / self.width_px, (self.top - self.bottom) / self.height_px
-        )
+        """Largest true step of a pixel."""
+        return max(self.step_u * self.stretch, self.step_v)
 
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle in the view, by the tangents of its edges."""
+    """A rectangle in the view, by its edges; stretch is as in `ViewWindow`."""
 
     left: float
     right: float
     bottom: float
     top: float
+    stretch: float = 1.0
 
     @property
     def shorter(self) -> float:
-        """Its shorter side."""
-        return min(self.right - self.left, self.top - self.bottom)
+        """Its shorter side, true length."""
+        return min((self.right - self.left) * self.stretch, self.top - self.bottom)
 
 
 @dataclass(frozen=True)
@@ -79,23 +100,22 @@ class Tile:
             return self.window.width_px * self.window.height_px
         return int(np.count_nonzero(self.own))
 
-    def finer(self, left: int, right: int, top: int, bottom: int, factor: int) -> Tile:
-        """Columns left to right, rows top to bottom (exclusive), each pixel cut `factor` times."""
+    def finer(
+        self, left: int, right: int, top: int, bottom: int, across: int, down: int | None = None
+    ) -> Tile:
+        """Columns left to right, rows top to bottom (exclusive), each pixel cut `across` times,
+        and `down` times if that is another number."""
+        down = across if down is None else down
         part = part_of(self.window, left, right, top, bottom)
-        window = ViewWindow(
-            part.left,
-            part.right,
-            part.bottom,
-            part.top,
-            part.width_px * factor,
-            part.height_px * factor,
+        window = dataclasses.replace(
+            part, width_px=part.width_px * across, height_px=part.height_px * down
         )
         own = None
         if self.own is not None:
             chosen = self.own[top:bottom, left:right]
             if not chosen.all():
-                own = chosen.repeat(factor, axis=0).repeat(factor, axis=1)
-        return Tile(window, self.level + math.ceil(math.log2(factor)), own)
+                own = chosen.repeat(down, axis=0).repeat(across, axis=1)
+        return Tile(window, self.level + math.ceil(math.log2(max(across, down))), own)
 
     def split(self, most_px: int) -> list[Tile]:
         """Tiles of at most `most_px` pixels a side, alike in size, that cover this one; those
@@ -140,8 +160,7 @@ def view_seed(seed: int, window: ViewWindow, shift: int) -> int:
 
 def part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
     """Columns left to right and rows top to bottom (exclusive) of a view, same pixels."""
-    du = (frame.right - frame.left) / frame.width_px
-    dv = (frame.top - frame.bottom) / frame.height_px
+    du, dv = frame.step_u, frame.step_v
     # Edges that are the frame's are so to the bit.
     return ViewWindow(
         frame.left + left * du,
@@ -150,6 +169,7 @@ def part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> 
         frame.top - top * dv,
         right - left,
         bottom - top,
+        frame.sphere,
     )
 
 
@@ -165,7 +185,8 @@ def lay_in(
     area
         Where.
     pitch
-        Largest pixel pitch wanted there; tiles that are as fine stay as they are.
+        Largest true pixel pitch wanted there; tiles that are as fine stay as they are. Near a
+        pole that takes fewer cuts of longitude than of latitude.
     most_px
         Pixels a side of a tile.
     finest
@@ -181,21 +202,23 @@ def lay_in(
     kept, laid = [], []
     for tile in tiles:
         window = tile.window
-        factor = min(
-            math.ceil(window.pitch / pitch * (1 - 1e-9)),
-            math.floor(window.pitch / finest * (1 + 1e-9)),
-            1 << max(most_level - tile.level, 0),
+        du, dv = window.step_u, window.step_v
+        across, down = (
+            min(
+                math.ceil(step / pitch * (1 - 1e-9)),
+                max(math.floor(step / finest * (1 + 1e-9)), 1),
+                1 << max(most_level - tile.level, 0),
+            )
+            for step in (du * area.stretch, dv)
         )
-        du = (window.right - window.left) / window.width_px
-        dv = (window.top - window.bottom) / window.height_px
         left = max(math.floor((area.left - window.left) / du + _EDGE), 0)
         right = min(math.ceil((area.right - window.left) / du - _EDGE), window.width_px)
         top = max(math.floor((window.top - area.top) / dv + _EDGE), 0)
         bottom = min(math.ceil((window.top - area.bottom) / dv - _EDGE), window.height_px)
-        if factor < 2 or left >= right or top >= bottom:
+        if max(across, down) < 2 or left >= right or top >= bottom:
             kept.append(tile)
             continue
-        laid += tile.finer(left, right, top, bottom, factor).split(most_px)
+        laid += tile.finer(left, right, top, bottom, across, down).split(most_px)
         shape = (window.height_px, window.width_px)
         own = np.ones(shape, dtype=bool) if tile.own is None else tile.own.copy()
         own[top:bottom, left:right] = False

@@ -210,6 +210,11 @@ def _print_quality(frame: RadarFrame) -> None:
         f"  tiles            {record.tiles}, {record.shifts} shifts each, finest level "
         f"{record.finest_level}; {record.renders} renders in {record.render_time_s:.1f} s"
     )
+    if record.small_objects:
+        print(
+            f"  small objects    {record.small_objects} in view, {record.small_objects_tiled} with "
+            "tiles of their own"
+        )
     print(f"  ended by         {record.reached}")
     print(f"  standard error   {100 * record.relative_error:.2g} % (over range bins and objects)")
     print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
