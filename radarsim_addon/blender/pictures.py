@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 WIDTH, HEIGHT = 1200, 800
 LEFT, RIGHT, TOP, BOTTOM = 110, 190, 95, 80
 #: Decibels from the strongest value to the bottom of a plot.
-SPAN_DB = 60.0
+SPAN_DB = 80.0
 _INK = (0.1, 0.1, 0.1)
 _GRID = (0.85, 0.85, 0.85)
 _LINE = (0.12, 0.33, 0.62)
@@ -126,14 +126,16 @@ def _blank() -> Picture:
     return np.ones((HEIGHT, WIDTH, 3), dtype=np.float32)
 
 
-def _frame(canvas: Picture, axes: _Axes, x_label: str, y_label: str, title: str) -> None:
+def _frame(
+    canvas: Picture, axes: _Axes, x_label: str, y_label: str, title: str, x_ticks: bool = True
+) -> None:
     """Frame, ticks with numbers, labels and title around the plotting area."""
     right, bottom = WIDTH - RIGHT - 1, HEIGHT - BOTTOM - 1
     for row in (TOP, bottom):
         canvas[row, LEFT : right + 1] = _INK
     for column in (LEFT, right):
         canvas[TOP : bottom + 1, column] = _INK
-    for value in nice_ticks(axes.x_low, axes.x_high, 8):
+    for value in nice_ticks(axes.x_low, axes.x_high, 8) if x_ticks else ():
         column = round(axes.column(value))
         canvas[bottom : bottom + 6, column] = _INK
         _put_text(canvas, _number(value), column, bottom + 19)
@@ -165,7 +167,12 @@ def _limits(axis: Array) -> tuple[float, float]:
 
 
 def draw_map(
-    range_m: Array, doppler_hz: Array, power_db: Array, wavelength_m: float, title: str
+    range_m: Array,
+    doppler_hz: Array,
+    power_db: Array,
+    wavelength_m: float,
+    title: str,
+    unit: str = "dBW",
 ) -> Picture:
     """Range-Doppler map with axes in metres, hertz and metres a second, and a colour bar.
 
@@ -181,6 +188,8 @@ def draw_map(
         Carrier wavelength [m]; gives the velocity axis, v = -lambda f_D / 2.
     title
         First line.
+    unit
+        Of `power_db`; "dB" where powers are no watts.
     """
     canvas = _blank()
     axes = _Axes(*_limits(doppler_hz), *_limits(range_m))
@@ -194,9 +203,12 @@ def draw_map(
     canvas[TOP : TOP + rows, LEFT : LEFT + columns] = _atlas().viridis[
         np.round(cells * 255).astype(np.intp)
     ]
-    _frame(canvas, axes, "Doppler [Hz] (receding: negative)", "Range [m]", title)
-    _velocity_axis(canvas, axes, wavelength_m)
-    _colour_bar(canvas, 0.0 if empty else top_db)
+    if doppler_hz.size > 1:
+        _frame(canvas, axes, "Doppler [Hz] (receding: negative)", "Range [m]", title)
+        _velocity_axis(canvas, axes, wavelength_m)
+    else:
+        _frame(canvas, axes, "One pulse: Doppler is not resolved", "Range [m]", title, False)
+    _colour_bar(canvas, 0.0 if empty else top_db, unit)
     if empty:
         _put_text(canvas, "no echo", WIDTH - RIGHT / 2, HEIGHT - BOTTOM + 19)
     return canvas
@@ -212,7 +224,7 @@ def _velocity_axis(canvas: Picture, axes: _Axes, wavelength_m: float) -> None:
     _put_text(canvas, "Range rate [m/s] (receding: positive)", (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 
-def _colour_bar(canvas: Picture, top_db: float) -> None:
+def _colour_bar(canvas: Picture, top_db: float, unit: str) -> None:
     left, width = WIDTH - RIGHT + 30, 28
     rows = HEIGHT - TOP - BOTTOM
     table = _atlas().viridis[np.linspace(255, 0, rows).round().astype(np.intp)]
@@ -221,11 +233,11 @@ def _colour_bar(canvas: Picture, top_db: float) -> None:
         row = round(TOP + (top_db - value) / SPAN_DB * (rows - 1))
         canvas[row, left + width : left + width + 6] = _INK
         _put_text(canvas, _number(value), left + width + 10, row, anchor=0.0)
-    _put_text(canvas, "Power [dBW]", WIDTH - 22, TOP + rows / 2, vertical=True)
+    _put_text(canvas, f"Power [{unit}]", WIDTH - 22, TOP + rows / 2, vertical=True)
 
 
-def draw_profile(range_m: Array, power: Array, title: str) -> Picture:
-    """Expected power against range, in decibels over watts.
+def draw_profile(range_m: Array, power: Array, title: str, unit: str = "dBW") -> Picture:
+    """Expected power against range, in decibels.
 
     Parameters
     ----------
@@ -235,11 +247,13 @@ def draw_profile(range_m: Array, power: Array, title: str) -> Picture:
         Shape (ranges,) [W]; zero where there is no echo.
     title
         First line.
+    unit
+        Of the decibels; "dB" where powers are no watts.
     """
     canvas = _blank()
     peak = float(power.max()) if power.size else 0.0
     top_db = 5 * math.ceil((10 * math.log10(peak) + 1) / 5) if peak > 0 else 0.0
-    bottom_db = top_db - SPAN_DB - 20
+    bottom_db = top_db - SPAN_DB
     axes = _Axes(*_limits(range_m), bottom_db, top_db)
     for value in nice_ticks(bottom_db, top_db, 8):
         canvas[round(axes.row(value)), LEFT : WIDTH - RIGHT] = _GRID
@@ -249,7 +263,9 @@ def draw_profile(range_m: Array, power: Array, title: str) -> Picture:
     np.log10(power, out=level_db, where=power > 0)
     level_db = np.where(power > 0, 10 * level_db, bottom_db)
     _curve(canvas, axes, np.clip(level_db, bottom_db, top_db))
-    _frame(canvas, axes, "Range [m]", "Expected power [dBW]", title)
+    _frame(canvas, axes, "Range [m]", f"Expected power [{unit}]", title)
+    if not peak > 0:
+        _put_text(canvas, "no echo", (LEFT + WIDTH - RIGHT) / 2, (TOP + HEIGHT - BOTTOM) / 2)
     return canvas
 
 

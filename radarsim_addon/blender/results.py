@@ -70,6 +70,7 @@ class ProcessingJob:
     def _take(self, result: Any) -> None:
         """Keep one frame's pictures; those of the last frame stay."""
         title = f"frame {result.frame}, t = {result.time_s:.4g} s"
+        unit = "dBW" if result.echoes.weighting == "radar-equation" else "dB"
         self.warnings += [f"Frame {result.frame}: {warning}" for warning in result.warnings]
         self.images = [
             as_image(
@@ -80,12 +81,13 @@ class ProcessingJob:
                     result.rd_map.power_db,
                     result.rd_map.radar.waveform.wavelength_m,
                     f"Range-Doppler map, {title}",
+                    unit,
                 ),
             ),
             as_image(
                 PROFILE_IMAGE,
                 draw_profile(
-                    result.profile.range_m, result.profile.power, f"Range profile, {title}"
+                    result.profile.range_m, result.profile.power, f"Range profile, {title}", unit
                 ),
             ),
         ]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -17,6 +18,9 @@ from .paths import make_paths
 #: the tolerance of the synthesis is coarse [dB].
 MAP_DYNAMICS_DB = 160.0
 
+#: The same of a profile of expected power, whose convolution rounds at 1e-16 of its largest value
+#: times the root of its length [dB].
+PROFILE_DYNAMICS_DB = 130.0
 #: What is no more than this above a stronger peak's response to one path is its sidelobe [dB].
 _SIDELOBE_DB = 6.0
 
@@ -64,11 +68,14 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
 
     A chirp of low time-bandwidth product has such echoes up to its own length away, some 38 dB
     down whatever the window (the Fresnel ripple of its spectrum). Of waveforms that sample
-    frequencies the sidelobes of stronger peaks are no edges either.
+    frequencies, and of phase codes, the sidelobes of stronger peaks are no edges either; nor is
+    anything `PROFILE_DYNAMICS_DB` below the strongest, which is rounding.
     """
     reach_m = _paired_reach_m(profile.radar)
+    least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)
+    profile = dataclasses.replace(profile, power=np.maximum(profile.power, least))
     found = leading_edges(profile, 12, by="prominence")
-    if profile.radar.waveform.family == "line":
+    if profile.radar.waveform.family == "line" or profile.radar.waveform.kind == "barker":
         found = _without_sidelobes(profile, found)
     return [
         edge

@@ -366,6 +366,21 @@ def test_empty_map_and_profile_can_be_drawn() -> None:
         pictures.draw_profile(axis, np.zeros(10), "Empty"),
     ):
         assert np.isfinite(picture).all()
+    plain = np.ones_like(picture[300:500, 400:700])
+    words = picture[pictures.TOP + 100 : -pictures.BOTTOM - 100, 500:620]
+    assert words.min() < 0.3 and plain.min() == 1.0  # "no echo" in the middle
+
+
+def test_one_pulse_has_no_doppler_numbers() -> None:
+    power_db = np.full((1, 10), -80.0)
+    one = pictures.draw_map(np.arange(10.0), np.zeros(1), power_db, 0.05, "One")
+    burst = pictures.draw_map(
+        np.arange(10.0), np.arange(4.0) - 2, np.repeat(power_db, 4, axis=0), 0.05, "Burst"
+    )
+    ticks = np.s_[-pictures.BOTTOM + 8 : -pictures.BOTTOM + 30, pictures.LEFT : -pictures.RIGHT]
+    assert (burst[ticks] < 0.5).any() and not (one[ticks] < 0.5).any()
+    above = np.s_[pictures.TOP - 55 : pictures.TOP - 8, pictures.LEFT : -pictures.RIGHT]
+    assert (burst[above] < 0.5).any() and not (one[above] < 0.5).any()
 
 
 def test_text_is_as_wide_as_its_letters() -> None:

@@ -16,6 +16,7 @@ from radarsim_addon.signal import (
     Burst,
     Cfar,
     FmcwWaveform,
+    PhaseCodedPulse,
     Radar,
     RangeDopplerMap,
     Receiver,
@@ -39,6 +40,7 @@ from radarsim_addon.signal.detections import Detection, detection_lines, target_
 from radarsim_addon.signal.figurecells import cell_axis, strongest
 from radarsim_addon.signal.figurelabels import Box, Label, label_box, place_labels
 from radarsim_addon.signal.figuretext import decimals_for, fixed, frequency_unit, range_unit
+from radarsim_addon.signal.findings import find_edges
 from radarsim_addon.signal.mapplot import foremost, map_axes, picture_floor_db
 
 pytest.importorskip("matplotlib")
@@ -171,6 +173,24 @@ def test_sidelobes_of_a_mover_get_no_label(plain_map: RangeDopplerMap) -> None:
     assert foremost(plain_map, [mover], [detection(600.1, 5.0, -60.0), *along]) == [mover]
     other = detection(400.0, 5.0, -80.0)  # strong enough to be another target
     assert foremost(plain_map, [mover], [other, *along])[:2] == [mover, other]
+
+
+def test_of_targets_side_by_side_the_stronger_is_labelled(plain_map: RangeDopplerMap) -> None:
+    block = [detection(300.0, 0.0, -60.0), detection(315.0, 0.0, -61.0)]  # 900 m are shown
+    assert foremost(plain_map, [], [*block, detection(600.0, 0.0, -70.0)]) == [
+        block[0], detection(600.0, 0.0, -70.0),
+    ]  # fmt: skip
+
+
+def test_rounding_and_code_sidelobes_are_no_leading_edges() -> None:
+    radar = Radar(PhaseCodedPulse(5.3e9, 1e-7, 13), Burst(2000.0, 64))
+    paths = make_paths(1.0, 2000.0)
+    profile = expected_power_profile(paths, radar, window_m=(0.0, 8000.0))
+    edges = find_edges(profile)
+    assert [round(edge.peak_range_m) for edge in edges] == [1001]  # nothing of the code's sidelobes
+    with_far = make_paths(np.array([1.0, 1e-8]), np.array([2000.0, 12e3]))
+    profile = expected_power_profile(with_far, radar, window_m=(0.0, 8000.0))
+    assert sorted(round(edge.peak_range_m / 10) for edge in find_edges(profile)) == [100, 600]
 
 
 def test_many_targets_have_small_marks(plain_map: RangeDopplerMap) -> None:
