@@ -68,17 +68,17 @@ class FrameResult:
 
     @property
     def profile_noise_power(self) -> float:
-        """Mean thermal noise of a cell of the profile [W]; 0 without."""
+        """Mean noise of a cell of the profile, thermal and of the ADC [W]; 0 without."""
         return self._noise_power(range_noise_gain(self.compressed.radar, self.compressed.window))
 
     @property
     def map_noise_power(self) -> float:
-        """Mean thermal noise of a cell of the map [W]; 0 without."""
+        """Mean noise of a cell of the map, thermal and of the ADC [W]; 0 without."""
         gain = map_noise_gain(self.rd_map.radar, self.rd_map.window, self.rd_map.doppler_window)
         return self._noise_power(gain)
 
     def _noise_power(self, gain: float) -> float:
-        return 0.0 if self.reception is None else self.reception.noise_power_w * gain
+        return 0.0 if self.reception is None else self.reception.floor_power_w * gain
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ def plot_rings(frame: RadarFrame, pass_index: int = 0, floor_db: float = -60.0) 
     columns = min(7, frame.rings)
     lines = math.ceil(frame.rings / columns)
     aspect = frame.record.height_px / frame.record.width_px
-    figure = new_figure(2.0 * columns + 0.8, (2.0 * aspect + 0.35) * lines + 0.8)
+    figure = new_figure(2.0 * columns + 0.8, (1.83 * aspect + 0.22) * lines + 0.4)
     figure.set_layout_engine("compressed")  # pictures keep their shape, without gaps between them
     axes = figure.subplots(lines, columns, squeeze=False)
     picture = None

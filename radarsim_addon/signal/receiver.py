@@ -104,6 +104,14 @@ class Reception:
     step: float | None = None
     clipped: int = 0
 
+    @property
+    def floor_power_w(self) -> float:
+        """Mean |.|^2 of thermal noise and of the ADC's rounding together, per complex sample [W].
+
+        Rounding of a busy signal is white, step^2 / 12 each in I and Q (Bennett 1948).
+        """
+        return self.noise_power_w + (self.step or 0.0) ** 2 / 6
+
 
 def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
     """What the receiver makes of echoes.

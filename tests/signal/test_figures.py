@@ -295,6 +295,17 @@ def test_scale_shows_the_noise() -> None:
     assert picture_floor_db(rd_map.power) == pytest.approx(floor_db, abs=5.0)
 
 
+def test_rounding_of_the_adc_counts_as_noise() -> None:
+    paths = make_paths(np.array([1e-9, 1e-9]), np.array([600.0, 1300.0]), np.array([3.3, -7.1]))
+    echoes = synthesize(paths, RADAR, window_m=(0.0, 900.0))
+    reception = receive(echoes, Receiver(noise_figure_db=40.0, adc_bits=3))
+    assert reception.step is not None
+    assert reception.floor_power_w > 1.1 * reception.noise_power_w  # it matters
+    error = reception.echoes.samples - echoes.samples
+    measured = float(np.mean(np.abs(error) ** 2))
+    assert measured == pytest.approx(reception.floor_power_w, rel=0.03)
+
+
 def test_scale_without_noise_is_80_db(plain_map: RangeDopplerMap) -> None:
     assert picture_floor_db(plain_map.power) == -80.0
     assert picture_floor_db(np.zeros((4, 5))) == -80.0
