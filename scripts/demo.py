@@ -35,6 +35,7 @@ from radarsim_addon.signal.frames import open_run  # noqa: E402
 from radarsim_addon.signal.mapplot import plot_range_doppler  # noqa: E402
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run  # noqa: E402
 from radarsim_addon.signal.profileplot import plot_matched_filter  # noqa: E402
+from radarsim_addon.signal.rangedoppler import power_unit  # noqa: E402
 
 #: An edge this far from an object's near face is of something else [range resolutions].
 EDGE_SEARCH = 3
@@ -69,14 +70,15 @@ def run_demo(out: Path) -> dict[str, Any]:
     print("radarsim: processing", flush=True)
     result = process(run_folder)
     frame = open_run(run_folder).frame(result.frame)
+    unit = power_unit(result.echoes.weighting)
     for name, figure in (
         ("fig6_rings", plots.plot_rings(frame)),
         ("fig7_echo", plot_echo(result.echoes)),
         (
             "fig8_matched_filter",
-            plot_matched_filter(result.compressed, result.profile, result.edges),
+            plot_matched_filter(result.compressed, result.profile, result.edges, unit=unit),
         ),
-        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.movers)),
+        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.movers, unit=unit)),
     ):
         plots.save(figure, out / f"{name}.png")
     done = time.perf_counter()
