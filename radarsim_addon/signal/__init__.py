@@ -8,7 +8,7 @@ Five lines make a map::
     echoes = signal.synthesize(
         signal.iter_paths(run.frame(1)), run.radar, window_m=run.window_m, speckle_seed=0)
     rd_map = signal.range_doppler(signal.compress(echoes))
-    signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 3, min_speed_mps=1))
+    signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 1, min_speed_mps=1))
 
 Conventions: SI, float64; one-way range is half the path's length; range rate is positive when
 receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
