@@ -20,6 +20,7 @@ from mathutils import Matrix  # noqa: E402
 from radarsim_addon import contract  # noqa: E402
 from radarsim_addon.blender import nodes  # noqa: E402
 from radarsim_addon.blender.physical_materials import EXACT_FACETS  # noqa: E402
+from radarsim_addon.physics.fresnel import unpolarised_reflectance  # noqa: E402
 from radarsim_addon.physics.rough import albedo  # noqa: E402
 from radarsim_addon.physics.rough_transmission import transmission_factors  # noqa: E402
 from radarsim_addon.physics.slab import slab_power  # noqa: E402
@@ -33,9 +34,17 @@ PLACE = Matrix.Translation((0.03, 0.05, -10))
 
 
 def furnace(
-    material: dict[str, Any], angle_deg: float, thickness: float = 0.0, samples: int = 256
+    material: dict[str, Any],
+    angle_deg: float,
+    thickness: float = 0.0,
+    samples: int = 256,
+    exact_facets: bool = EXACT_FACETS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Blue of a plate (thickness 0) or box in the furnace, and the cosine of incidence."""
+    """Blue of a plate (thickness 0) or box in the furnace, and the cosine of incidence.
+
+    exact_facets: Fresnel's equations at each facet, as runs have them from Blender 5.0 on; else
+    F(0), as they have it before.
+    """
     scene = rh.new_scene(size=8, fov_deg=1, max_bounces=33)
     scene.cycles.samples = samples
     scene.cycles.pixel_filter_type = "BOX"
@@ -45,7 +54,7 @@ def furnace(
     background = scene.world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (1, 1, 1, 1)
     scene[contract.ATTR_WAVELENGTH] = WAVELENGTH
-    scene[contract.ATTR_FACET_FRESNEL] = float(EXACT_FACETS)
+    scene[contract.ATTR_FACET_FRESNEL] = float(exact_facets)
     made = physical_material(penetrable=thickness > 0, **material)
     pose = PLACE @ Matrix.Rotation(math.radians(angle_deg), 4, "X")
     if thickness:
@@ -116,21 +125,51 @@ def test_layer_behind_a_mirror_is_entered_anew(scale: float) -> None:
     assert abs(pixels.mean() - expected) < 2e-3 + 2 * error
 
 
+CLOSED = {"Transmission": 0.0, "Grazing Transmission": 0.0}
+
+
+def model_albedo(index: complex, slope: float, cosine: float, exact_facets: bool) -> float:
+    """The single-scatter albedo of the Smith-Beckmann model, integrated numerically."""
+    if exact_facets:
+        return albedo(slope, cosine, index, "smith", 256)
+    normal = float(unpolarised_reflectance(index, 1.0))
+    return normal * albedo(slope, cosine, None, "smith", 256)
+
+
 @pytest.mark.parametrize("angle", [0, 30, 60])
 @pytest.mark.parametrize("slope", [0.1, 0.3, 0.45])
 @pytest.mark.parametrize("index", [1e4 + 1e4j, 9 + 3j])
 def test_rough_conductor_has_its_albedo(index: complex, slope: float, angle: float) -> None:
-    """The single-scatter albedo of the Smith-Beckmann model, integrated numerically: 3e-3."""
-    if index.real < 100 and not EXACT_FACETS:
-        pytest.skip("Fresnel at the facet from Blender 5.0 on; before, see docs/materials.md")
-    closed = {"Transmission": 0.0, "Grazing Transmission": 0.0}
-    material = {"n": index.real, "kappa": index.imag, **closed}
+    """Within 3e-3, with F at each facet (from Blender 5.0 on) and with F(0) (on every one)."""
     roughness = math.sqrt(math.sqrt(2) * slope)
-    pixels, cosine = furnace({**material, "roughness": roughness}, angle, samples=512)
-    expected = albedo(slope, float(cosine.mean()), index, "smith", 256)
-    error = pixels.std() / math.sqrt(pixels.size)
-    assert error < 1e-3
-    assert abs(pixels.mean() - expected) < 3e-3
+    material = {"n": index.real, "kappa": index.imag, "roughness": roughness, **CLOSED}
+    for exact_facets in {False, EXACT_FACETS}:
+        pixels, cosine = furnace(material, angle, samples=512, exact_facets=exact_facets)
+        expected = model_albedo(index, slope, float(cosine.mean()), exact_facets)
+        error = pixels.std() / math.sqrt(pixels.size)
+        assert error < 1e-3
+        assert abs(pixels.mean() - expected) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("index", "missing_db"),
+    [
+        (1.4, (0.01, 0.20, 1.20, 4.14)),
+        (2.3, (0.00, 0.05, 0.27, 1.06)),
+        (9 + 3j, (0.00, -0.01, -0.06, -0.25)),
+    ],
+)
+def test_what_facets_at_normal_incidence_leave_out(
+    index: complex, missing_db: tuple[float, ...]
+) -> None:
+    """F(theta)/F(0) as docs/materials.md tells users of Blender 4.5: nearly smooth facets met at
+    15 to 60 degrees."""
+    index = complex(index)
+    material = {"n": index.real, "kappa": index.imag, "roughness": 0.12, **CLOSED}
+    for angle, missing in zip((15, 30, 45, 60), missing_db, strict=True):
+        pixels, cosine = furnace(material, angle, exact_facets=False)
+        exact = unpolarised_reflectance(index, cosine).mean()
+        assert 10 * math.log10(exact / pixels.mean()) == pytest.approx(missing, abs=0.012)
 
 
 @pytest.mark.parametrize("index", [1.4, 2.3, 9 + 3j, 20 + 20j])

@@ -6,6 +6,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -214,14 +217,31 @@ def test_read_only_folder(plate: Any, tmp_path: Path, monkeypatch: pytest.Monkey
         rs.run(tmp_path)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write")
-def test_read_only_folder_for_users(plate: Any, tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
+@contextmanager
+def ordinary_user() -> Iterator[None]:
+    """As user 65534 where the tests run as root, whom no permission holds back."""
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)
     try:
-        with pytest.raises(OutputError, match="Permission denied"):
-            rs.run(tmp_path)
+        yield
     finally:
-        tmp_path.chmod(0o700)
+        if root:
+            os.seteuid(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="permissions of POSIX")
+def test_read_only_folder_for_users(plate: Any) -> None:
+    # not in tmp_path, which lies in a folder that is open to who runs the tests alone
+    with ordinary_user(), tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o500)
+        with pytest.raises(OutputError, match="run cannot be made: Permission denied"):
+            rs.run(folder / "run")
+        with pytest.raises(OutputError, match="cannot be written to: Permission denied"):
+            rs.run(folder)
+        assert list(folder.iterdir()) == []
+        folder.chmod(0o700)
 
 
 def test_folder_removed_in_the_middle(plate: Any, tmp_path: Path) -> None:
