@@ -26,9 +26,9 @@ import bpy
 
 from .. import __version__, contract
 from ..errors import OutputError, RadarSimError, RenderError
-from ..sidecar import file_sha256, read_record, write_record
-from . import output_folder, scene_truth
-from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, make_plan, run_record
+from ..sidecar import write_record
+from . import output_folder, run_files, scene_truth
+from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, make_plan
 from .advice import warnings_for
 from .exr_check import verify_exr
 from .folder_lock import FolderLock
@@ -224,17 +224,7 @@ class RenderJob:
             interval_s,
             self.plan.acquisition,
         )
-        record = run_record(
-            self.plan,
-            digests[0],
-            Path(bpy.data.filepath).name,
-            self.warnings,
-            self.versions,
-        )
-        record.extra["geometry_fingerprint"] = fingerprint(self.plan, digests[-1], self.versions)
-        record.extra["unsaved_changes"] = len(digests) == 1
-        record.extra["polarisation"] = self._measurement.polarisation
-        write_record(self.folder / contract.RUN_FILE, record)
+        run_files.write_run(self.folder, self.plan, digests, self.warnings, self.versions)
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -307,57 +297,16 @@ class RenderJob:
             save_render(self._scene, temporary)
             verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
             output_folder.replace_file(temporary, final)
-            write_record(self.folder / task.sidecar_path, self._record(task, final))
+            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
+            write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
             temporary.unlink(missing_ok=True)
             raise
         self._rendered += 1
         self.done += 1
 
-    def _record(self, task: Task, exr: Path) -> contract.RenderRecord:
-        assert self._records is not None
-        measurement = self._measurement
-        return contract.RenderRecord(
-            acquisition="rings",
-            frame=task.frame,
-            pass_index=task.pass_index,
-            time_s=task.instant.time_s,
-            ring=task.ring,
-            ring_min_m=task.ring_min_m,
-            ring_max_m=task.ring_max_m,
-            width_px=measurement.width_px,
-            height_px=measurement.height_px,
-            metres_per_unit=self.plan.metres_per_unit,
-            code_length_m=self.plan.code_length_m,
-            extinction_length_m=self.plan.extinction_length_m,
-            camera=self._records[0],
-            emitter=self._records[1],
-            samples=measurement.samples,
-            seed=measurement.seed,
-            max_bounces=measurement.max_bounces,
-            exr_file=exr.name,
-            exr_sha256=file_sha256(exr),
-            versions=self.versions,
-        )
-
     def _write_scene(self, frame: int) -> None:
-        """Write the labels of a radar frame, unless they are there."""
-        path = self.folder / contract.frame_dir(frame) / contract.SCENE_FILE
-        try:
-            read_record(path, contract.SceneRecord)
-            return
-        except RadarSimError:
-            pass
-        instants = self.plan.instants(frame)
-        units = self.plan.metres_per_unit
-        later, interval_s = None, 0.0
-        if len(instants) > 1:
-            later = scene_truth.origin_positions(self._show(instants[1]), self.rig, units)
-            interval_s = instants[1].time_s - instants[0].time_s
-        objects = scene_truth.object_records(
-            self._show(instants[0]), self.rig, units, later, interval_s
-        )
-        write_record(path, contract.SceneRecord(frame, instants[0].time_s, objects))
+        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
 
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""

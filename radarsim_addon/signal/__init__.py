@@ -26,8 +26,8 @@ Paths
     path_amplitude;
     FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED
 Echoes (Eq. 9-14)
-    synthesize -> Echoes; EchoSynthesizer; path_phasors; nufft1; replica, replica_spectrum,
-    matched_filter
+    synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
+    replica_spectrum, matched_filter
 Spectra for any waveform
     SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening,
     Ramp
@@ -65,7 +65,7 @@ from .doppler import (
     FLAG_TOO_FAST,
     range_rate,
 )
-from .echoes import Echoes, EchoSynthesizer, synthesize
+from .echoes import Echoes, EchoOptions, EchoSynthesizer, synthesize
 from .echoplot import plot_echo
 from .exr import read_exr, write_exr
 from .frames import MissingRender, RadarFrame, Run, open_run
@@ -125,6 +125,7 @@ __all__ = [
     "Decoded",
     "Detection",
     "Detections",
+    "EchoOptions",
     "EchoSynthesizer",
     "Echoes",
     "ExpectedPower",

@@ -100,32 +100,60 @@ def check_window(window_m: tuple[float, float]) -> tuple[float, float]:
     return start_m, stop_m
 
 
+@dataclass(frozen=True)
+class EchoOptions:
+    """How echoes are formed: each as the argument of :func:`synthesize` of the same name."""
+
+    weighting: Weighting = "radar-equation"
+    receiver_gain: float = 1.0
+    method: Backend = "auto"
+    tolerance: float = TOLERANCE
+    synthesis: Method = "auto"
+    range_folding: bool = True
+    chunk: int = 1 << 17
+    speckle_seed: int | None = None
+
+    def amplitudes(self, paths: Paths, wavelength_m: float) -> NDArray[np.inexact[Any]]:
+        """Weight of each path in the sum, (N,), with its random phase if asked for."""
+        weights: NDArray[np.inexact[Any]] = path_amplitude(
+            paths, wavelength_m, self.weighting, self.receiver_gain
+        )
+        if self.speckle_seed is not None:
+            weights = weights * path_phasors(paths, self.speckle_seed)
+        return weights
+
+
+#: What is done unless asked otherwise.
+AS_USUAL = EchoOptions()
+
+
 class EchoSynthesizer:
     """Adds up the echoes of paths that come in parts (ring by ring); see :func:`synthesize`.
 
     Memory: one complex matrix (pulses, frequencies) and buffers of some 100 MB at most, whatever
     the number of paths.
+
+    Parameters
+    ----------
+    radar
+        With a waveform of the family "pulse".
+    window_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m].
+    options
+        See :class:`EchoOptions`.
+
+    Raises
+    ------
+    ConfigError
+        The window is empty or reversed, or the matrix of echoes too large.
     """
 
     def __init__(
-        self,
-        radar: Radar,
-        window_m: tuple[float, float],
-        *,
-        weighting: Weighting = "radar-equation",
-        receiver_gain: float = 1.0,
-        method: Backend = "auto",
-        tolerance: float = TOLERANCE,
-        synthesis: Method = "auto",
-        range_folding: bool = True,
-        chunk: int = 1 << 17,
-        speckle_seed: int | None = None,
+        self, radar: Radar, window_m: tuple[float, float], options: EchoOptions = AS_USUAL
     ) -> None:
         self.window_m = check_window(window_m)
         self.radar = radar
-        self._weighting: Weighting = weighting
-        self._gain = receiver_gain
-        self._speckle_seed = speckle_seed
+        self._options = options
         rate_hz = radar.waveform.sampling_rate_hz
         chirp = replica_count(radar.waveform)
         start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.window_m)
@@ -144,16 +172,16 @@ class EchoSynthesizer:
         self._sum = SpectrumAccumulator(
             FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size),
             pulse_times_s(radar),
-            tolerance=tolerance,
-            method=synthesis,
-            backend=method,
+            tolerance=options.tolerance,
+            method=options.synthesis,
+            backend=options.method,
             listening=Listening(
                 start_s - 2 * self._half_s,
                 stop_s + 2 * self._half_s,
-                1 / radar.burst.prf_hz if range_folding else None,
+                1 / radar.burst.prf_hz if options.range_folding else None,
                 radar.waveform.carrier_hz,
             ),
-            chunk=chunk,
+            chunk=options.chunk,
         )
 
     def add(self, paths: Paths) -> None:
@@ -164,11 +192,7 @@ class EchoSynthesizer:
         PathDataError
             A row has a length or an amplitude that is NaN or infinite.
         """
-        weights: NDArray[np.inexact[Any]] = path_amplitude(
-            paths, self.radar.waveform.wavelength_m, self._weighting, self._gain
-        )
-        if self._speckle_seed is not None:
-            weights = weights * path_phasors(paths, self._speckle_seed)
+        weights = self._options.amplitudes(paths, self.radar.waveform.wavelength_m)
         self._sum.add(paths.lengths, weights)
 
     def result(self) -> Echoes:
@@ -193,7 +217,7 @@ class EchoSynthesizer:
             self._first_s,
             self.window_m,
             self.radar,
-            self._weighting,
+            self._options.weighting,
             spectrum.report.outside,
             spectrum.report,
         )
@@ -252,9 +276,7 @@ def synthesize(
     """
     from .families import synthesizer_for  # it knows of all kinds, this module among them
 
-    synthesizer = synthesizer_for(
-        radar,
-        window_m,
+    options = EchoOptions(
         weighting=weighting,
         receiver_gain=receiver_gain,
         method=method,
@@ -264,6 +286,7 @@ def synthesize(
         chunk=chunk,
         speckle_seed=speckle_seed,
     )
+    synthesizer = synthesizer_for(radar, window_m, options)
     for part in [paths] if isinstance(paths, Paths) else paths:
         synthesizer.add(part)
     return synthesizer.result()

@@ -26,15 +26,11 @@ from numpy.typing import NDArray
 from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
-from .echoes import MAX_SAMPLES, Echoes, check_window
-from .nufft import Backend
-from .paths import Paths, Weighting, path_amplitude
-from .speckle import path_phasors
+from .echoes import AS_USUAL, MAX_SAMPLES, Echoes, EchoOptions, check_window
+from .paths import Paths
 from .synthesis import (
-    TOLERANCE,
     FrequencyGrid,
     Listening,
-    Method,
     Ramp,
     Spectrum,
     SpectrumAccumulator,
@@ -114,8 +110,8 @@ class LineSynthesizer:
     window_m
         One-way ranges that the profile will show [m]. Every echo within the waveform's own range
         is in the samples, whatever the window.
-    weighting, receiver_gain, method, tolerance, synthesis, chunk, speckle_seed
-        As for :func:`.echoes.synthesize`.
+    options
+        See :class:`.echoes.EchoOptions`; range folding is the waveform's own, see the notes.
     oscillator
         Phase noise, see :class:`.phasenoise.LineOscillator`; None: none. Not for PMCW.
 
@@ -129,23 +125,14 @@ class LineSynthesizer:
         self,
         radar: Radar,
         window_m: tuple[float, float],
+        options: EchoOptions = AS_USUAL,
         *,
-        weighting: Weighting = "radar-equation",
-        receiver_gain: float = 1.0,
-        method: Backend = "auto",
-        tolerance: float = TOLERANCE,
-        synthesis: Method = "auto",
-        chunk: int = 1 << 17,
-        speckle_seed: int | None = None,
         oscillator: Oscillator | None = None,
     ) -> None:
         self.radar = radar
         self.window_m = check_window(window_m)
         self._waveform = line_waveform(radar)
-        self._weighting: Weighting = weighting
-        self._gain = receiver_gain
-        self._method, self._tolerance, self._synthesis = method, tolerance, synthesis
-        self._chunk, self._seed = chunk, speckle_seed
+        self._options = options
         self._grid = line_grid(self._waveform)
         count, rows = self._grid.count, line_times_s(radar).size
         if count * rows > MAX_SAMPLES:
@@ -168,13 +155,13 @@ class LineSynthesizer:
         return SpectrumAccumulator(
             self._grid,
             line_times_s(self.radar) + middle_s,
-            tolerance=self._tolerance,
-            method=self._synthesis,
-            backend=self._method,
+            tolerance=self._options.tolerance,
+            method=self._options.synthesis,
+            backend=self._options.method,
             listening=Listening(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=line_ramp(waveform),
             interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
-            chunk=self._chunk,
+            chunk=self._options.chunk,
         )
 
     def add(self, paths: Paths) -> None:
@@ -185,11 +172,8 @@ class LineSynthesizer:
         PathDataError
             A row has a length or an amplitude that is NaN or infinite.
         """
-        weights = path_amplitude(
-            paths, self._waveform.wavelength_m, self._weighting, self._gain
-        ).astype(np.complex128)
-        if self._seed is not None:
-            weights *= path_phasors(paths, self._seed)
+        amplitudes = self._options.amplitudes(paths, self._waveform.wavelength_m)
+        weights = amplitudes.astype(np.complex128)
         beyond = paths.range_m >= self._waveform.unambiguous_range_m
         if self._noisy is None:
             self._sum.add(paths.lengths, weights)
@@ -242,7 +226,7 @@ class LineSynthesizer:
             waveform.grid_start_s,
             self.window_m,
             self.radar,
-            self._weighting,
+            self._options.weighting,
             report.outside,
             report,
         )

@@ -25,7 +25,7 @@ from .burstblend import blended, shown_times_s
 from .compress import ProfileAccumulator, compress
 from .config import Radar
 from .detections import detect_targets
-from .echoes import Echoes, check_window
+from .echoes import Echoes, EchoOptions, check_window
 from .families import synthesizer_for
 from .files import make_folder, remove_file
 from .findings import dynamics_db, find_edges
@@ -249,12 +249,14 @@ def _synthesizer(
     return synthesizer_for(
         radar,
         window_m,
-        weighting=options.weighting,
-        receiver_gain=options.receiver_gain,
-        method=options.method,
-        tolerance=options.tolerance,
-        synthesis=options.synthesis,
-        speckle_seed=seed,
+        EchoOptions(
+            weighting=options.weighting,
+            receiver_gain=options.receiver_gain,
+            method=options.method,
+            tolerance=options.tolerance,
+            synthesis=options.synthesis,
+            speckle_seed=seed,
+        ),
         phase_noise=options.receiver.phase_noise,
         phase_noise_seed=options.receiver.phase_noise_seed,
     )

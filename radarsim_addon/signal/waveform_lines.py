@@ -17,6 +17,7 @@ from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .codes import m_sequence
 from .config import AnyWaveform, WaveformNumbers, check_carrier, check_count, check_positive
+from .waveform_chips import ChipNumbers
 
 Complex = NDArray[np.complex128]
 
@@ -257,7 +258,7 @@ class SteppedWaveform(LineNumbers):
 
 
 @dataclass(frozen=True)
-class PmcwWaveform(LineNumbers):
+class PmcwWaveform(ChipNumbers, LineNumbers):
     """Phase-modulated continuous wave: an m-sequence sent over and over.
 
     Parameters
@@ -284,9 +285,8 @@ class PmcwWaveform(LineNumbers):
 
     def __post_init__(self) -> None:
         check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Chip length", self.chip_length_s, "seconds")
         m_sequence(self.degree)
-        check_count("Samples per chip", self.samples_per_chip, 1, 64)
+        self.check_chips(64)
         check_count("Number of repeats", self.repeats, 1, 1 << 16)
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 
@@ -299,16 +299,6 @@ class PmcwWaveform(LineNumbers):
     def code_s(self) -> float:
         """Length of one code [s]."""
         return self.code_length * self.chip_length_s
-
-    @property
-    def bandwidth_hz(self) -> float:
-        """Chip rate [Hz]."""
-        return 1 / self.chip_length_s
-
-    @property
-    def sampling_rate_hz(self) -> float:
-        """Complex samples a second [Hz]."""
-        return self.samples_per_chip / self.chip_length_s
 
     @property
     def duration_s(self) -> float:
@@ -347,5 +337,4 @@ class PmcwWaveform(LineNumbers):
 
     def replica_samples(self) -> Complex:
         """One code, (chips x samples_per_chip,)."""
-        code = np.repeat(np.asarray(m_sequence(self.degree)), self.samples_per_chip)
-        return np.asarray(code, dtype=np.complex128)
+        return self.sampled(m_sequence(self.degree))

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from .codes import barker
-from .config import PulseNumbers, check_carrier, check_count, check_positive
+from .config import PulseNumbers, check_carrier, check_positive
+from .waveform_chips import ChipNumbers
 
 Complex = NDArray[np.complex128]
 
@@ -24,7 +25,7 @@ MAX_WAVEFORM_SAMPLES = 1 << 22
 
 
 @dataclass(frozen=True)
-class PhaseCodedPulse(PulseNumbers):
+class PhaseCodedPulse(ChipNumbers, PulseNumbers):
     """A pulse of chips of phase 0 or pi, after a Barker code.
 
     Parameters
@@ -48,20 +49,9 @@ class PhaseCodedPulse(PulseNumbers):
 
     def __post_init__(self) -> None:
         check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Chip length", self.chip_length_s, "seconds")
         barker(self.code_length)
-        check_count("Samples per chip", self.samples_per_chip, 1, 1024)
+        self.check_chips(1024)
         check_carrier(self.carrier_hz, self.bandwidth_hz)
-
-    @property
-    def bandwidth_hz(self) -> float:
-        """Chip rate [Hz]."""
-        return 1 / self.chip_length_s
-
-    @property
-    def sampling_rate_hz(self) -> float:
-        """Complex samples a second [Hz]."""
-        return self.samples_per_chip / self.chip_length_s
 
     @property
     def duration_s(self) -> float:
@@ -70,8 +60,7 @@ class PhaseCodedPulse(PulseNumbers):
 
     def replica_samples(self) -> Complex:
         """The transmitted samples, (chips x samples_per_chip,)."""
-        code = np.repeat(np.asarray(barker(self.code_length)), self.samples_per_chip)
-        return np.asarray(code, dtype=np.complex128)
+        return self.sampled(barker(self.code_length))
 
 
 @dataclass(frozen=True)

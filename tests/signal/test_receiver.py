@@ -26,6 +26,7 @@ from radarsim_addon.signal import (
     receive,
 )
 from radarsim_addon.signal.config import AnyWaveform
+from radarsim_addon.signal.echoes import EchoOptions
 from radarsim_addon.signal.families import synthesizer_for
 from radarsim_addon.signal.noisefloor import map_noise_gain
 from radarsim_addon.signal.phasenoise import PhaseTrack, residual_density
@@ -124,7 +125,7 @@ def test_noise_is_the_seeds_and_off_unless_asked_for() -> None:
 
 def test_noise_needs_watts() -> None:
     radar = Radar(LFM, Burst(1000.0, 2))
-    echoes = synthesizer_for(radar, (0.0, 100.0), weighting="paper").result()
+    echoes = synthesizer_for(radar, (0.0, 100.0), EchoOptions(weighting="paper")).result()
     with pytest.raises(ConfigError, match="'radar-equation'"):
         receive(echoes, Receiver(noise_figure_db=3.0))
 
