@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .compress import Compressed, compress
 from .config import Burst, Radar
-from .echoes import Echoes
+from .echoes import EchoOptions, Echoes
 from .families import synthesizer_for
 from .mti import cancel
 from .paths import make_paths
@@ -180,7 +180,7 @@ def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | 
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
     range_m = max(range_m, _NEAREST_M)
     aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
-    synthesizer = synthesizer_for(radar, echoes.window_m, method="direct")
+    synthesizer = synthesizer_for(radar, echoes.window_m, EchoOptions(method="direct"))
     synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m))
     echo = dataclasses.replace(synthesizer.result(), window_m=recording.window_m)
     columns = recording.rd_map.range_m.size
