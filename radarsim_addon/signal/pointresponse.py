@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .compress import Compressed, compress
 from .config import Burst, Radar
-from .echoes import EchoOptions, Echoes
+from .echoes import Echoes, EchoOptions
 from .families import synthesizer_for
 from .mti import cancel
 from .paths import make_paths
