@@ -149,7 +149,7 @@ def add_library(preferences: Any) -> Any:
     library = libraries.new(name=LIBRARY_NAME, directory=str(FOLDER))
     if library is None:  # some versions return nothing
         library = libraries[len(libraries) - 1]
-    # Linked materials could not follow the carrier.
+    # Appended, a material is the user's to edit; a linked one follows the carrier, too.
     try:
         library.import_method = "APPEND_REUSE"
     except TypeError:  # Blender 5 offers to link, append or pack

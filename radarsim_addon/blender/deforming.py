@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..signal.pathtable import PathRows
 from .bodies import Part
-from .isolation import SURFACE_TYPES
 from .shown import beside_box
+from .worn import SURFACE_TYPES
 
 Real = NDArray[np.float64]
 Floats = NDArray[np.float32]

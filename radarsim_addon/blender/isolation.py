@@ -15,16 +15,17 @@ import bpy
 
 from .nodes import is_radar_material
 from .recorder import Recorder
+from .worn import SURFACE_TYPES, Worn, slot_materials, worn_materials
 
-#: Object types whose surface Cycles shades by material slots.
-SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
 #: Object types that Cycles renders and that have no radar model.
 UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
 ABSORBER_NAME = "radarsim absorber (temporary)"
 _NAMES_SHOWN = 5
 
 
-def isolate(recorder: Recorder, scene: Any, emitter: Any, any_material: bool = False) -> list[str]:
+def isolate(
+    recorder: Recorder, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
+) -> list[str]:
     """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
 
     With `any_material` a world volume carries the code: surfaces of any kind echo, and only what
@@ -38,15 +39,15 @@ def isolate(recorder: Recorder, scene: Any, emitter: Any, any_material: bool = F
     _hide_other_lamps(recorder, emitter)
     if any_material:
         return _isolate_any_material(recorder, scene)
-    silent = [item.name for item in scene.objects if _is_silent(item)]
+    worn = worn_materials(depsgraph)
+    silent = [one.item.name for one in worn if _is_silent(one)]
+    rendered = _rendered(scene)
     unsupported = [
-        item.name
-        for item in scene.objects
-        if item.type in UNSUPPORTED_TYPES and not item.hide_render
+        item.name for item in rendered if item.type in UNSUPPORTED_TYPES and not item.hide_render
     ]
     _absorb_other_materials(recorder)
-    _absorb_bare_objects(recorder, scene)
-    for item in scene.objects:
+    _absorb_bare_objects(recorder, worn)
+    for item in rendered:
         if item.type in UNSUPPORTED_TYPES:
             _hide(recorder, item)
     warnings = []
@@ -66,7 +67,7 @@ def isolate(recorder: Recorder, scene: Any, emitter: Any, any_material: bool = F
 def _isolate_any_material(recorder: Recorder, scene: Any) -> list[str]:
     fog = [
         item
-        for item in scene.objects
+        for item in _rendered(scene)
         if not item.hide_render
         and (
             item.type in UNSUPPORTED_TYPES
@@ -123,13 +124,27 @@ def echoes(item: Any) -> bool:
     """Whether an object can echo: a Radar Material in a slot, or one set by geometry nodes."""
     if item.type not in SURFACE_TYPES:
         return False
-    if any(slot.material and is_radar_material(slot.material) for slot in item.material_slots):
+    if any(is_radar_material(material) for material in slot_materials(item)):
         return True
     return any(modifier.type == "NODES" for modifier in item.modifiers)
 
 
-def _is_silent(item: Any) -> bool:
-    return item.type in SURFACE_TYPES and not item.hide_render and not echoes(item)
+def _is_silent(worn: Worn) -> bool:
+    return not any(is_radar_material(material) for material in worn.materials)
+
+
+def _rendered(scene: Any) -> list[Any]:
+    """Objects of a scene, and of the collections that it instances."""
+    found: dict[Any, None] = {}
+    waiting = list(scene.objects)
+    while waiting:
+        item = waiting.pop()
+        if item in found:
+            continue
+        found[item] = None
+        if item.instance_type == "COLLECTION" and item.instance_collection is not None:
+            waiting += item.instance_collection.all_objects
+    return sorted(found, key=lambda item: item.name_full)
 
 
 def _names(names: list[str]) -> str:
@@ -222,14 +237,13 @@ def _remove(nodes: Any, added: list[Any]) -> None:
         nodes.remove(node)
 
 
-def _absorb_bare_objects(recorder: Recorder, scene: Any) -> None:
+def _absorb_bare_objects(recorder: Recorder, worn: list[Worn]) -> None:
     """Objects without any material get Blender's grey default, which carries no code."""
     bare = [
-        item.data
-        for item in scene.objects
-        if item.type in SURFACE_TYPES
-        and not any(slot.material for slot in item.material_slots)
-        and not any(modifier.type == "NODES" for modifier in item.modifiers)
+        one.item.data
+        for one in worn
+        if not any(one.materials)
+        and not any(modifier.type == "NODES" for modifier in one.item.modifiers)
     ]
     if not bare:
         return

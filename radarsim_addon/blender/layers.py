@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import contract
+from .nodes.find_group import group_input, group_node
 from .nodes.groups import KIND_PROPERTY
-from .nodes.materials import group_node
 from .nodes.physical_material import EXTINCTION, KIND
 from .recorder import Recorder
+from .worn import worn_materials
 
 Real = NDArray[np.float64]
 
@@ -150,13 +151,9 @@ def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
     list of str
         A warning that names the objects that are no layers.
     """
-    # Members of instanced collections and linked objects are not among depsgraph.objects.
-    shown = {i.object.original.as_pointer(): i.object.original for i in depsgraph.object_instances}
     others = []
-    for item in shown.values():
-        if item.hide_render:
-            continue
-        if not any(is_entered(slot.material) for slot in item.material_slots):
+    for item, materials in worn_materials(depsgraph):
+        if not any(is_entered(material) for material in materials):
             continue
         given = item.get(contract.OBJECT_LAYER_NORMAL)
         normal = None if given is None else np.array(given, dtype=np.float64)
@@ -195,21 +192,21 @@ def is_entered(material: Any) -> bool:
     )
 
 
-def beyond_float32(wavelength: float) -> list[str]:
+def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
     """Warnings about objects whose absorption leaves nothing that a render can hold.
 
     Parameters
     ----------
     wavelength
         In Blender units.
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
     """
     limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
     deep = {}
-    for item in bpy.data.objects:
-        if item.hide_render or item.type != "MESH":
-            continue
-        entered = [slot.material for slot in item.material_slots if is_entered(slot.material)]
-        if not entered:
+    for item, materials in worn_materials(depsgraph):
+        entered = [material for material in materials if is_entered(material)]
+        if item.type != "MESH" or not entered:
             continue
         corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
         normal = item.get(contract.OBJECT_LAYER_NORMAL)
@@ -221,8 +218,8 @@ def beyond_float32(wavelength: float) -> list[str]:
         else:
             directions = np.eye(3)
         thickness = float(np.ptp(corners @ directions.T, axis=0).min())
-        nodes = [group_node(material) for material in entered]
-        kappa = max(float(n.inputs[EXTINCTION].default_value) for n in nodes if n is not None)
+        sockets = [group_input(material, EXTINCTION) for material in entered]
+        kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
         if loss_db > limit_db:
             deep[item.name] = loss_db

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .nodes.materials import group_node
+from .nodes.find_group import group_node
 
 Real = NDArray[np.float64]
 Whole = NDArray[Any]

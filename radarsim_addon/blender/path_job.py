@@ -25,7 +25,6 @@ from ..signal.cameras import pixel_rays
 from ..signal.pathtable import PathRows
 from . import output_folder
 from .acquisition import Extent, Instant, Plan, make_plan
-from .isolation import SURFACE_TYPES
 from .measurement import Measurement
 from .motion_samples import SamplingPlan
 from .motion_sampling import BurstMotion
@@ -41,6 +40,8 @@ from .path_views import Gate, RenderRequest, View
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob
 from .render_settings import MeasurementSettings
+from .scene_truth import evaluated_depsgraph
+from .worn import SURFACE_TYPES, worn_materials
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
@@ -68,7 +69,7 @@ class PathJob(RenderJob):
         self.options = options
         self.path_scene: PathScene | None = None
         self._view: View | None = None
-        self.code_world = _needs_world_code(scene, options)
+        self.code_world = _needs_world_code(view_layer, options)
 
     @property
     def measurement(self) -> Measurement:
@@ -327,7 +328,7 @@ def _vertex_map(
     return position.astype(np.float32).astype(np.float64), float(np.float32(0.5 / reach))
 
 
-def _needs_world_code(scene: Any, options: PathOptions) -> bool:
+def _needs_world_code(view_layer: Any, options: PathOptions) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
     if options.code != "auto":
         return options.code == "world"
@@ -340,4 +341,9 @@ def _needs_world_code(scene: Any, options: PathOptions) -> bool:
             s.material is None or not is_radar_material(s.material) for s in item.material_slots
         ):
             return True
-    return False
+    # What geometry nodes set shows in the evaluated object alone.
+    return any(
+        material is not None and not is_radar_material(material)
+        for worn in worn_materials(evaluated_depsgraph(view_layer))
+        for material in worn.materials
+    )

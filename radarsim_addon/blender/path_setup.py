@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from .. import contract
-from .isolation import SURFACE_TYPES
 from .nodes.materials import lets_nothing_through
 from .pattern_mesh import PATTERN_PROPERTY
 from .recorder import Recorder
+from .worn import SURFACE_TYPES
 
 LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range code (temporary)"

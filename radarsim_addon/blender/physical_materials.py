@@ -22,20 +22,20 @@ the medium by `update_material`: when the carrier changes, and when a run starts
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
 
 from ..errors import ConfigError, RadarSimError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
-from ..physics.material_model import MaterialModel
 from ..physics.materials import TABLE, material_model
-from ..physics.rough import cycles_roughness, kirchhoff_limits, rms_slope, slope_from_roughness
+from ..physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
 from ..physics.rough_transmission import transmission_factors
+from .medium import Medium, Surface
+from .nodes.find_group import find_group, group_input, group_node, holds_group
 from .nodes.groups import KIND_PROPERTY, ensure_group
-from .nodes.materials import group_node, is_conductor, link_group
+from .nodes.materials import is_conductor, link_group
 from .nodes.physical_material import (
     EXTINCTION,
     GRAZING_TRANSMISSION,
@@ -47,6 +47,7 @@ from .nodes.physical_material import (
 from .nodes.sheet import KIND as SHEET_KIND
 from .nodes.sheet import THICKNESS
 from .recorder import Recorder
+from .worn import slot_materials
 
 MEDIUM = "radarsim_medium"
 PARAMETER_PREFIX = "radarsim_medium_"
@@ -58,50 +59,6 @@ SHEET_THICKNESS = "radarsim_sheet_thickness_m"
 
 EXACT_FACETS = bpy.app.version >= (5, 0, 0)
 """Whether Cycles evaluates Fresnel's equations at each facet; see `contract.ATTR_FACET_FRESNEL`."""
-
-
-@dataclass(frozen=True)
-class Medium:
-    """A model of the library with its parameters; `path` is the CSV file of the model 'table'."""
-
-    name: str
-    parameters: dict[str, float] = field(default_factory=dict)
-    path: str | None = None
-
-    @property
-    def model(self) -> MaterialModel:
-        """The library's model. ConfigError where there is none of that name."""
-        path = None if self.path is None else bpy.path.abspath(self.path)
-        return material_model(self.name, path)
-
-    def index(self, carrier_hz: float) -> complex:
-        """n + jk at the carrier; ConfigError outside the band of validity, which it names."""
-        return complex(self.model.index(carrier_hz, **self.parameters))
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Rough surface: rms height and correlation length [m], 0 where not given; rms slope."""
-
-    rms_height_m: float = 0.0
-    correlation_length_m: float = 0.0
-    rms_slope: float = 0.0
-
-    @property
-    def slope(self) -> float:
-        """sqrt(2) h/l where both are given, else the slope that is."""
-        if self.rms_height_m > 0 and self.correlation_length_m > 0:
-            return float(rms_slope(self.rms_height_m, self.correlation_length_m))
-        return self.rms_slope
-
-    @property
-    def correlation_length(self) -> float:
-        """l [m], from h and the slope where it was not given; 0 where neither says."""
-        if self.correlation_length_m > 0:
-            return self.correlation_length_m
-        if self.rms_height_m > 0 and self.rms_slope > 0:
-            return math.sqrt(2) * self.rms_height_m / self.rms_slope
-        return 0.0
 
 
 # -- reading and writing ---------------------------------------------------------------------------
@@ -131,12 +88,11 @@ def surface_of(material: Any) -> Surface | None:
     if material is None:
         return None
     values = [float(material.get(key, 0.0)) for key in keys]
-    node = group_node(material)
     if not any(value > 0 for value in values):
         return None
     surface = Surface(*values)
-    roughness = node.inputs.get(ROUGHNESS) if node is not None else None
-    if surface.slope == 0 and roughness is not None and not roughness.is_linked:
+    roughness = group_input(material, ROUGHNESS)
+    if surface.slope == 0 and roughness is not None:
         slope = float(slope_from_roughness(roughness.default_value))
         return Surface(surface.rms_height_m, surface.correlation_length_m, slope)
     return surface
@@ -293,44 +249,110 @@ def update_material(material: Any, carrier_hz: float, recorder: Recorder | None 
     Raises
     ------
     ConfigError
-        As `inputs_at`.
+        As `inputs_at`; or a linked file holds a node group of an older radarsim.
     """
+    for socket, value in _inputs_to_set(material, carrier_hz):
+        _put(socket, value, recorder)
+
+
+def _put(socket: Any, value: float, recorder: Recorder | None) -> None:
+    if recorder is not None:
+        recorder.set(socket, "default_value", value)
+    elif socket.default_value != value:
+        socket.default_value = value
+
+
+def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
+    """Sockets of a physical material, and their values at a carrier."""
     node = group_node(material)
     if node is None or not is_physical(material):
-        return
+        return []
+    found = []
     for name, value in inputs_at(material, carrier_hz).items():
-        socket = node.inputs[name]
-        if socket.is_linked:
-            continue
-        if recorder is not None:
-            recorder.set(socket, "default_value", value)
-        elif socket.default_value != value:
-            socket.default_value = value
+        if node.inputs.get(name) is None:
+            library = material.library
+            where = "this file" if library is None else repr(library.filepath)
+            raise ConfigError(
+                f"Material {material.name!r}: its node group {node.node_tree.name!r} was made by "
+                f"another radarsim and has no input {name!r}. Open {where} with this radarsim and "
+                "save it, or append the material in place of linking it."
+            )
+        socket = group_input(material, name)
+        if socket is not None:
+            found.append((socket, value))
+    return found
 
 
-def update_materials(carrier_hz: float, recorder: Recorder | None = None) -> list[str]:
-    """Evaluate every physical material of the file at a carrier.
+def update_materials(
+    carrier_hz: float, recorder: Recorder | None = None, worn: Collection[Any] | None = None
+) -> list[str]:
+    """Evaluate every physical material of the file at a carrier, linked ones too.
+
+    What is linked from another file is set in memory: that file is not changed.
+
+    Parameters
+    ----------
+    carrier_hz, recorder
+        At what, and who takes it back.
+    worn
+        Materials of rendered objects; None: those in the slots of all objects of the file.
 
     Returns
     -------
     list of str
-        What could not be evaluated, of materials that no rendered object wears.
+        What could not be evaluated, of materials that no rendered object wears; and worn materials
+        with a medium whose group is not at their output, which keep their numbers.
 
     Raises
     ------
     ConfigError
-        A material that an object in the render wears cannot be evaluated.
+        A material that an object in the render wears cannot be evaluated, or two of them share a
+        node group with one set of numbers.
     """
-    worn = _worn(bpy.data.objects)
+    if worn is None:
+        worn = _in_slots(bpy.data.objects)
     failures = []
-    for material in bpy.data.materials:
+    owners: dict[int, tuple[Any, float]] = {}
+    # Those that are worn come first: they are the ones that count where numbers are shared.
+    for material in sorted(bpy.data.materials, key=lambda m: (m not in worn, m.name_full)):
         try:
-            update_material(material, carrier_hz, recorder)
+            for socket, value in _inputs_to_set(material, carrier_hz):
+                other, before = owners.setdefault(socket.as_pointer(), (material, value))
+                if value != before:
+                    raise ConfigError(_shared(other, material))
+                _put(socket, value, recorder)
         except ConfigError as error:
-            if material.name in worn:
+            if material in worn:
                 raise
             failures.append(str(error))
+        if material in worn and _keeps_numbers(material):
+            failures.append(
+                f"Material {material.name!r} has a medium, but its Radar Material does not feed "
+                "the output's Surface alone: its numbers do not follow the carrier. Connect the "
+                "group to Surface directly (groups of your own and reroutes may be between)."
+            )
     return failures
+
+
+def _shared(first: Any, second: Any) -> str:
+    found = find_group(second)
+    nested = found is not None and bool(found.enclosing)
+    tree = found.enclosing[-1].node_tree if found and nested else second.node_tree
+    return (
+        f"Materials {first.name!r} and {second.name!r} need different numbers in the node group "
+        f"{tree.name!r}, which both use. Make it a single-user copy in one of them, or lead the "
+        "inputs of the Radar Material out of the group."
+    )
+
+
+def _keeps_numbers(material: Any) -> bool:
+    """Whether a material with a medium holds our group where it is not found."""
+    return (
+        material.node_tree is not None
+        and medium_of(material) is not None
+        and find_group(material) is None
+        and holds_group(material.node_tree)
+    )
 
 
 def refresh_materials(carrier_hz: float) -> None:
@@ -352,11 +374,11 @@ def limits_of(material: Any, carrier_hz: float) -> tuple[str, ...]:
     )
 
 
-def _worn(objects: Iterable[Any]) -> set[str]:
+def _in_slots(objects: Iterable[Any]) -> set[Any]:
     return {
-        slot.material.name
+        material
         for item in objects
         if not item.hide_render
-        for slot in item.material_slots
-        if slot.material is not None
+        for material in slot_materials(item)
+        if material is not None
     }

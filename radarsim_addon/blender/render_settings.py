@@ -24,6 +24,7 @@ from .physical_materials import EXACT_FACETS, update_materials
 from .recorder import Recorder
 from .rig import Rig
 from .scene_truth import evaluated_depsgraph
+from .worn import worn_materials
 
 #: Least near clip plane that Blender takes, in Blender units; it shortens each first segment.
 NEAR_CLIP_UNITS = 1e-6
@@ -91,8 +92,9 @@ class MeasurementSettings:
             self._set_antennas()
             self._set_code()
             self.warnings = self._set_materials()
+            depsgraph = evaluated_depsgraph(self._view_layer)
             self.warnings += isolate(
-                self._recorder, self._scene, self._rig.emitter, self._any_material
+                self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
             )
         except BaseException:
             self.restore()
@@ -275,7 +277,10 @@ class MeasurementSettings:
         for material in bpy.data.materials:
             if is_radar_material(material):
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
-        failures = update_materials(self._plan.measurement.waveform.carrier_hz, self._recorder)
+        depsgraph = evaluated_depsgraph(self._view_layer)
+        worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+        carrier_hz = self._plan.measurement.waveform.carrier_hz
+        failures = update_materials(carrier_hz, self._recorder, worn)
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
@@ -283,7 +288,7 @@ class MeasurementSettings:
             *failures,
             *check_meshes(depsgraph),
             *no_layers,
-            *beyond_float32(wavelength),
+            *beyond_float32(wavelength, depsgraph),
         ]
 
     def _set_code(self) -> None:

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from .. import contract
 from ..sidecar import file_sha256
 from .acquisition import Extent
-from .isolation import ABSORBER_NAME, SURFACE_TYPES, animation_curves, echoes
+from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distance
+from .nodes.groups import KIND_PROPERTY
 from .surface_roughness import roughness_of
 from .visibility import rendered_objects
+from .worn import SURFACE_TYPES, slot_materials
 
 Array = NDArray[np.float64]
 
@@ -161,11 +163,11 @@ def object_records(
             if origin_later_m is not None:
                 rate = (origin_later_m - origin_m) / interval_s
         materials = [
-            slot.material.name
-            for slot in shown.evaluated.original.material_slots
-            if slot.material is not None and slot.material.name != ABSORBER_NAME
+            material.name
+            for material in slot_materials(shown.evaluated)
+            if material is not None and material.name != ABSORBER_NAME
         ]
-        rms_height_m, correlation_length_m = roughness_of(shown.evaluated.original)
+        rms_height_m, correlation_length_m = roughness_of(shown.evaluated)
         nearest[shown.name] = (
             distance,
             contract.ObjectRecord(
@@ -274,8 +276,8 @@ def geometry_digest(depsgraph: Any, rig: Any) -> str:
         if pointer not in hashed:
             hashed[pointer] = _mesh_digest(shown.evaluated)
         digest.update(hashed[pointer])
-        for slot in shown.evaluated.original.material_slots:
-            digest.update(_material_text(slot.material).encode())
+        for material in slot_materials(shown.evaluated):
+            digest.update(_material_text(material).encode())
     return "scene:" + digest.hexdigest()
 
 
@@ -293,8 +295,16 @@ def _mesh_digest(evaluated: Any) -> bytes:
 def _material_text(material: Any) -> str:
     if material is None or material.node_tree is None:
         return repr(None if material is None else material.name)
-    parts = [material.name]
-    for node in material.node_tree.nodes:
+    return "\n".join([material.name, *_tree_text(material.node_tree)])
+
+
+def _tree_text(tree: Any) -> list[str]:
+    """Values and links of a node tree, and of the groups in it that are not ours."""
+    parts = []
+    for node in tree.nodes:
+        inner = getattr(node, "node_tree", None)
+        if inner is not None and KIND_PROPERTY not in inner:
+            parts += [inner.name, *_tree_text(inner)]
         for socket in node.inputs:
             value = getattr(socket, "default_value", None)
             if value is not None and not isinstance(value, str | float | int | bool):
@@ -302,6 +312,6 @@ def _material_text(material: Any) -> str:
             parts.append(f"{node.bl_idname}.{socket.identifier}={value!r}")
     parts += [
         f"{link.from_node.bl_idname}.{link.from_socket.identifier}>{link.to_socket.identifier}"
-        for link in material.node_tree.links
+        for link in tree.links
     ]
-    return "\n".join(parts)
+    return parts

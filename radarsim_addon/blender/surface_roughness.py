@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from .physical_materials import CORRELATION_LENGTH, RMS_HEIGHT
+from .worn import slot_materials
 
 
 def roughness_of(item: Any) -> tuple[float | None, float | None]:
@@ -14,11 +15,12 @@ def roughness_of(item: Any) -> tuple[float | None, float | None]:
     Parameters
     ----------
     item : bpy.types.Object
+        Evaluated: materials that geometry nodes set count, too.
     """
-    for slot in item.material_slots:
-        if slot.material is None:
+    for material in slot_materials(item):
+        if material is None:
             continue
-        height_m = float(slot.material.get(RMS_HEIGHT, 0.0))
+        height_m = float(material.get(RMS_HEIGHT, 0.0))
         if height_m > 0:
-            return height_m, float(slot.material.get(CORRELATION_LENGTH, 0.0)) or None
+            return height_m, float(material.get(CORRELATION_LENGTH, 0.0)) or None
     return None, None

@@ -86,8 +86,7 @@ def _group_nodes(tree: Any) -> Iterator[Any]:
     owners = (*bpy.data.materials, *bpy.data.lights, *bpy.data.worlds)
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None]
     for user in (*trees, *bpy.data.node_groups):
-        if user.library is None:
-            yield from (n for n in user.nodes if getattr(n, "node_tree", None) == tree)
+        yield from (n for n in user.nodes if getattr(n, "node_tree", None) == tree)
 
 
 def ensure_group(kind: str) -> Any:
@@ -122,14 +121,26 @@ def ensure_group(kind: str) -> Any:
 
 
 def refresh_groups() -> list[str]:
-    """Rebuild every stale group in the file; returns the names of those that were rebuilt."""
+    """Rebuild every stale group in the file; returns the names of those that were rebuilt.
+
+    Those that are linked from another file are rebuilt in memory: that file is not changed.
+    """
     stale = [
-        tree.name
-        for kind, definition in DEFINITIONS.items()
-        for tree in find_groups(kind)
-        if (group_version(tree) or 0) < definition.version
+        tree
+        for tree in bpy.data.node_groups
+        if (group_version(tree) or 0) < _version_of(tree.get(KIND_PROPERTY))
     ]
+    names = [tree.name for tree in stale]
+    for tree in stale:
+        if tree.library is not None and group_version(tree) is not None:
+            rebuild_group(tree, DEFINITIONS[tree[KIND_PROPERTY]])
     for kind in DEFINITIONS:
         if find_groups(kind):
             ensure_group(kind)
-    return stale
+    return names
+
+
+def _version_of(kind: Any) -> int:
+    """The version that this radarsim makes; 0 for what it does not know."""
+    definition = DEFINITIONS.get(kind) if isinstance(kind, str) else None
+    return 0 if definition is None else definition.version

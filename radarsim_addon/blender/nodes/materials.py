@@ -11,15 +11,12 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
+from .find_group import group_input, group_node
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
-from .groups import KIND_PROPERTY, ensure_group
-from .physical_material import KIND as PHYSICAL_KIND
+from .groups import ensure_group
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
-from .sheet import KIND as SHEET_KIND
 
 PRESET_PROPERTY = "radarsim_preset"
-MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
-"""Groups that carry the range code, have lobes chosen by the gate, and the inputs of an index."""
 VOLUME_STEP_RATE = 1000.0
 """Of materials of ours. Along a ray inside an object they are uniform, so one step is exact. The
 physical one depends on the ray, so Cycles marches through it in steps, of a tenth of the object's
@@ -85,21 +82,6 @@ PRESETS: dict[str, MaterialPreset] = {
 """Presets by identifier, in the order of the menu."""
 
 
-def group_node(material: Any) -> Any | None:
-    """The Radar Material group node, simple or physical, that feeds the output's Surface; None
-    where there is none."""
-    if material is None or material.node_tree is None:
-        return None
-    for output in material.node_tree.nodes:
-        if output.bl_idname != "ShaderNodeOutputMaterial":
-            continue
-        for link in output.inputs["Surface"].links:
-            tree = getattr(link.from_node, "node_tree", None)
-            if tree is not None and tree.get(KIND_PROPERTY) in MATERIAL_KINDS:
-                return link.from_node
-    return None
-
-
 def is_radar_material(material: Any) -> bool:
     """Whether a material scatters by the Radar Material group, and so carries the range code."""
     return group_node(material) is not None
@@ -108,11 +90,8 @@ def is_radar_material(material: Any) -> bool:
 def lets_nothing_through(material: Any) -> bool:
     """Whether a material is a Radar Material that is opaque whatever the ray: a conductor with
     fixed numbers (see :func:`.fresnel.transmittance`)."""
-    node = group_node(material)
-    if node is None:
-        return False
-    index, extinction = node.inputs.get(INDEX), node.inputs.get(EXTINCTION)
-    if index is None or extinction is None or index.is_linked or extinction.is_linked:
+    index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
+    if index is None or extinction is None:
         return False
     return is_conductor(complex(index.default_value, extinction.default_value))
 
