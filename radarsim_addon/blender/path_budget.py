@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import contract
 from ..signal.pathtable import FLAG_NO_CODE, PathRows
+from ..signal.replicates import edge_variances
 
 Real = NDArray[np.float64]
 
@@ -41,12 +43,13 @@ class CellPowers:
 
 @dataclass(frozen=True)
 class ShiftPowers:
-    """One shift of a tile: power of its cells that are not zero, and the pixels on each object as
-    a share of one of all shifts."""
+    """One shift of a tile: power of its cells that are not zero, the pixels on each object as a
+    share of one of all shifts, and the least variance of its mean power by its edges, likewise."""
 
     cells: NDArray[np.int64]
     power: Real
     hits: Real
+    edges: Real
 
 
 @dataclass
@@ -61,8 +64,11 @@ class CellGrid:
         """Number of object 0, the unknown one; the cell before it is all beyond the bins."""
         return self.bins + 1
 
-    def shift_powers(self, rows: PathRows, count: int) -> ShiftPowers:
-        """Cell powers of one of `count` shifts of a tile (each row's power is its share)."""
+    def shift_powers(
+        self, rows: PathRows, count: int, camera: contract.CameraRecord | None = None
+    ) -> ShiftPowers:
+        """Cell powers of one of `count` shifts of a tile (each row's power is its share); without
+        a camera nothing is known of edges along the grid."""
         size = self.first_object
         known = rows["flags"] & FLAG_NO_CODE == 0
         place = np.clip(rows["length_m"][known] / 2 / self.bin_m, 0, self.bins).astype(np.int64)
@@ -70,10 +76,16 @@ class CellGrid:
         by_bin = np.bincount(place, power[known], minlength=1)
         by_object = np.bincount(rows["object"], power, minlength=1)
         bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
+        hits = np.bincount(rows["object"], minlength=1) / count
+        edges = np.zeros(hits.size)
+        if camera is not None:
+            number = rows["object"].astype(np.int64)
+            edges = edge_variances(rows, number, power, camera, count) / count
         return ShiftPowers(
             np.concatenate([bins, objects + size]),
             np.concatenate([by_bin[bins], by_object[objects]]),
-            np.bincount(rows["object"], minlength=1) / count,
+            hits,
+            edges,
         )
 
     def powers(self, shifts: Sequence[ShiftPowers]) -> CellPowers:
@@ -82,18 +94,22 @@ class CellGrid:
         cells = np.unique(np.concatenate([shift.cells for shift in shifts]))
         total = np.zeros((count, cells.size))
         hits = np.zeros(max(shift.hits.size for shift in shifts))
+        edges = np.zeros(hits.size)
         for number, shift in enumerate(shifts):
             total[number, np.searchsorted(cells, shift.cells)] = shift.power
             hits[: shift.hits.size] += shift.hits
+            edges[: shift.edges.size] += shift.edges
         mean = total.mean(axis=0)
         if count > 1:
             variance = total.var(axis=0, ddof=1) / count
         else:
             variance = mean**2
         known_object = cells > self.first_object
-        hits = hits[cells[known_object] - self.first_object]
-        # A few shifts may happen to agree on an object of a few pixels.
+        place = cells[known_object] - self.first_object
+        hits = hits[place]
+        # A few shifts may happen to agree on an object of a few pixels, or with edges along them.
         least = (mean[known_object] / hits) ** 2 * _EDGE_VARIANCE * np.sqrt(hits) / count
+        least = np.maximum(least, edges[place])
         variance[known_object] = np.maximum(variance[known_object], least)
         return CellPowers(cells, mean, variance)
 

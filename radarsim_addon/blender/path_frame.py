@@ -185,7 +185,9 @@ class FrameWork:
             self._job.done += 1
         else:  # an earlier session measured it
             shifts = self._parts.shifts(key, record)
-            powers = [self._grid.shift_powers(rows, len(record.rows)) for rows in shifts]
+            powers = [
+                self._grid.shift_powers(rows, len(record.rows), self._camera) for rows in shifts
+            ]
             self._job.found_done()
         quality, further = record.sums()
         self._tiles[number] = _Measured(tile, key, quality)
@@ -216,7 +218,7 @@ class FrameWork:
                 further.add_beyond(traced, job.watts_per_unit)
                 self._motion.label(rows)
                 quality.add_rows(rows)
-                powers.append(self._grid.shift_powers(rows, count))
+                powers.append(self._grid.shift_powers(rows, count, self._camera))
                 rows_of.append(rows.size)
                 part.add(rows)
             digest = part.finish()

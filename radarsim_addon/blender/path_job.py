@@ -23,6 +23,7 @@ from ..physics.radar_equation import effective_area_m2
 from ..sidecar import file_sha256, read_record
 from ..signal.cameras import pixel_rays
 from ..signal.pathtable import PathRows
+from ..signal.replicates import shift_px
 from . import output_folder
 from .acquisition import Extent, Instant, Plan, make_plan
 from .measurement import Measurement
@@ -35,7 +36,7 @@ from .path_options import PathOptions
 from .path_parts import TileParts
 from .path_rows import rows_of_view
 from .path_scene import PathScene
-from .path_tiles import Tile, ViewWindow, shift_px, view_seed
+from .path_tiles import Tile, ViewWindow, view_seed
 from .path_views import Gate, RenderRequest, View
 from .poses import camera_record, emitter_record
 from .render_job import RenderJob

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 Mask = NDArray[np.bool_]
 
-#: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
-_R2 = (0.7548776662466927, 0.5698402909980532)
 #: Pixels up to which a tile is not worth cutting.
 _WHOLE_UP_TO_PX = 1 << 13
 #: How far, in pixels, an area may reach over a pixel's edge without taking the next one: rounding.
@@ -140,15 +138,6 @@ class Tile:
             return [double]
         parts = [double.finer(left, left + w, top, top + h, 1) for top in (0, h) for left in (0, w)]
         return [part for part in parts if part.own_pixels()]
-
-
-def shift_px(index: int) -> tuple[float, float]:
-    """Sub-pixel shift number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
-    sequence that starts off the pixel centre (a ray exactly on the shared edge of two triangles
-    counts both)."""
-    u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
-    v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
-    return u, v
 
 
 def view_seed(seed: int, window: ViewWindow, shift: int) -> int:

@@ -22,13 +22,14 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import PathsRecord
+from ..contract import CameraRecord, PathsRecord
 from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .frames import RadarFrame
 from .link import Link
 from .pathframes import open_frame_table, usable
 from .pathtable import PathRows
+from .replicates import edge_variances
 
 Real = NDArray[np.float64]
 
@@ -138,7 +139,7 @@ def object_echoes(
         groups = {name: [name] for name in record.objects}
     member = _membership(record.objects, groups)
     names = list(groups)
-    sums = _Sums(len(names), record.shifts)
+    sums = _Sums(len(names), record.shifts, record.camera)
     for start, stop in _tile_edges(table):
         rows = np.array(table[start:stop])
         rows = rows[usable(rows)]
@@ -159,8 +160,8 @@ def _membership(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> 
 class _Sums:
     """Sums over tiles: the mean of the shifts, and the variance of that mean."""
 
-    def __init__(self, groups: int, shifts: int) -> None:
-        self._shifts = shifts
+    def __init__(self, groups: int, shifts: int, camera: CameraRecord) -> None:
+        self._shifts, self._camera = shifts, camera
         self._mean = np.zeros((2, groups))
         self._variance = np.zeros((2, groups))
         self._paths = np.zeros(groups, dtype=np.int64)
@@ -178,13 +179,30 @@ class _Sums:
             self._paths[group] += np.count_nonzero(mine)
             self._range[group] += power[mine] @ rows["length_m"][mine] / 2
             self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
+            least = self._least_relative(rows[mine], power[mine])
             for place, value in enumerate((power, rcs)):
                 by_shift = self._shifts * np.bincount(
                     rows["shift"][mine], value[mine], minlength=self._shifts
                 )
                 self._mean[place, group] += by_shift.mean()
                 if self._shifts > 1:
-                    self._variance[place, group] += by_shift.var(ddof=1) / self._shifts
+                    scatter = by_shift.var(ddof=1) / self._shifts
+                    self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
+
+    def _least_relative(self, rows: PathRows, power: Real) -> float:
+        """Least relative variance of what these rows of a tile add up to, by edges along its grid
+        that the shifts may agree on."""
+        total = power.sum()
+        if self._shifts < 2 or not total > 0:
+            return 0.0
+        variance = 0.0
+        for shift in range(self._shifts):
+            own = rows["shift"] == shift
+            label = np.ones(np.count_nonzero(own), dtype=np.int64)
+            value = self._shifts * power[own] / total
+            found = edge_variances(rows[own], label, value, self._camera, self._shifts)
+            variance += float(found[-1]) / self._shifts
+        return variance
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
         errors = np.sqrt(self._variance)

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender.path_budget import CellGrid, CellPowers, ErrorBudget
-from radarsim_addon.blender.path_tiles import shift_px
 from radarsim_addon.signal.pathtable import FLAG_NO_CODE, PATH_DTYPE
+from radarsim_addon.signal.replicates import shift_px
 
 
 def test_shifts_fill_the_pixel() -> None:

@@ -16,6 +16,8 @@ from radarsim_addon.blender import nodes  # noqa: E402
 from radarsim_addon.blender.path_job import PathJob  # noqa: E402
 from radarsim_addon.blender.path_options import PathOptions  # noqa: E402
 from radarsim_addon.errors import SceneError  # noqa: E402
+from radarsim_addon.signal import open_run  # noqa: E402
+from radarsim_addon.signal.objects import object_echoes  # noqa: E402
 from tests.blender import radar_scenes as rs  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -107,6 +109,28 @@ def test_a_plate_below_a_pixel_gets_its_own_tile(kind: str, tmp_path: Path) -> N
         expected *= DISTANCE / distance**3
     assert paths["solid_angle_sr"].sum() == pytest.approx(expected, rel=0.02)
     assert len(paths) > 1000
+
+
+def test_edges_along_the_grid_are_known_to_be_uncertain(tmp_path: Path) -> None:
+    """20.1 pixels a side: shifts that all hold 20 columns do not make its power certain."""
+    missed = 0
+    for place, (x, z) in enumerate([(0.013, 0.021), (0.034, 0.047), (0.052, 0.071), (0.08, 0.09)]):
+        scene = plate_before("ORTHO")
+        scene.camera.data.ortho_scale = 6.4
+        scene.camera.data.shift_x = scene.camera.data.shift_y = 0.0
+        plate = next(item for item in scene.objects if item.type == "MESH")
+        plate.scale = (2.01 / 4, 1.0, 2.01 / 4)
+        plate.location.x, plate.location.z = x, z
+        folder = tmp_path / str(place)
+        paths = measure(scene, folder)
+        (echo,) = object_echoes(open_run(folder).frame(1), 5.3e9)
+        true = paths["solid_angle_sr"].sum() / 2.01**2 - 1
+        by_shift = [2 * paths["solid_angle_sr"][paths["shift"] == k].sum() for k in (0, 1)]
+        missed += abs(true) > 3 * np.std(by_shift, ddof=1) / math.sqrt(2) / 2.01**2
+        assert echo.power_error_w is not None
+        assert abs(true) < 3 * echo.power_error_w / echo.power_w
+        assert echo.power_error_w < 0.05 * echo.power_w
+    assert missed >= 2  # what the scatter alone said
 
 
 def test_radiance_is_that_of_a_lambert_plate_in_every_projection(tmp_path: Path) -> None:
