@@ -1,21 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Constant false-alarm rate: thresholds from the cells around each cell of a map.
 
-For exponential power (Gaussian noise, or speckle) and n independent training cells:
-
-- cell averaging: threshold alpha x mean, alpha = n (Pfa^(-1/n) - 1) (Richards, Fundamentals of
-  Radar Signal Processing, 6.5);
-- ordered statistic: alpha x the k-th smallest, Pfa = prod_{i<k} (n - i) / (n - i + alpha) (Rohling,
-  IEEE TAES 19, 608, 1983).
-
-Neighbouring cells of a map are not independent: windows and oversampling join them. n is therefore
-the number of independent cells that estimate the mean as well as the N training cells do,
-N^2 / sum |rho_ij|^2, with the correlation of noise in this map.
+Cell averaging and the ordered statistic; the factors on them are those of :mod:`.cfarstats`, for
+neighbouring cells of a map are not independent: windows and oversampling join them.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -23,12 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigError
+from .cfarstats import Calibration, noise_correlation
 from .config import check_count
-from .linecompress import line_weights
 from .rangedoppler import RangeDopplerMap
-from .waveform import matched_filter, replica_count
-from .waveform_lines import LineWaveform
-from .windows import slow_time_window
 
 Real = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -76,81 +64,6 @@ class Cfar:
                 check_count(f"Number of {name} cells", value, 0, 4096)
         if sum(self.train) == 0:
             raise ConfigError("CFAR without training cells; give some in range or Doppler.")
-
-
-def ca_factor(pfa: float, cells: float) -> float:
-    """alpha of cell averaging: n (Pfa^(-1/n) - 1)."""
-    return float(cells * math.expm1(-math.log(pfa) / cells))
-
-
-def os_false_alarms(factor: float, cells: float, rank: float) -> float:
-    """Pfa of the ordered statistic: threshold factor x the (rank x cells)-th smallest."""
-    k = rank * cells
-    return math.exp(
-        math.lgamma(cells + 1)
-        - math.lgamma(cells - k + 1)
-        + math.lgamma(cells - k + 1 + factor)
-        - math.lgamma(cells + 1 + factor)
-    )
-
-
-def os_factor(pfa: float, cells: float, rank: float) -> float:
-    """alpha of the ordered statistic, from its Pfa by bisection."""
-    low, high = 0.0, 1.0
-    while os_false_alarms(high, cells, rank) > pfa:
-        high *= 2
-        if high > 1e12:
-            raise ConfigError(
-                f"{cells:.3g} independent training cells cannot reach a false-alarm rate of "
-                f"{pfa:g}. Take more training cells, or a higher rate."
-            )
-    for _ in range(80):
-        middle = (low + high) / 2
-        low, high = (middle, high) if os_false_alarms(middle, cells, rank) > pfa else (low, middle)
-    return (low + high) / 2
-
-
-def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[Real, Real]:
-    """|rho|^2 of white noise in a map at lags of 0 ... (Doppler, range) cells."""
-    radar = rd_map.radar
-    waveform = radar.waveform
-    pulses = rd_map.values.shape[0]
-    squared = slow_time_window(rd_map.doppler_window, pulses) ** 2
-    turn = np.exp(-2j * np.pi * np.outer(np.arange(lags[0] + 1), np.arange(pulses)) / pulses)
-    doppler = np.abs(turn @ squared / squared.sum()) ** 2
-    if isinstance(waveform, LineWaveform):
-        weight = line_weights(waveform, rd_map.window)
-        # the correlator's spectrum once: noise has passed it a single time
-        density = weight if waveform.kind == "pmcw" else weight**2
-        position = np.arange(weight.size) / weight.size
-    else:
-        size = 4 * replica_count(waveform)
-        density = np.abs(matched_filter(waveform, size, rd_map.window)) ** 2
-        position = np.fft.fftfreq(size)
-    step_m = rd_map.range_m[1] - rd_map.range_m[0] if rd_map.range_m.size > 1 else 1.0
-    cells = np.arange(lags[1] + 1) * float(step_m) / waveform.sample_spacing_m
-    turn = np.exp(2j * np.pi * np.outer(cells, position))
-    return doppler, np.abs(turn @ density / density.sum()) ** 2
-
-
-def equivalent_cells(mask: Bools, doppler: Real, range_: Real) -> float:
-    """Independent cells whose mean is as exact as that of these training cells.
-
-    Parameters
-    ----------
-    mask
-        Training cells of one cell, (Doppler, range).
-    doppler, range_
-        |rho|^2 at lags of 0, 1 ... cells.
-    """
-    shape = tuple(2 * n for n in mask.shape)
-    pairs = np.fft.irfft2(np.abs(np.fft.rfft2(mask, shape)) ** 2, shape)
-    lag0 = np.abs(np.fft.fftfreq(shape[0], 1 / shape[0])).astype(np.intp)
-    lag1 = np.abs(np.fft.fftfreq(shape[1], 1 / shape[1])).astype(np.intp)
-    pad = np.pad(doppler, (0, 1)), np.pad(range_, (0, 1))
-    rho = pad[0][np.minimum(lag0, doppler.size)][:, None] * pad[1][np.minimum(lag1, range_.size)]
-    count = float(mask.sum())
-    return count**2 / float(np.sum(pairs * rho))
 
 
 @dataclass(frozen=True)
@@ -207,16 +120,17 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
         mask = np.zeros_like(mask)
         mask.flat[taken] = True
     rho = noise_correlation(rd_map, (2 * reach[0], 2 * reach[1]))
-    worth = equivalent_cells(mask, *rho) / float(mask.sum())
+    calibration = Calibration(mask, rho, cfar.pfa, cfar.rank if cfar.kind == "os" else None)
     if cfar.kind == "ca":
         total, count = _ring_sums(power, guard, train)
-        factors = {n: ca_factor(cfar.pfa, max(n * worth, 1.0)) for n in np.unique(count)}
-        factor = np.array([factors[n] for n in count])
-        noise = total / np.maximum(count, 1)
+        statistic = total / np.maximum(count, 1)
     else:
-        noise, factor = _ordered(power, mask, reach, cfar, worth)
-    cells = int(mask.sum())
-    return CfarResult(noise * factor, noise, (cells, cells * worth))
+        statistic, count = _ordered(power, mask, reach, cfar.rank)
+    factors = {n: calibration.factor(int(n)) if n else np.inf for n in np.unique(count)}
+    factor = np.array([factors[n] for n in count])
+    return CfarResult(
+        statistic * factor, statistic / calibration.mean, (int(mask.sum()), calibration.independent)
+    )
 
 
 def _shifted_sum(values: Real, first: int, last: int, axis: int, wrap: bool) -> Real:
@@ -251,13 +165,11 @@ def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> t
     return total, np.rint(count)
 
 
-def _ordered(
-    power: Real, mask: Bools, reach: tuple[int, int], cfar: Cfar, worth: float
-) -> tuple[Real, Real]:
-    """Mean noise by the ordered statistic, and the factor on it, column by column."""
+def _ordered(power: Real, mask: Bools, reach: tuple[int, int], rank: float) -> tuple[Real, Real]:
+    """Ordered statistic, and the number of training cells in each column."""
     rows, cols = (place - half for place, half in zip(np.nonzero(mask), reach, strict=True))
     size0, size1 = power.shape
-    noise, factor = np.empty_like(power), np.empty(size1)
+    found, counts = np.empty_like(power), np.zeros(size1)
     padded = np.take(power, np.arange(-reach[0], size0 + reach[0]) % size0, axis=0)
     step = max(1, _BLOCK // (rows.size * size0))
     # columns of one group have the same training cells within the map
@@ -268,18 +180,14 @@ def _ordered(
         first, width = group[0], len(group)
         usable = (cols + first >= 0) & (cols + group[-1] < size1)
         count = int(usable.sum())
+        counts[first : first + width] = count
         if count == 0:
-            noise[:, first : first + width], factor[first : first + width] = np.inf, 1.0
+            found[:, first : first + width] = np.inf
             continue
         stack = np.empty((count, size0, width))
         for i, (r, c) in enumerate(zip(rows[usable], cols[usable], strict=True)):
             start = reach[0] + r
             stack[i] = padded[start : start + size0, first + c : first + c + width]
-        k = min(max(round(cfar.rank * count), 1), count)
-        value = np.partition(stack, k - 1, axis=0)[k - 1]
-        # mean of the k-th smallest of n exponentials, over the mean of one
-        mean = float(np.sum(1 / np.arange(count - k + 1, count + 1)))
-        noise[:, first : first + width] = value / mean
-        effective = max(count * worth, 2.0)
-        factor[first : first + width] = mean * os_factor(cfar.pfa, effective, k / count)
-    return noise, factor
+        k = min(max(round(rank * count), 1), count)
+        found[:, first : first + width] = np.partition(stack, k - 1, axis=0)[k - 1]
+    return found, counts

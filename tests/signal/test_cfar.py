@@ -28,9 +28,20 @@ from radarsim_addon.signal import (
     receive,
     synthesize,
 )
-from radarsim_addon.signal.cfar import ca_factor, equivalent_cells, os_factor, os_false_alarms
+from radarsim_addon.signal.cfarstats import (
+    ca_factor,
+    ca_factor_exact,
+    drawn_factor,
+    drawn_statistic,
+    equivalent_cells,
+    os_equivalent,
+    os_factor,
+    os_false_alarms,
+    os_moments,
+)
 from radarsim_addon.signal.detections import write_detections
 from radarsim_addon.signal.families import synthesizer_for
+from radarsim_addon.signal.noisefloor import map_noise_gain
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
@@ -101,6 +112,30 @@ def test_factors_are_the_closed_forms() -> None:
         os_factor(1e-15, 1.2, 0.75)
 
 
+def test_factors_of_correlated_cells_are_those_of_as_many_independent_ones() -> None:
+    """Pairs of equal cells are as good as half as many."""
+    alone, pairs = np.eye(12), np.kron(np.eye(12), np.ones((2, 2)))
+    for covariance in (alone, pairs):
+        found = ca_factor_exact(1e-5, covariance.astype(complex))
+        assert found == pytest.approx(ca_factor(1e-5, 12), rel=1e-9)
+        drawn = drawn_statistic(covariance.astype(complex), 9 * covariance.shape[0] // 12)
+        mean, variance = os_moments(12, 0.75)
+        assert drawn.mean() == pytest.approx(mean, abs=5 * math.sqrt(variance / drawn.size))
+        assert drawn.var() == pytest.approx(variance, rel=0.06)
+        assert drawn_factor(1e-3, drawn) == pytest.approx(os_factor(1e-3, 12, 0.75), rel=0.02)
+
+
+def test_moments_of_the_ordered_statistic_are_the_closed_form() -> None:
+    """x is a sum of independent exponentials of means 1/n ... 1/(n-k+1) (Renyi)."""
+    mean, variance = os_moments(40, 0.75)
+    terms = 1 / np.arange(11, 41)
+    assert mean == pytest.approx(terms.sum(), rel=1e-4)
+    assert variance == pytest.approx((terms**2).sum(), rel=1e-4)
+    cells, scale = os_equivalent(3 * mean, 9 * variance, 0.75)
+    assert cells == pytest.approx(40, rel=1e-6)
+    assert scale == pytest.approx(3, rel=1e-6)
+
+
 def test_independent_cells_count_as_many_as_they_are() -> None:
     mask = np.ones((5, 7), dtype=bool)
     mask[2, 3] = False
@@ -142,8 +177,33 @@ def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Rad
         cells += rd_map.power.size
     # alarms come in clumps of about as many cells as are correlated: at most 2 x 1.5 x 1.4
     sigma = math.sqrt(cells * pfa * 5)
-    assert alarms == pytest.approx(cells * pfa, abs=4 * sigma + 0.1 * cells * pfa)
+    assert alarms == pytest.approx(cells * pfa, abs=4 * sigma + 0.05 * cells * pfa)
     assert cells * pfa > 500
+
+
+@pytest.mark.parametrize(
+    ("kind", "window"), [("os", "hann"), ("os", "taylor:4:-35"), ("os", "kaiser:8"), ("ca", "hann")]
+)
+@pytest.mark.parametrize("wide", [False, True], ids=["lfm", "fmcw"])
+def test_false_alarms_are_within_a_twentieth_of_design(kind: str, window: str, wide: bool) -> None:
+    """From the thresholds themselves: noise of power P is above T with exp(-T / P)."""
+    fmcw = FmcwWaveform(77e9, 1e9, 1024, 40e6)
+    radar = Radar(fmcw, Burst(20e3, 64)) if wide else RADAR
+    window_m = (0.0, 150.0) if wide else (500.0, 3000.0)
+    received = receive(synthesizer_for(radar, window_m).result(), Receiver(noise_figure_db=3.0))
+    rd_map = range_doppler(compress(received.echoes, window), window)
+    noise = received.noise_power_w * map_noise_gain(radar, window, window)
+    threshold = cfar_threshold(rd_map, Cfar(kind, 1e-3, (3, 6), (3, 10))).threshold
+    rates = np.exp(-threshold / noise) / 1e-3
+    # this noise is not of mean power P to the percent; the rate where it is, by regression
+    level, rate = (
+        np.array([part.mean() for part in np.array_split(values, 32, axis=1)])
+        for values in (rd_map.power / noise - 1, rates)
+    )
+    slope, found = np.polyfit(level, rate, 1)
+    error = (rate - found - slope * level).std(ddof=2) / math.sqrt(32)
+    assert found == pytest.approx(1, abs=0.05 + 2 * error)
+    assert error < 0.045, "enough cells to tell"
 
 
 def test_a_strong_echo_does_not_spoil_thresholds_beside_it() -> None:

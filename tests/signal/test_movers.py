@@ -136,9 +136,9 @@ def test_sidelobes_are_no_movers_whatever_the_window(
 
 @every_waveform
 @pytest.mark.parametrize("window", WINDOWS)
-@pytest.mark.parametrize("mti", [0, 2])
-def test_what_stands_still_does_not_move(name: str, window: str, mti: int) -> None:
-    assert find_movers(*scene(name, clutter(40, 2), (0.0, 900.0), window, mti), mti) == []
+def test_what_stands_still_does_not_move(name: str, window: str) -> None:
+    for mti in (0, 2):
+        assert find_movers(*scene(name, clutter(40, 2), (0.0, 900.0), window, mti), mti) == []
 
 
 @pairs
