@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -78,7 +80,7 @@ def find_peaks(
     -----
     The interpolation is trigonometric, so exact for one path away from the edges of the range
     window: along Doppler from the pulses themselves, along range from the band-limited response.
-    For peaks away from 0 Hz, what stands still is subtracted first.
+    From two rows off 0 Hz on, what stands still at the same range is estimated along.
     """
     power = rd_map.power
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
@@ -86,7 +88,7 @@ def find_peaks(
     if range_m is not None:
         wanted &= (rd_map.range_m >= range_m[0]) & (rd_map.range_m <= range_m[1])
     candidates = np.where(wanted & local_maxima(power), power, 0.0)
-    spectra: dict[bool, Complex] = {}
+    spectrum: Complex | None = None
     peaks: list[Peak] = []
     while len(peaks) < count:
         row, col = divmod(int(np.argmax(candidates)), power.shape[1])
@@ -96,10 +98,9 @@ def find_peaks(
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
         above_db = level_above(power, row, col, guard, reach)
         if above_db >= min_above_db:
-            moves = abs(row - power.shape[0] // 2) > guard[0]
-            if moves not in spectra:
-                spectra[moves] = pulse_spectra(rd_map, moves)
-            peaks.append(refine_peak(rd_map, spectra[moves], row, col, above_db))
+            if spectrum is None:
+                spectrum = pulse_spectra(rd_map)
+            peaks.append(refine_peak(rd_map, spectrum, row, col, above_db))
     return peaks
 
 
@@ -143,37 +144,48 @@ def level_above(
     return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
 
 
-def pulse_spectra(rd_map: RangeDopplerMap, without_static: bool) -> Complex:
-    """Fourier coefficients over range of the windowed pulses that the map was made of.
-
-    Echoes that stand still have zeros on all other rows of the map, but sidelobes between these
-    rows; `without_static` takes out what the 0 Hz row holds, so that they do not pull at a weak
-    moving echo.
-    """
+def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
+    """Fourier coefficients over range of the windowed pulses that the map was made of."""
     trains = np.fft.ifft(np.fft.ifftshift(rd_map.values, axes=0), axis=0)
-    if without_static:
-        pulses = trains.shape[0]
-        weight = slow_time_window(rd_map.doppler_window, pulses)
-        trains -= (weight / weight.sum())[:, None] * rd_map.values[pulses // 2]
     return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
 
 
 def refine_peak(
     rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, above_db: float
 ) -> Peak:
-    """Maximum of the trigonometric interpolation next to a cell, one axis after the other."""
+    """Maximum of the trigonometric interpolation next to a cell, one axis after the other.
+
+    Off 0 Hz an echo a e(f) is fitted together with one c that stands still at the same range:
+    least squares with the window w as weight, whose inner products are the map's own sums,
+    a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for windowed pulses x, W(f) = sum w e(-f).
+    """
     pulses, ranges = rd_map.values.shape
     wave = np.fft.fftfreq(ranges)
     # pulses counted from the middle of the burst, or a peak would rotate as Doppler varies
     pulse = np.arange(pulses) - (pulses - 1) / 2
+    weight = slow_time_window(rd_map.doppler_window, pulses)
+    weight /= weight.sum()
+    deflate = abs(row - pulses // 2) >= 2
     frequency = float(row - pulses // 2) / pulses
     position = float(col)
     best = 0.0
+
+    def terms(x: float) -> Complex:
+        """What sums up windowed pulses to the square root of the energy at a Doppler."""
+        turn = np.exp(-2j * np.pi * x * pulse)
+        if not deflate:
+            return np.asarray(turn)
+        leak = complex(turn @ weight)
+        return np.asarray((turn - leak) / math.sqrt(max(1 - abs(leak) ** 2, 1e-12)))
+
     for _ in range(3):
-        line = np.exp(-2j * np.pi * frequency * pulse) @ spectrum / ranges
-        position, best = _climb(line, wave, position, 1.0)
+        line = terms(frequency) @ spectrum / ranges
+        position, best = _climb(lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0)
         train = spectrum @ np.exp(2j * np.pi * wave * position) / ranges
-        frequency, best = _climb(train, -pulse, frequency, 1.0 / pulses)
+        frequency, best = _climb(terms, train, frequency, 1.0 / pulses)
+    if deflate:
+        leak = complex(np.exp(-2j * np.pi * frequency * pulse) @ weight)
+        best /= math.sqrt(max(1 - abs(leak) ** 2, 1e-12))
     position = min(max(position, 0.0), ranges - 1.0)
     frequency = (frequency + 0.5) % 1.0 - 0.5
     doppler_hz = frequency * rd_map.radar.burst.prf_hz
@@ -187,11 +199,13 @@ def refine_peak(
     )
 
 
-def _climb(terms: Complex, rates: Real, start: float, step: float) -> tuple[float, float]:
-    """Maximum of |sum terms exp(2 pi j rates x)| within `step` of `start`: place and value."""
+def _climb(
+    factors: Callable[[float], Complex], terms: Complex, start: float, step: float
+) -> tuple[float, float]:
+    """Maximum of |sum factors(x) terms| within `step` of `start`: place and value."""
 
     def value(x: float) -> float:
-        return float(abs(np.exp(2j * np.pi * rates * x) @ terms))
+        return float(abs(factors(x) @ terms))
 
     # golden-section search: one maximum between two cells, and no derivative to go wrong
     ratio = (5**0.5 - 1) / 2

@@ -105,6 +105,11 @@ def heard_window_m(echoes: Echoes) -> tuple[float, float]:
     return max(start_m - reach_m, 0.0), stop_m + reach_m
 
 
+def heard_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Recording:
+    """The map over all ranges that are heard."""
+    return Recording.over(echoes, heard_window_m(echoes), rd_map, mti)
+
+
 def find_movers(
     echoes: Echoes,
     rd_map: RangeDopplerMap,
@@ -114,6 +119,7 @@ def find_movers(
     noise_power: float = 0.0,
     slowest_cells: float = SLOWEST_CELLS,
     noisy_columns: bool = False,
+    recording: Recording | None = None,
 ) -> list[Peak]:
     """Movers in the range window, strongest first, five at most.
 
@@ -134,6 +140,8 @@ def find_movers(
     noisy_columns
         Whether strong echoes that stand still have noise of their own at all Dopplers (phase
         noise): then a mover stands 15 dB above the median of its range cell.
+    recording
+        From `heard_recording`, where it is there already.
 
     Returns
     -------
@@ -142,7 +150,7 @@ def find_movers(
     """
     if rd_map.values.shape[0] < _LEAST_PULSES:
         return []
-    recording = Recording.over(echoes, heard_window_m(echoes), rd_map, mti)
+    recording = recording or heard_recording(echoes, rd_map, mti)
     floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
     floor = max(floor, noise_power * 10 ** (_OVER_NOISE_DB / 10))
     search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns)
@@ -285,7 +293,7 @@ class _Search:
         for amplitude, response in target.echoes:
             values += response.echo(amplitude)
         alone = dataclasses.replace(self._recording.rd_map, values=values)
-        return refine_peak(alone, pulse_spectra(alone, False), target.row, target.col, 0.0)
+        return refine_peak(alone, pulse_spectra(alone), target.row, target.col, 0.0)
 
 
 def _line(weight: Real, cells: float) -> Complex:

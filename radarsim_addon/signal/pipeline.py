@@ -33,7 +33,7 @@ from .frame_files import draw_results, remove_stale, write_results
 from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
 from .link import Link
-from .movers import SLOWEST_CELLS, find_movers
+from .movers import SLOWEST_CELLS, find_movers, heard_recording
 from .mti import cancel
 from .noisefloor import map_noise_gain
 from .paths import iter_paths
@@ -195,6 +195,7 @@ def _process_frame(
         window_m=window_m,
         mti=options.mti,
     )
+    heard = heard_recording(echoes, rd_map, options.mti)
     result = FrameResult(
         frame=frame.number,
         time_s=frame.time_s,
@@ -214,6 +215,7 @@ def _process_frame(
             # what is blended over the burst has sidelobes of its own beside 0 Hz
             slowest_cells=SLOWEST_CELLS if frame.renders_per_burst == 1 else 3.0,
             noisy_columns=options.receiver.phase_noise is not None,
+            recording=heard,
         ),
         warnings=statistics_warnings(statistics, radar)
         + report.warnings
@@ -229,7 +231,9 @@ def _process_frame(
         reception=reception,
         detections=None
         if options.cfar is None
-        else detect_targets(rd_map, options.cfar, dynamics_db(options.tolerance)),
+        else detect_targets(
+            rd_map, options.cfar, dynamics_db(options.tolerance), wide=heard.rd_map
+        ),
     )
     yield f"frame {frame.number}: echoes, map"
     result.files.extend(write_results(result, folder, options))

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Movers that a summary lists: all that move, none that another echo's response explains."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,82 +8,26 @@ import pytest
 
 from radarsim_addon.signal import (
     Burst,
-    Echoes,
-    FmcwWaveform,
     FrameResult,
-    Peak,
-    PhaseCodedPulse,
-    PmcwWaveform,
     ProcessOptions,
     Radar,
-    RangeDopplerMap,
-    SteppedWaveform,
-    Waveform,
-    cancel,
-    compress,
     find_peaks,
     process_run,
-    range_doppler,
-    synthesize,
 )
-from radarsim_addon.signal.config import AnyWaveform
 from radarsim_addon.signal.movers import find_movers
 from radarsim_addon.signal.pointresponse import Recording, point_response
-from tests.signal.oracle import unit_paths
+from tests.signal.pointscenes import BURST, PAIRS, WAVEFORMS, WINDOWS, clutter, scene, speeds
 from tests.signal.synthetic import Setup, points, write_run
 
-CHIRP = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
-SETUP = Setup(rings=4, radar=Radar(CHIRP, Burst(1000.0, 64)))
+SETUP = Setup(rings=4, radar=Radar(WAVEFORMS["chirp"], BURST))
 ECHOES = [(5, 6, 600.0, 5.0, 1e-6), *((2, c, 300.0, 0.0, 1e-5) for c in range(10))]
 SLOWEST_MPS = 3 * SETUP.radar.velocity_resolution_mps
-WAVEFORMS: dict[str, AnyWaveform] = {
-    "chirp": CHIRP,
-    "barker": PhaseCodedPulse(5.3e9, 20e-9, 13),
-    "fmcw": FmcwWaveform(5.3e9, 50e6, 512, 1e6),
-    "fmcw real": FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
-    "stepped": SteppedWaveform(5.3e9, 100e3, 500, 1.5e-6),
-    "pmcw": PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
-}
-WINDOWS = ["none", "hann", "hamming", "taylor:4:-35", "kaiser:3", "kaiser:8"]
 every_waveform = pytest.mark.parametrize("name", list(WAVEFORMS))
-#: Each waveform with three windows, each window with three waveforms.
-PAIRS = [(name, WINDOWS[(i + j) % 6]) for i, name in enumerate(WAVEFORMS) for j in (0, 2, 3)]
 pairs = pytest.mark.parametrize(("name", "window"), PAIRS)
 
 
 def result_of(folder: Path, options: ProcessOptions) -> FrameResult:
     return next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
-
-
-def scene(
-    name: str,
-    echoes: list[tuple[float, float, float]],
-    window_m: tuple[float, float],
-    window: str,
-    mti: int = 0,
-) -> tuple[Echoes, RangeDopplerMap]:
-    """Echoes of points (range [m], speed [Doppler cells, receding], level [dB]), and their map."""
-    radar = Radar(WAVEFORMS[name], SETUP.radar.burst)
-    range_m, cells, level_db = np.array(echoes).T
-    paths = unit_paths(radar, list(range_m), list(cells * radar.velocity_resolution_mps))
-    paths = dataclasses.replace(paths, radiance=paths.radiance * 10 ** (level_db / 10))
-    found = synthesize(paths, radar, window_m=window_m)
-    if name == "fmcw real":
-        found = dataclasses.replace(found, samples=found.samples.real.astype(complex))
-    compressed = compress(found, window)
-    return found, range_doppler(cancel(compressed, mti) if mti else compressed, window)
-
-
-def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
-    """Points at rest, up to 30 dB above a mover of 0 dB."""
-    rng = np.random.default_rng(seed)
-    return [(rng.uniform(100, 800), 0.0, rng.uniform(-20, 30)) for _ in range(count)]
-
-
-def speeds(movers: list[Peak], name: str) -> list[float]:
-    """In Doppler cells."""
-    radar = Radar(WAVEFORMS[name], SETUP.radar.burst)
-    return [mover.velocity_mps / radar.velocity_resolution_mps for mover in movers]
 
 
 @every_waveform

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Points that stand still or move, seen by every waveform, for tests of what maps show of them."""
+
+import dataclasses
+
+import numpy as np
+
+from radarsim_addon.signal import (
+    Burst,
+    Echoes,
+    FmcwWaveform,
+    Peak,
+    PhaseCodedPulse,
+    PmcwWaveform,
+    Radar,
+    RangeDopplerMap,
+    SteppedWaveform,
+    Waveform,
+    cancel,
+    compress,
+    range_doppler,
+    synthesize,
+)
+from radarsim_addon.signal.config import AnyWaveform
+from tests.signal.oracle import unit_paths
+
+BURST = Burst(1000.0, 64)
+WAVEFORMS: dict[str, AnyWaveform] = {
+    "chirp": Waveform(5.3e9, 50e6, 2.5e-6, 60e6),
+    "barker": PhaseCodedPulse(5.3e9, 20e-9, 13),
+    "fmcw": FmcwWaveform(5.3e9, 50e6, 512, 1e6),
+    "fmcw real": FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
+    "stepped": SteppedWaveform(5.3e9, 100e3, 500, 1.5e-6),
+    "pmcw": PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+}
+WINDOWS = ["none", "hann", "hamming", "taylor:4:-35", "kaiser:3", "kaiser:8"]
+#: Each waveform with three windows, each window with three waveforms.
+PAIRS = [(name, WINDOWS[(i + j) % 6]) for i, name in enumerate(WAVEFORMS) for j in (0, 2, 3)]
+
+
+def radar_of(name: str) -> Radar:
+    """Of 64 pulses."""
+    return Radar(WAVEFORMS[name], BURST)
+
+
+def scene(
+    name: str,
+    echoes: list[tuple[float, float, float]],
+    window_m: tuple[float, float],
+    window: str,
+    mti: int = 0,
+) -> tuple[Echoes, RangeDopplerMap]:
+    """Echoes of points (range [m], speed [Doppler cells, receding], level [dB]), and their map."""
+    radar = radar_of(name)
+    range_m, cells, level_db = np.array(echoes).T
+    paths = unit_paths(radar, list(range_m), list(cells * radar.velocity_resolution_mps))
+    paths = dataclasses.replace(paths, radiance=paths.radiance * 10 ** (level_db / 10))
+    found = synthesize(paths, radar, window_m=window_m)
+    if name == "fmcw real":
+        found = dataclasses.replace(found, samples=found.samples.real.astype(complex))
+    compressed = compress(found, window)
+    return found, range_doppler(cancel(compressed, mti) if mti else compressed, window)
+
+
+def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
+    """Points at rest, up to 30 dB above a mover of 0 dB."""
+    rng = np.random.default_rng(seed)
+    return [(rng.uniform(100, 800), 0.0, rng.uniform(-20, 30)) for _ in range(count)]
+
+
+def speeds(movers: list[Peak], name: str) -> list[float]:
+    """In Doppler cells."""
+    radar = radar_of(name)
+    return [mover.velocity_mps / radar.velocity_resolution_mps for mover in movers]
