@@ -70,6 +70,11 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
     """World directions [..., 3] into the frame of an antenna with the pose `matrix_world` (4x4).
 
     Only the rotation of the matrix is used; a scale in it does no harm.
+
+    Raises
+    ------
+    ConfigError
+        The matrix is of another shape, or a direction is none.
     """
     matrix = real_array("Pose matrix", matrix_world)
     if matrix.shape not in ((3, 3), (4, 4)):
@@ -79,7 +84,7 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
 
 
 def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> Real:
-    """Product of both gains towards the same directions: the monostatic two-way pattern."""
+    """Product of both gains, (...) for directions (..., 3): the monostatic two-way pattern."""
     return transmit.gain(directions) * receive.gain(directions)
 
 
@@ -137,7 +142,13 @@ class CosinePower:
 
     @classmethod
     def from_beamwidth(cls, half_power_rad: float, efficiency: float = 1.0) -> CosinePower:
-        """With the full width `half_power_rad` at half power; less than 180 degrees."""
+        """With the full width `half_power_rad` at half power; less than 180 degrees.
+
+        Raises
+        ------
+        ConfigError
+            The width is not between 0 and pi.
+        """
         half = _positive("Beamwidth", half_power_rad, "rad") / 2
         if half >= np.pi / 2:
             raise ConfigError(

@@ -20,7 +20,7 @@ TAPERS = ("uniform", "hamming", "hann", "taylor", "chebyshev")
 
 
 def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
-    """Amplitudes of `count` elements, from a name of `TAPERS` or given one by one.
+    """Amplitudes of `count` elements, (count,), from a name of `TAPERS` or given one by one.
 
     'taylor' is nbar 4, -35 dB; 'chebyshev' -50 dB.
 

@@ -28,7 +28,7 @@ def real_array(
     maximum: float | None = None,
     above: float | None = None,
 ) -> Real:
-    """`value` as float64 array: finite, >= `minimum`, <= `maximum`, > `above`.
+    """`value` as float64 array of its shape: finite, >= `minimum`, <= `maximum`, > `above`.
 
     Values that pass a bound by no more than `EDGE_SLACK` of it are set to the bound.
 
@@ -97,7 +97,7 @@ def require_one_shape(**arrays: NDArray[Any]) -> None:
 
 
 def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
-    """`index` as complex array: finite, not zero, Im >= 0.
+    """`index` as complex array of its shape: finite, not zero, Im >= 0.
 
     Raises
     ------

@@ -52,7 +52,12 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
     """Share of the power that enters the medium, 1 - |r|^2 for s and p.
 
     Formed without the subtraction, so that it keeps its digits where |r| is near one: conductors
-    and grazing incidence.
+    and grazing incidence. Index n + jk and cosine are broadcast; both results have that shape.
+
+    Raises
+    ------
+    ConfigError
+        Amplifying index, cosine beyond 0 to 1.
     """
     eps, cosine, q = _terms(index, cos_incidence)
     t_s = 4 * cosine * q.real / np.abs(cosine + q) ** 2

@@ -90,5 +90,6 @@ def material(
 def permittivity(
     name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
 ) -> Complex:
-    """Complex relative permittivity of a material of the library; as `material`."""
+    """Complex relative permittivity of a material of the library, in the shape of `frequency_hz`
+    [Hz] and parameters; arguments and errors as `material`."""
     return material_model(name, path).permittivity(frequency_hz, **parameters)

@@ -110,7 +110,13 @@ def predict_snr(
 
 
 def window_loss_db(window: ArrayLike) -> float:
-    """SNR loss of a window against the matched filter [dB], N sum w^2 / (sum w)^2 (Harris 1978)."""
+    """SNR loss of a window against the matched filter [dB], N sum w^2 / (sum w)^2 (Harris 1978).
+
+    Raises
+    ------
+    ConfigError
+        No row of weights, or their sum is zero.
+    """
     weights = real_array("Window", window)
     if weights.ndim != 1 or weights.size == 0 or weights.sum() == 0:
         raise ConfigError("A window is a list of weights whose sum is not zero.")

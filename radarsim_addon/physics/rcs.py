@@ -5,6 +5,9 @@ Optical limit or physical optics: good where the body measures several wavelengt
 of a sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of
 dB near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer,
 Tuley, Radar Cross Section, table 6-1.
+
+Lengths are in metres and angles in radians, of any shapes that broadcast; results have that shape.
+What is not finite, or not positive where it must be, is a ConfigError that names it.
 """
 
 from __future__ import annotations

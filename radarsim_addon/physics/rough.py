@@ -214,6 +214,11 @@ def albedo(
         'smith' (exact) or 'cycles' (rational approximation).
     steps
         Cells per direction.
+
+    Raises
+    ------
+    ConfigError
+        Slope or cosine out of bounds, amplifying index, or no masking.
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))

@@ -35,7 +35,7 @@ MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
 
 
 class SlabPower(NamedTuple):
-    """Shares of the incident power for the two polarisations and their mean."""
+    """Shares of the incident power for the two polarisations and their mean; any one shape."""
 
     transmitted_s: Real
     transmitted_p: Real

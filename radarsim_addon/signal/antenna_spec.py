@@ -65,7 +65,7 @@ class Scaled:
         return self.factor * self.antenna.peak_gain
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain over isotropic, linear."""
+        """Power gain over isotropic, linear, (...) for directions (..., 3)."""
         return self.factor * self.antenna.gain(directions)
 
 
@@ -81,7 +81,7 @@ class ConstantGain:
         return float(10 ** (self.gain_dbi / 10))
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain over isotropic, linear."""
+        """Power gain over isotropic, linear, (...) for directions (..., 3)."""
         return np.full(np.shape(directions)[:-1], self.peak_gain)
 
 

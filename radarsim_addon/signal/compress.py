@@ -115,6 +115,12 @@ def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Co
     -------
     Compressed
         Over ``echoes.window_m``.
+
+    Raises
+    ------
+    ConfigError
+        Unknown window, oversampling beyond 1 to 64, more ranges than `MAX_SAMPLES`, or a range
+        window beyond the waveform's own range.
     """
     waveform = echoes.radar.waveform
     range_m = _range_axis(echoes.radar, echoes.window_m, oversample)

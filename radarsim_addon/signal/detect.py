@@ -105,7 +105,10 @@ def find_peaks(
 
 
 def local_maxima(power: Real) -> NDArray[np.bool_]:
-    """Cells not below any of their eight neighbours; Doppler wraps, range does not."""
+    """Cells not below any of their eight neighbours; Doppler wraps, range does not.
+
+    Takes (pulses, ranges), any unit of power, and gives a mask of that shape.
+    """
     padded = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
     padded = np.concatenate([padded[-1:], padded, padded[:1]])
     rows, cols = power.shape
@@ -127,7 +130,12 @@ def level_above(
     """Power of a cell over the median of its surroundings [dB], at most `MAX_ABOVE_DB`.
 
     The surroundings are the cells within `reach` (Doppler, range) but not within `guard` of the
-    cell; Doppler wraps, range ends at the window.
+    cell; Doppler wraps, range ends at the window. `power` is (pulses, ranges), in any linear unit.
+
+    Raises
+    ------
+    ConfigError
+        The map has no cell beyond the guard cells.
     """
     rows = np.unique((row + np.arange(-reach[0], reach[0] + 1)) % power.shape[0])
     cols = np.arange(max(0, col - reach[1]), min(power.shape[1], col + reach[1] + 1))
@@ -145,7 +153,10 @@ def level_above(
 
 
 def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
-    """Fourier coefficients over range of the windowed pulses that the map was made of."""
+    """Fourier coefficients over range of the windowed pulses that the map was made of.
+
+    (pulses, ranges), in FFT order over range, in time order over the pulses.
+    """
     trains = np.fft.ifft(np.fft.ifftshift(rd_map.values, axes=0), axis=0)
     return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
 

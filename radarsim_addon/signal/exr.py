@@ -35,7 +35,13 @@ def inside_blender_program() -> bool:
 
 
 def exr_backend() -> tuple[str, ModuleType]:
-    """Name and module of the library that reads EXR files here: OpenEXR or OpenImageIO."""
+    """Name and module of the library that reads EXR files here: OpenEXR or OpenImageIO.
+
+    Raises
+    ------
+    MissingDependencyError
+        Neither is installed; what to install is said.
+    """
     names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
     for name in names:
         if importlib.util.find_spec(name) is not None:

@@ -34,6 +34,15 @@ _ENDINGS = (
 
 
 def write_results(result: FrameResult, folder: Path, options: ProcessOptions) -> list[Path]:
+    """Write profile, map, summary and what else was asked for; returns the files.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    MissingDependencyError
+        HDF5 was asked for without h5py.
+    """
     stem = folder / f"frame_{result.frame:04d}"
     profile, rd_map = result.profile, result.rd_map
     unit = level_unit(result.echoes.weighting)

@@ -60,6 +60,7 @@ class StatisticsSum:
         self._nearest, self._farthest = np.inf, -np.inf
 
     def add(self, paths: Paths) -> None:
+        """Count these paths, too."""
         self._counts += paths.counts
         if not len(paths):
             return
@@ -74,6 +75,7 @@ class StatisticsSum:
         self._fast += int(np.count_nonzero(speed > self._radar.max_velocity_mps))
 
     def result(self, outside: float) -> FrameStatistics:
+        """Of all paths added so far; `outside` as :class:`.echoes.Echoes` has it."""
         some = self._counts.paths > 0
         return FrameStatistics(
             counts=self._counts,

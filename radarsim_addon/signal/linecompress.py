@@ -141,7 +141,7 @@ class LinePower:
         self._sum += nufft1(points, power, self._sum.size, 1e-13, self._method)
 
     def result(self) -> Real:
-        """Power at `range_m`."""
+        """Power at `range_m`, of its shape, in the unit of the powers that were added."""
         count = self._waveform.grid_count
         q = np.arange(-count, count)
         start = 2 * self.range_m[0] / SPEED_OF_LIGHT_MPS * self._waveform.grid_step_hz

@@ -59,6 +59,20 @@ def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
     """Power response of a canceller: 2 sin^2(x) and (8/3) sin^4(x), x = pi f_D / PRF.
 
     The textbook's 4 sin^2 and 16 sin^4, over the 2 and 6 by which the canceller raises noise.
+
+    Parameters
+    ----------
+    pulses
+        2 or 3.
+    doppler_hz
+        f_D, any shape [Hz].
+    prf_hz
+        PRF [Hz].
+
+    Raises
+    ------
+    ConfigError
+        There is no canceller of that many pulses.
     """
     if pulses not in _WEIGHTS:
         raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")

@@ -67,6 +67,11 @@ def nufft1(
     -------
     ndarray
         (size,), complex128, k ascending: index size//2 is k = 0.
+
+    Raises
+    ------
+    ConfigError
+        The tolerance is beyond 1e-13 to 1e-2.
     """
     if not 1e-13 <= tolerance <= 1e-2:
         raise ConfigError(f"NUFFT tolerance is {tolerance!r}; expected 1e-13 to 1e-2.")

@@ -111,10 +111,10 @@ def table_parts(
 
 
 def usable(rows: PathRows) -> NDArray[np.bool_]:
-    """Rows that have a length."""
+    """Rows that have a length, (n,)."""
     return np.asarray((rows["flags"] & FLAG_NO_CODE) == 0)
 
 
 def is_mixed(rows: PathRows) -> NDArray[np.bool_]:
-    """Rows whose pixel held several paths even so."""
+    """Rows whose pixel held several paths even so, (n,)."""
     return np.asarray((rows["flags"] & ROW_MIXED) != 0)

@@ -351,6 +351,16 @@ def path_amplitude(
         Times the root of the paths' gain, so that patterns read the same in dB.
     receiver_gain
         G_r, linear; used by "radar-equation" alone.
+
+    Returns
+    -------
+    ndarray
+        (n,), sqrt(W) for "radar-equation".
+
+    Raises
+    ------
+    ConfigError
+        Unknown weighting.
     """
     if weighting == "radar-equation":
         return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))

@@ -53,11 +53,6 @@ class CycleRate:
         head = math.ldexp(round(math.ldexp(mantissa, 26)), exponent - 26)
         return cls(head, float(exact - Fraction(head)))
 
-    @property
-    def per_metre(self) -> float:
-        """Cycles per metre, rounded [1/m]."""
-        return self.head + self.tail
-
 
 def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> Real:
     """length x rate less the nearest whole number, exact to about 1e-15.
@@ -91,7 +86,7 @@ def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> 
 
 
 def reduce_cycles(cycles: Real) -> Real:
-    """Take the nearest whole number off, in place."""
+    """Take the nearest whole number off, in place; any shape."""
     cycles -= np.rint(cycles)
     return cycles
 

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigError
 from ..physics.checks import read_csv
-from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .config import Radar
 from .echoes import Echoes
 from .linesynthesis import line_times_s, line_waveform
@@ -257,9 +256,3 @@ class LineOscillator:
         """exp(j [phi(t - tau) - phi(t)]) at tau = order step_s, (pulses, samples)."""
         then = self._track.at(-order * self.step_s)[self._places]
         return np.asarray(np.exp(1j * (then - self._now)), dtype=np.complex128)
-
-
-def residual_density(noise: PhaseNoise, range_m: float, offset_hz: Real) -> Real:
-    """Density of the phase that is left of an echo: L(f) 4 sin^2(pi f tau) [rad^2/Hz]."""
-    delay_s = 2 * range_m / SPEED_OF_LIGHT_MPS
-    return np.asarray(noise.density(offset_hz) * 4 * np.sin(np.pi * offset_hz * delay_s) ** 2)

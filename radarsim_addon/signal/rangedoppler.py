@@ -65,17 +65,20 @@ class RangeDopplerMap:
 
     @property
     def power(self) -> Real:
-        """|values|^2; W for weighting "radar-equation"."""
+        """|values|^2, (pulses, ranges); W for weighting "radar-equation"."""
         return np.asarray(np.abs(self.values) ** 2)
 
     @property
     def power_db(self) -> Real:
-        """10 log10 of the power, floored at `FLOOR_DB`."""
+        """10 log10 of the power, (pulses, ranges), floored at `FLOOR_DB`."""
         return decibels(self.power)
 
     @property
     def velocity_mps(self) -> Real:
-        """Range rate of each row, -lambda f_D / 2: falls as Doppler rises, receding positive."""
+        """Range rate of each row, -lambda f_D / 2, (pulses,) [m/s].
+
+        Falls as Doppler rises, receding positive.
+        """
         return np.asarray(-self.doppler_hz * self.radar.waveform.wavelength_m / 2)
 
 

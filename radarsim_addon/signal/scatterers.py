@@ -255,7 +255,7 @@ class SurfaceSpeckle:
         return state, scatterer, height
 
     def known(self, rows: PathRows) -> NDArray[np.bool_]:
-        """Paths whose vertices are all known: those of one and two reflections."""
+        """Paths whose vertices are all known, (n,): those of one and two reflections."""
         finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(
             axis=-1
         )
@@ -340,7 +340,7 @@ class SurfaceSpeckle:
         return result, known
 
     def factors_at_rest(self, found: Scattering) -> Complex:
-        """Both ways in one factor: exact as long as the path and its scatterer move alike."""
+        """Both ways in one factor, (n,): exact as long as path and scatterer move alike."""
         return np.asarray(
             found.coherent + found.rough * np.exp(-1j * self._wavenumber * found.longer_m)
         )

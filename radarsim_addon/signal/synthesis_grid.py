@@ -111,7 +111,7 @@ class Listening:
                 raise ConfigError("Folding needs a window of delays with two ends.")
 
     def orders(self, earliest_s: Real, latest_s: Real) -> tuple[Real, Real]:
-        """First and last q for which some delay between the two is in the window."""
+        """First and last q, (n,), for which some delay between the two [s] is in the window."""
         if self.period_s is None:
             heard = (latest_s > self.first_s) & (earliest_s < self.last_s)
             return np.zeros(heard.shape), np.where(heard, 0.0, -1.0)
@@ -162,7 +162,7 @@ class Ramp:
         return max((count - 1) // 2, 0.5) * self.interval_s
 
     def video_cycles(self, delay_s: Real) -> Real:
-        """K tau^2 / 2."""
+        """K tau^2 / 2 [cycles], of the shape of the delays [s]."""
         return np.asarray(self.video_hz_per_s / 2 * delay_s**2)
 
 
@@ -214,7 +214,7 @@ class Sums:
 
 
 def place(sums: Sums, length_m: Real, amplitude: Weights) -> tuple[Real, Weights, Real | None, int]:
-    """The echoes that are heard at one pulse.
+    """The echoes that are heard at one pulse, of lengths (n,) [m] and complex amplitudes (n,).
 
     Returns
     -------
@@ -241,6 +241,6 @@ def place(sums: Sums, length_m: Real, amplitude: Weights) -> tuple[Real, Weights
 
 
 def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
-    """low, low+1 ... of each row, `copies` of them."""
+    """low, low+1 ... of each row, `copies` of them: (sum of copies,)."""
     first = np.cumsum(copies) - copies
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))

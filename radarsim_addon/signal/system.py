@@ -24,7 +24,6 @@ from ..physics.noise import noise_power_w
 from ..physics.radar_equation import from_db
 from .antenna_spec import PeakedAntenna, make_antenna, self_contained
 from .paths import Weighting
-from .receiver import Receiver
 
 #: A file with two antenna tables of a degree's step has about 2 MB.
 _MAX_BYTES = 64 * 1024 * 1024
@@ -84,15 +83,6 @@ def make_system(record: SystemRecord, wavelength_m: float) -> RadarSystem:
         make_antenna(record.transmitter, wavelength_m, "Transmitter's"),
         make_antenna(record.receiver, wavelength_m, "Receiver's"),
         wavelength_m,
-    )
-
-
-def system_receiver(record: SystemRecord, seed: int = 0) -> Receiver:
-    """A receiver with the thermal noise of a budget and no other shortcoming."""
-    return Receiver(
-        noise_figure_db=record.noise_figure_db,
-        antenna_temperature_k=record.antenna_temperature_k,
-        seed=seed,
     )
 
 

@@ -51,7 +51,15 @@ def replica_count(waveform: AnyWaveform) -> int:
 
 
 def replica(waveform: AnyWaveform) -> Complex:
-    """Samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, those of a file."""
+    """Samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, those of a file.
+
+    (replica_count,), mean power 1.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`replica_times_s`.
+    """
     if isinstance(waveform, PhaseCodedPulse | ArbitraryPulse | PmcwWaveform):
         return waveform.replica_samples()
     if not isinstance(waveform, Waveform):
@@ -66,12 +74,20 @@ def replica(waveform: AnyWaveform) -> Complex:
 
 
 def frequencies_hz(waveform: AnyWaveform, size: int) -> Real:
-    """Baseband frequencies of a transform of `size` samples, in numpy's FFT order [Hz]."""
+    """Baseband frequencies of a transform of `size` samples, (size,), in numpy's FFT order [Hz]."""
     return np.fft.fftfreq(size, 1 / waveform.sampling_rate_hz)
 
 
 def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
-    """W(f) = sum_n w(t_n) exp(-j 2 pi f t_n) at :func:`frequencies_hz`."""
+    """W(f) = sum_n w(t_n) exp(-j 2 pi f t_n) at :func:`frequencies_hz`, (size,).
+
+    Raises
+    ------
+    ConfigError
+        As :func:`replica_times_s`.
+    ValueError
+        The pulse has more samples than the transform.
+    """
     samples = replica(waveform)
     if samples.size > size:
         raise ValueError(f"a chirp of {samples.size} samples needs a transform at least as long")

@@ -134,7 +134,7 @@ def _given_samples(given: dict[str, Any], folder: Path | None) -> Complex:
 
 
 def load_samples(path: str | Path) -> Complex:
-    """Complex samples from a file.
+    """Complex samples from a file, (n,).
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def window_at(spec: str, position: Real) -> Real:
 
 
 def slow_time_window(spec: str, pulses: int) -> Real:
-    """A window over a train of pulses, sampled at the middle of each pulse's share."""
+    """A window over a train of pulses, (pulses,), sampled at the middle of each pulse's share."""
     return window_at(spec, (np.arange(pulses) - (pulses - 1) / 2) / pulses)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import (
     Burst,
     Echoes,
@@ -29,7 +30,7 @@ from radarsim_addon.signal.config import AnyWaveform
 from radarsim_addon.signal.echoes import EchoOptions
 from radarsim_addon.signal.families import synthesizer_for
 from radarsim_addon.signal.noisefloor import map_noise_gain
-from radarsim_addon.signal.phasenoise import PhaseTrack, residual_density
+from radarsim_addon.signal.phasenoise import PhaseTrack
 from radarsim_addon.signal.receiver import quantise
 from tests.signal.oracle import unit_paths
 
@@ -48,6 +49,12 @@ KINDS: list[tuple[AnyWaveform, float]] = [
     (PmcwWaveform(79e9, 1e-9, 9, repeats=8), 8 * 511e-9),
 ]
 NAMES = ["lfm", "barker", "fmcw", "fmcw real", "stepped", "pmcw"]
+
+
+def residual_density(noise: PhaseNoise, range_m: float, offset_hz: np.ndarray) -> np.ndarray:
+    """Density of the phase that is left of an echo: L(f) 4 sin^2(pi f tau) [rad^2/Hz]."""
+    delay_s = 2 * range_m / SPEED_OF_LIGHT_MPS
+    return noise.density(offset_hz) * 4 * np.sin(np.pi * offset_hz * delay_s) ** 2
 
 
 def empty_echoes(waveform: AnyWaveform, pulses: int) -> Echoes:

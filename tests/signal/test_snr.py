@@ -19,8 +19,7 @@ from radarsim_addon.signal.frames import open_run
 from radarsim_addon.signal.noisefloor import map_noise_gain
 from radarsim_addon.signal.paths import frame_paths
 from radarsim_addon.signal.rangedoppler import range_doppler
-from radarsim_addon.signal.receiver import receive
-from radarsim_addon.signal.system import system_receiver
+from radarsim_addon.signal.receiver import Receiver, receive
 from tests.signal import path_runs as pr
 
 
@@ -55,7 +54,12 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
     assert predicted.burst_db > 25  # enough that noise does not move the peak much
     floors, peaks = [], []
     for seed in range(6):
-        noisy = receive(echoes, system_receiver(system, seed)).echoes
+        receiver = Receiver(
+            noise_figure_db=system.noise_figure_db,
+            antenna_temperature_k=system.antenna_temperature_k,
+            seed=seed,
+        )
+        noisy = receive(echoes, receiver).echoes
         rd_map = range_doppler(compress(noisy, window), window)
         away = np.abs(rd_map.range_m - range_m) > 500
         floors.append(rd_map.power[:, away].mean())
