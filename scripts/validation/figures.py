@@ -133,6 +133,15 @@ def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     return figure
 
 
+def _show_error(axis: Any, model: str) -> None:
+    """Labels of a panel of errors whose bound is 0.05 dB."""
+    for bound_db in (-0.05, 0.05):
+        axis.axhline(bound_db, color="grey", linestyle="--", linewidth=1)
+    axis.set_ylim(-0.065, 0.095)  # room for the legend above the bound
+    axis.set_ylabel(f"measured - {model} [dB]")
+    axis.set_title("Error, bound dashed")
+
+
 def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 4.3), layout="constrained")
     points = curves["power_against_range"]
@@ -145,11 +154,7 @@ def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
         right.semilogx(reach, [p["error_db"] for p in chosen], "o-", color=colour, label=label)
     left.set_ylabel("received power [W]")
     left.set_title("Lambert plate of 1 m$^2$, EIRP 1 MW (line: radar equation)")
-    right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
-    right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
-    right.set_ylim(-0.065, 0.095)  # room for the legend above the bound
-    right.set_ylabel("measured - radar equation [dB]")
-    right.set_title("Error, bound dashed")
+    _show_error(right, "radar equation")
     for axis in (left, right):
         axis.set_xlabel("range [m]")
         axis.grid(True, which="major", alpha=0.3)
@@ -171,11 +176,7 @@ def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
         )
     left.set_ylabel("received power over that on boresight [dB]")
     left.set_title("Two-way beam (line: model, dots: measured)")
-    right.axhline(0.05, color="grey", linestyle="--", linewidth=1)
-    right.axhline(-0.05, color="grey", linestyle="--", linewidth=1)
-    right.set_ylim(-0.065, 0.095)  # room for the legend above the bound
-    right.set_ylabel("measured - model [dB]")
-    right.set_title("Error, bound dashed")
+    _show_error(right, "model")
     right.legend(fontsize=7)
     for axis in (left, right):
         axis.set_xlabel("target off boresight [deg]")

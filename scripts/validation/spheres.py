@@ -39,32 +39,28 @@ def _sphere(range_m: float, rough: bool) -> Coefficient:
     return kirchhoff_coefficient(INDEX, SLOPE) if rough else lambert_coefficient(ALBEDO)
 
 
-def lambert_sphere(bench: Bench) -> list[Check]:
+def _spheres(bench: Bench, rough: bool, label: str, source: str) -> list[Check]:
+    """One result a range."""
     checks = []
     for range_m in (10.0, 1000.0):
-        model = _sphere(range_m, rough=False)
+        model = _sphere(range_m, rough)
         measured, spread = acquire(bench, 96).power_w("Sphere")
         expected = sphere_power(range_m, RADIUS_M, model)
-        name = f"Lambert sphere of 1 m, albedo 0.6, at {range_m:g} m"
-        source = "numerical integration of 4 rho cos^2; (8/3) rho pi a^2 far away"
+        name = f"{label}, at {range_m:g} m"
         checks.append(
             power_check(name, expected, measured, BOUND_DB, source, relative_error=spread)
         )
     return checks
+
+
+def lambert_sphere(bench: Bench) -> list[Check]:
+    source = "numerical integration of 4 rho cos^2; (8/3) rho pi a^2 far away"
+    return _spheres(bench, False, "Lambert sphere of 1 m, albedo 0.6", source)
 
 
 def rough_sphere(bench: Bench) -> list[Check]:
-    checks = []
-    for range_m in (10.0, 1000.0):
-        model = _sphere(range_m, rough=True)
-        measured, spread = acquire(bench, 96).power_w("Sphere")
-        expected = sphere_power(range_m, RADIUS_M, model)
-        name = f"rough sphere of 1 m, n = 2.3 + 0.05j, slope 0.2, at {range_m:g} m"
-        source = "numerical integration of the Kirchhoff model"
-        checks.append(
-            power_check(name, expected, measured, BOUND_DB, source, relative_error=spread)
-        )
-    return checks
+    source = "numerical integration of the Kirchhoff model"
+    return _spheres(bench, True, "rough sphere of 1 m, n = 2.3 + 0.05j, slope 0.2", source)
 
 
 def error_against_time(bench: Bench) -> list[Check]:

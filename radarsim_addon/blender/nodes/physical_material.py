@@ -36,6 +36,7 @@ from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence
 from .interface import excess, interface_power, wave_inside
 from .layer import internal_echoes, layer_cosine
+from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior, wavelength
 from .radar_material import EXTINCTION, INDEX, ROUGHNESS, camera_lobes
 from .range_code import inverse_code_length, range_code, ray_length
 
@@ -194,29 +195,17 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
         wave = wave_inside(build, n, kappa, cosine)
-    given = build.scene_attribute(contract.ATTR_WAVELENGTH)
-    is_given = math("GREATER_THAN", "wavelength given", given, 0.0)
-    wavelength = build.select("wavelength", is_given, 1.0, given)
+    length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
     rate = math("MULTIPLY", "4 pi Im(q) c", normal_rate, cosine)
-    alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, wavelength)
-    world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
-    any_inverse_k = math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
+    alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, length)
+    any_inverse_k = any_inverse_code_length(build, inverse_k)
     longer = math("MULTIPLY", "c (Re q - c)", cosine, excess(build, wave))
     # A light wave that runs ahead (n < 1) cannot be told by absorption.
     delay = math(
         "MULTIPLY", "c (Re q - c) / k", math("MAXIMUM", "from 0 up", longer, 0.0), any_inverse_k
     )
-    double_delay = math("MULTIPLY", "2 c (Re q - c) / k", delay, 2.0)
-    # One node with Density x (1 - Color), as in the Radar Material.
-    density = math("ADD", "alpha + 2 c (Re q - c) / k", alpha, double_delay)
-    red = math("DIVIDE", "Spared in red", delay, density)
-    blue = math("DIVIDE", "Spared in blue", double_delay, density)
-    colour = build.node("ShaderNodeCombineXYZ", "Spared", {0: red, 1: 0.0, 2: blue})
-    interior = build.node(
-        "ShaderNodeVolumeAbsorption", "Interior", {"Color": colour.outputs[0], "Density": density}
-    )
-    build.group_output("Volume", interior.outputs[0])
+    interior(build, alpha, delay, "c (Re q - c) / k")
 
 
 RADAR_PHYSICAL = GroupDefinition(
@@ -228,19 +217,8 @@ RADAR_PHYSICAL = GroupDefinition(
         "inside: Fresnel losses, absorption and delay at the angle at which it goes through"
     ),
     sockets=(
-        SocketSpec(
-            "Surface",
-            "OUTPUT",
-            "NodeSocketShader",
-            "Reflected and transmitted power. Connect to Surface of the Material Output",
-        ),
-        SocketSpec(
-            "Volume",
-            "OUTPUT",
-            "NodeSocketShader",
-            "Absorption and optical delay along the depth inside. Connect to Volume of the "
-            "Material Output where the object is a closed mesh that radar waves enter",
-        ),
+        SURFACE,
+        VOLUME,
         SocketSpec(
             INDEX,
             "INPUT",

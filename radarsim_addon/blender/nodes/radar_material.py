@@ -22,6 +22,7 @@ from typing import Any
 from ... import contract
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence, reflectance, transmittance
+from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior
 from .range_code import inverse_code_length, range_code, ray_length
 
 KIND = "radar_material"
@@ -115,22 +116,9 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     alpha = math("DIVIDE", "alpha = 4 pi kappa / Lambda", four_pi_kappa, length)
     above_vacuum = math("SUBTRACT", "n - 1 (delay)", n, 1.0)
     excess = math("MAXIMUM", "n - 1, from 0 up", above_vacuum, 0.0)
-    world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
-    any_inverse_k = math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
+    any_inverse_k = any_inverse_code_length(build, inverse_k)
     delay = math("MULTIPLY", "(n - 1) / k", excess, any_inverse_k)
-    double_delay = math("MULTIPLY", "2 (n - 1) / k", delay, 2.0)
-    # Absorption is Density x (1 - Color). One node and not two: Cycles counts 32 closures for each
-    # and warns above 64 in a material. What rounding costs is 1e-7 of 2 (n - 1) d / k.
-    density = math("ADD", "alpha + 2 (n - 1) / k", alpha, double_delay)
-    red = math("DIVIDE", "Spared in red", delay, density)
-    blue = math("DIVIDE", "Spared in blue", double_delay, density)
-    colour = build.node("ShaderNodeCombineXYZ", "Spared", {0: red, 1: 0.0, 2: blue})
-    interior = build.node(
-        "ShaderNodeVolumeAbsorption",
-        "Interior",
-        {"Color": colour.outputs[0], "Density": density},
-    )
-    build.group_output("Volume", interior.outputs[0])
+    interior(build, alpha, delay, "(n - 1) / k")
 
 
 RADAR_MATERIAL = GroupDefinition(
@@ -142,19 +130,8 @@ RADAR_MATERIAL = GroupDefinition(
         "n + j kappa, with the range code of the running measurement"
     ),
     sockets=(
-        SocketSpec(
-            "Surface",
-            "OUTPUT",
-            "NodeSocketShader",
-            "Reflected and transmitted power. Connect to Surface of the Material Output",
-        ),
-        SocketSpec(
-            "Volume",
-            "OUTPUT",
-            "NodeSocketShader",
-            "Absorption and optical delay along the depth inside. Connect to Volume of the "
-            "Material Output where the object is a closed mesh that radar waves enter",
-        ),
+        SURFACE,
+        VOLUME,
         SocketSpec(
             INDEX,
             "INPUT",

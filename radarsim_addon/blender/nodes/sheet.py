@@ -16,11 +16,11 @@ from __future__ import annotations
 import math as _math
 from typing import Any
 
-from ... import contract
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .complex_nodes import Pair, difference, power, product, scaled, total
 from .fresnel import cos_incidence
 from .interface import Wave, excess, polarisation, wave_inside
+from .outputs import SURFACE, wavelength
 from .radar_material import EXTINCTION, INDEX, camera_lobes
 from .range_code import inverse_code_length, range_code, ray_length
 
@@ -62,10 +62,7 @@ def _draw(build: TreeBuilder) -> None:
     back = math("MULTIPLY", "R, or 0 before the gate", mean("R", back_s, back_p), reflects)
 
     # Delay d (Re q - c); the code of the way outside runs on.
-    given = build.scene_attribute(contract.ATTR_WAVELENGTH)
-    is_given = math("GREATER_THAN", "wavelength given", given, 0.0)
-    wavelength = build.select("wavelength", is_given, 1.0, given)
-    depth = math("MULTIPLY", "d", thickness, wavelength)
+    depth = math("MULTIPLY", "d", thickness, wavelength(build))
     longer = math("MULTIPLY", "d (Re q - c)", depth, excess(build, wave))
     with build.prefixed("Delay: "):
         delay = range_code(build, longer, inverse_k)
@@ -118,12 +115,7 @@ RADAR_SHEET = GroupDefinition(
         "radomes and panels whose thickness is a few wavelengths at most"
     ),
     sockets=(
-        SocketSpec(
-            "Surface",
-            "OUTPUT",
-            "NodeSocketShader",
-            "Reflected and transmitted power. Connect to Surface of the Material Output",
-        ),
+        SURFACE,
         SocketSpec(
             INDEX,
             "INPUT",
