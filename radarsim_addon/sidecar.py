@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from . import contract
 from .errors import FrameFileError, OutputError, SchemaError
+from .textfile import TextTooLongError, read_text
 
 #: A record of a run with ten thousand frames stays far below this.
 MAX_JSON_BYTES = 64 * 1024 * 1024
@@ -67,16 +68,16 @@ def read_record(path: Path, kind: type[Record]) -> Record:
         The record is of another kind, or of a newer schema than this version reads.
     """
     try:
-        if path.stat().st_size > MAX_JSON_BYTES:
-            raise FrameFileError(
-                f"{path} holds {path.stat().st_size} bytes; a radarsim record has at most "
-                f"{MAX_JSON_BYTES}. It was not written by radarsim: remove it."
-            )
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_text(path, MAX_JSON_BYTES))
     except FileNotFoundError as error:
         raise FrameFileError(
             f"{path} is missing. radarsim writes it beside the frames: "
             "give the run's own folder, or render the run again."
+        ) from error
+    except TextTooLongError as error:
+        raise FrameFileError(
+            f"{path} holds more than {MAX_JSON_BYTES} bytes, which no radarsim record does. "
+            "It was not written by radarsim: remove it."
         ) from error
     except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise FrameFileError(

@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ConfigError
+from ..textfile import TextTooLongError, read_text
 
 Real = NDArray[np.float64]
 
 #: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
 EDGE_SLACK = 1e-6
+#: Most bytes of a table: a sphere in steps of a quarter of a degree has 30 MB.
+_MAX_TABLE_BYTES = 1 << 26
 
 
 def real_array(
@@ -173,11 +176,15 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
     path = Path(path)
     wanted = " or ".join(", ".join(choice) for choice in choices)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, _MAX_TABLE_BYTES)
     except FileNotFoundError:
         raise ConfigError(f"Table {path} does not exist; check the path.") from None
     except UnicodeDecodeError:
         raise ConfigError(f"Table {path} is not UTF-8 text; save it as CSV (UTF-8).") from None
+    except TextTooLongError as error:
+        raise ConfigError(
+            f"Table {path} cannot be read: {error}. Thin it out; values between are interpolated."
+        ) from error
     except OSError as error:
         raise ConfigError(f"Table {path} cannot be read: {error.strerror}.") from error
     rows = [

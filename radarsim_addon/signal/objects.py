@@ -103,6 +103,21 @@ def path_power_w(
     return np.asarray(power, dtype=np.float64)
 
 
+def require_objects(frame: RadarFrame) -> None:
+    """Check that a frame knows the objects of its paths.
+
+    Raises
+    ------
+    ConfigError
+        The frame is of rings.
+    """
+    if frame.acquisition != "paths":
+        raise ConfigError(
+            f"{frame.path} was measured by rings, which do not know the object of a path. Measure "
+            "the scene by paths (Acquisition: Paths, or --acquisition paths)."
+        )
+
+
 def object_echoes(
     frame: RadarFrame,
     carrier_hz: float,
@@ -129,11 +144,7 @@ def object_echoes(
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
-    if frame.acquisition != "paths":
-        raise ConfigError(
-            f"{frame.path} was measured by rings, which do not know the object of a path. Measure "
-            "the scene by paths (Acquisition: Paths, or --acquisition paths)."
-        )
+    require_objects(frame)
     record, table = open_frame_table(frame.path, frame.number)
     if groups is None:
         groups = {name: [name] for name in record.objects}

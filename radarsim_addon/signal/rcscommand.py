@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import FrameFileError
 from .budget import BudgetReport, FrameBudget
 from .frames import open_run
-from .objects import matching_objects, object_echoes
+from .objects import matching_objects, object_echoes, require_objects
 from .system import read_system
 
 
@@ -41,6 +41,7 @@ def print_rcs(
     system = run.record.system if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     for frame in chosen:
+        require_objects(frame)
         gaps = frame.missing()
         if gaps:
             raise FrameFileError(f"{frame.path}: {gaps[0].reason}. Render the run again.")

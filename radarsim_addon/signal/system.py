@@ -22,6 +22,7 @@ from ..errors import ConfigError
 from ..physics.checks import real_array
 from ..physics.noise import noise_power_w
 from ..physics.radar_equation import from_db
+from ..textfile import read_text
 from .antenna_spec import PeakedAntenna, make_antenna, self_contained
 from .paths import Weighting
 
@@ -117,9 +118,7 @@ def read_system(path: str | Path) -> SystemRecord:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ConfigError(f"{path} holds more than {_MAX_BYTES} bytes; expected a system file.")
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        data = json.loads(read_text(path, _MAX_BYTES))
     except FileNotFoundError:
         raise ConfigError(f"System file {path} does not exist; check the path.") from None
     except (OSError, ValueError, RecursionError) as error:

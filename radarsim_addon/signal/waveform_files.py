@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ConfigError, FrameFileError
+from ..textfile import TextTooLongError, read_text
 from .config import AnyWaveform, Burst, Radar, Waveform
 from .waveform_lines import FmcwWaveform, PmcwWaveform, SteppedWaveform
 from .waveform_pulses import MAX_WAVEFORM_SAMPLES, ArbitraryPulse, PhaseCodedPulse
@@ -246,12 +247,12 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > _MAX_RADAR_BYTES:
-            raise FrameFileError(
-                f"{path} holds {path.stat().st_size} bytes; a radar file has at most "
-                f"{_MAX_RADAR_BYTES}. Put samples into a file of their own."
-            )
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_text(path, _MAX_RADAR_BYTES))
+    except TextTooLongError as error:
+        raise FrameFileError(
+            f"{path} holds more than {_MAX_RADAR_BYTES} bytes, which no radar file does. "
+            "Put samples into a file of their own."
+        ) from error
     except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise FrameFileError(
             f"{path} cannot be read as JSON ({error}). Expected a radar file: "

@@ -344,3 +344,13 @@ def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
     assert summary["options"]["weighting"] == "paper"
     assert summary["options"]["system"]["transmit_power_w"] == 1e6
+
+
+def test_cross_sections_of_rings_are_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    setup = synthetic.Setup(rings=2)
+    picture = synthetic.points(setup, [(2, 2, 300.0, 1.0, 0.0)])
+    folder = synthetic.write_run(tmp_path / "run", setup, picture)
+    assert main(["rcs", str(folder)]) != 0
+    assert "measured by rings" in capsys.readouterr().err

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Text of files that a user or another program gives: never more of it than expected. No bpy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class TextTooLongError(ValueError):
+    """A file goes on beyond what is read of it."""
+
+
+def read_text(path: Path, most_bytes: int) -> str:
+    """Text of a file, UTF-8 with or without byte-order mark.
+
+    What is read is counted, not what the file system says: a device or a pipe has no size.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    UnicodeDecodeError
+        It is not UTF-8.
+    TextTooLongError
+        It holds more bytes than `most_bytes`.
+    """
+    with open(path, "rb") as stream:
+        data = stream.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise TextTooLongError(f"it holds more than {most_bytes} bytes")
+    return data.decode("utf-8-sig")
