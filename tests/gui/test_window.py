@@ -118,7 +118,14 @@ def test_paths_are_measured_from_the_window(walk: dict[str, Any]):
     assert not [name for name in walk["paths"]["files"] if name.endswith((".part", ".exr"))]
 
 
-@pytest.mark.parametrize("run", ["first", "stopped", "continued", "paths"])
+def test_escape_stops_a_run_of_paths(walk: dict[str, Any]):
+    found = walk["stopped_paths"]["files"]
+    assert "run.json" in found
+    assert "frames/frame_0001/paths.json" not in found
+    assert ".radarsim.lock" not in found
+
+
+@pytest.mark.parametrize("run", ["first", "stopped", "continued", "stopped_paths", "paths"])
 def test_all_settings_are_restored(walk: dict[str, Any], run: str):
     assert walk[run]["changed"] == []
 

@@ -182,13 +182,16 @@ def script(robot: Any) -> Any:
     }
 
     # Esc at any moment of a render, not only at one that Blender's own render job hears.
-    result["escapes"] = []
-    for number, delay_s in enumerate((0.0, 0.07, 0.14, 0.21, 0.28, 0.35)):
-        folder = FOLDER / f"run escape {number}"
+    def start(folder: Path) -> None:
         settings.output_dir = str(folder)
         region = next(r for r in robot.view.regions if r.type == "WINDOW")
         with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
             bpy.ops.radarsim.render_frames("INVOKE_DEFAULT")
+
+    result["escapes"] = []
+    for number, delay_s in enumerate((0.0, 0.07, 0.14, 0.21, 0.28, 0.35)):
+        folder = FOLDER / f"run escape {number}"
+        start(folder)
         yield from robot.wait(lambda f=folder: any(f.rglob("*.exr")), "a file", 120)
         yield delay_s
         robot.press("Escape")
@@ -196,9 +199,22 @@ def script(robot: Any) -> Any:
         result["escapes"].append(len(list(folder.rglob("*.exr"))))
         yield 0.3
 
-    # 7. The other acquisition, and back.
-    third = FOLDER / "run paths"
+    # 7. The other acquisition, stopped, then to its end, and back.
+    stopped_paths = FOLDER / "run paths stopped"
     settings.acquisition = "PATHS"
+    settings.width_px = settings.height_px = 1024
+    before = snapshot_module.snapshot(scene)
+    start(stopped_paths)
+    yield from robot.wait(lambda: (stopped_paths / "run.json").exists(), "the run's start", 60)
+    yield 0.3
+    robot.press("Escape")
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 120)
+    result["stopped_paths"] = {
+        "files": files(stopped_paths),
+        "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
+    }
+    settings.width_px = settings.height_px = 128
+    third = FOLDER / "run paths"
     settings.output_dir = str(third)
     robot.view.tag_redraw()
     yield 1.0
