@@ -25,7 +25,7 @@ Steps = Generator[float, None, Any]
 #: Seconds between two beats of the heartbeat, and between two looks at what is awaited.
 BEAT_S = 0.05
 #: Pixels between two places where the mouse is put when a button is searched; a button has 20.
-SCAN_PX = 9
+SCAN_PX = 16
 
 
 class Robot:
@@ -38,6 +38,7 @@ class Robot:
         self._last_beat: float | None = None
         self._gaps: list[float] | None = None
         self._running: list[subprocess.Popen[bytes]] = []
+        self._found: dict[str, int] = {}
 
     # -- running ---------------------------------------------------------------------------------
     def run(self, script: Callable[[Robot], Steps]) -> None:
@@ -160,16 +161,20 @@ class Robot:
         return str(manager.clipboard)
 
     def find(self, wanted: str) -> Steps:
-        """Search the sidebar from top to bottom for a button; its place is the value.
+        """Search the sidebar for a button; its place is the value.
 
-        The sidebar is scrolled by the wheel where the button lies below its edge.
+        Where it was found last is tried first, then from top to bottom; the sidebar is scrolled by
+        the wheel where the button lies below its edge.
         """
         # Away from the sidebar first: a busy Blender still shows the button of a while ago.
         yield from self._leave_sidebar()
         for _ in range(8):
             region = self.sidebar
             x = region.x + region.width // 2
-            for y in range(region.y + region.height - 12, region.y + 12, -SCAN_PX):
+            places = list(range(region.y + region.height - 12, region.y + 12, -SCAN_PX))
+            if wanted in self._found:
+                places.insert(0, self._found[wanted])
+            for y in places:
                 # Twice, since a button wakes up by a movement and not by a place.
                 self.move(x - 1, y)
                 self.move(x, y)
@@ -178,6 +183,7 @@ class Robot:
                     self.move(x - 1, y)
                     yield 0.3
                     if wanted in self.under_mouse():
+                        self._found[wanted] = y
                         return x, y
             subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
             yield 0.4
