@@ -130,8 +130,8 @@ class InteractiveRender:
     def _may_write(self) -> bool:
         """Whether Blender lets scripts change data just now.
 
-        It does not while a script draws, and its note of that is one for all threads: a preview
-        that is rendered beside us can hold it up for a moment. After a while it is asked no more.
+        It does not while a script draws, and its note of that is one for all threads: a render
+        that ends in another thread can set it while we run. The next tick begins with a clean note.
         """
         try:
             self.job.touch()

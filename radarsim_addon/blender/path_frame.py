@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
+#: Share of a time budget that tiles laid over small objects may take: refinement needs the rest.
+_SHARE_FOR_TILES = 0.5
+#: Pixels across of the renders that tell how long a small one takes.
+_TRIED_PX = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +133,10 @@ class FrameWork:
         assert scene is not None
         boxes = view_boxes(self._poses, scene.objects, self._camera, scene.hidden)
         small = chosen = small_boxes(boxes, self._whole)
-        if len(small) > MOST_TILED:
+        most = MOST_TILED
+        if len(small) and self._job.options.time_budget_s:
+            most = yield from self._affordable_tiles(uniform[0])
+        if len(small) > most:
             start_s = time.monotonic()
             seen = np.zeros(len(small), dtype=bool)
             for number, tile in enumerate(uniform):
@@ -141,10 +148,35 @@ class FrameWork:
             self._renders += len(uniform)
             self._seconds += time.monotonic() - start_s
             chosen = most_needy(
-                small, seen, boxes, self._whole, self._camera, self._emitter_m, MOST_TILED
+                small, seen, boxes, self._whole, self._camera, self._emitter_m, most
             )
         self._small, self._tiled = len(small), len(chosen)
         return chosen
+
+    def _affordable_tiles(self, tile: Tile) -> Generator[PathTask, None, int]:
+        """Tiles that may be laid over objects within a share of the time budget.
+
+        A small tile takes as long as its renders take to begin, and that grows with the number of
+        objects. The second render of two tells; the first one builds what all others use.
+        """
+        options, window = self._job.options, tile.window
+        start_s = last_s = time.monotonic()
+        width, height = min(window.width_px, _TRIED_PX), min(window.height_px, _TRIED_PX)
+        few = dataclasses.replace(
+            window,
+            right=window.left + width * window.step_u,
+            bottom=window.top - height * window.step_v,
+            width_px=width,
+            height_px=height,
+        )
+        for _ in range(2):
+            last_s = time.monotonic()
+            yield from self._job.look_tasks(self._frame, self._instant, 0, few)
+        now_s = time.monotonic()
+        self._renders += 2
+        self._seconds += now_s - start_s
+        a_tile_s = options.shifts * (now_s - last_s)
+        return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_budget_s / a_tile_s))
 
     def _refine(self) -> Generator[PathTask, None, str]:
         """Split the worst tiles until a limit is reached; returns which one it was."""

@@ -154,3 +154,16 @@ def test_few_small_objects_all_get_tiles(tmp_path: Path) -> None:
     ).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 5)
     assert not any("small objects" in text for text in record.warnings)
+
+
+@pytest.mark.blender
+def test_a_time_budget_limits_the_tiles(tmp_path: Path) -> None:
+    """A budget that no render can meet pays for no tile; the frame is measured all the same."""
+    rs.new_scene()
+    wide_camera(-1.0, 1.0, -0.5, 0.5)
+    for i in range(5):
+        add_target(-0.6 + 0.3 * i, 0.1, 0.01, f"plate {i}")
+    options = {"shifts": 2, "time_budget_s": 1e-6}
+    record = ph.run_paths(tmp_path, options=options, width_px=32, height_px=16).record()
+    assert (record.small_objects, record.small_objects_tiled) == (5, 0)
+    assert any("small objects" in text for text in record.warnings)

@@ -16,7 +16,7 @@ import time
 import traceback
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
@@ -26,6 +26,27 @@ Steps = Generator[float, None, Any]
 BEAT_S = 0.05
 #: Pixels between two places where the mouse is put when a button is searched; a button has 20.
 SCAN_PX = 16
+
+
+class ROBOT_OT_step(bpy.types.Operator):
+    """Go on with the script"""
+
+    # Not in the timer itself: Blender notes that a panel is being drawn, so that data must not be
+    # changed, once for all threads. A render that begins meanwhile leaves the note there, and
+    # timers could change nothing any more; operators may whatever it says.
+
+    bl_idname = "robot.step"
+    bl_label = "Step"
+    bl_options: ClassVar[set[str]] = {"INTERNAL"}
+
+    advance: ClassVar[Callable[[], float | None] | None] = None
+    wait_s: ClassVar[float | None] = None
+
+    def execute(self, context: Any) -> set[str]:
+        kind = type(self)
+        assert kind.advance is not None
+        kind.wait_s = kind.advance()
+        return {"FINISHED"}
 
 
 class Robot:
@@ -45,9 +66,7 @@ class Robot:
         """Start the script once Blender's window stands; Blender quits when it has ended."""
         steps = script(self)
 
-        def tick() -> float | None:
-            if not self._may_write():
-                return BEAT_S
+        def advance() -> float | None:
             try:
                 return next(steps)
             except StopIteration:
@@ -58,17 +77,14 @@ class Robot:
                 self._quit()
             return None
 
+        def tick() -> float | None:
+            ROBOT_OT_step.advance = advance
+            bpy.ops.robot.step()
+            return ROBOT_OT_step.wait_s
+
+        bpy.utils.register_class(ROBOT_OT_step)
         bpy.app.timers.register(tick, first_interval=1.5, persistent=True)
         bpy.app.timers.register(self._beat, first_interval=1.5, persistent=True)
-
-    def _may_write(self) -> bool:
-        """Blender's note that a script is drawing is one for all threads: wait until it is gone."""
-        scene = bpy.context.scene
-        try:
-            scene.frame_step = scene.frame_step
-        except AttributeError:
-            return False
-        return True
 
     def _beat(self) -> float:
         now = time.monotonic()
