@@ -134,7 +134,7 @@ def find_movers(
     tolerance
         That of the synthesis: what is 20 dB above its error is no rounding.
     noise_power
-        Mean thermal noise of a cell: what does not stand 15 dB above it is not told from noise.
+        Mean noise of a cell: what does not stand 15 dB above it is not told from noise.
     slowest_cells
         Least |Doppler| of a mover, cells of 1 / (pulses x interval).
     noisy_columns

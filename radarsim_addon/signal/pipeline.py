@@ -210,11 +210,13 @@ def _process_frame(
             rd_map,
             options.mti,
             tolerance=options.tolerance,
-            noise_power=reception.noise_power_w
+            # rounding follows the strong echoes: from pulse to pulse it may add up in phase
+            noise_power=(reception.noise_power_w + reception.rounding_power_w * radar.burst.pulses)
             * map_noise_gain(radar, options.window, options.doppler_window),
             # what is blended over the burst has sidelobes of its own beside 0 Hz
             slowest_cells=SLOWEST_CELLS if frame.renders_per_burst == 1 else 3.0,
-            noisy_columns=options.receiver.phase_noise is not None,
+            noisy_columns=options.receiver.phase_noise is not None
+            or options.receiver.adc_bits is not None,
             recording=heard,
         ),
         warnings=statistics_warnings(statistics, radar)

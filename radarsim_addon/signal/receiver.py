@@ -110,7 +110,12 @@ class Reception:
 
         Rounding of a busy signal is white, step^2 / 12 each in I and Q (Bennett 1948).
         """
-        return self.noise_power_w + (self.step or 0.0) ** 2 / 6
+        return self.noise_power_w + self.rounding_power_w
+
+    @property
+    def rounding_power_w(self) -> float:
+        """Mean |.|^2 of the ADC's rounding per complex sample [W]; 0 without an ADC."""
+        return (self.step or 0.0) ** 2 / 6
 
 
 def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:

@@ -11,6 +11,7 @@ from radarsim_addon.signal import (
     FrameResult,
     ProcessOptions,
     Radar,
+    Receiver,
     find_peaks,
     process_run,
 )
@@ -125,3 +126,16 @@ def test_a_mover_in_the_window_stays_beside_one_outside(tmp_path: Path) -> None:
     options = ProcessOptions(products=False, plots=False, window_m=(0.0, 550.0))
     (mover,) = result_of(folder, options).movers
     assert mover.velocity_mps == pytest.approx(-3.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["chirp", "pmcw"])
+@pytest.mark.parametrize("adc_bits", [8, 12])
+def test_the_rounding_of_an_adc_is_no_mover(tmp_path: Path, name: str, adc_bits: int) -> None:
+    """Rounding follows the strong echo: it is not white."""
+    folder = write_run(tmp_path / "run", SETUP, points(SETUP, ECHOES))
+    radar = Radar(WAVEFORMS[name], Burst(1000.0, 64))
+    options = ProcessOptions(
+        products=False, plots=False, radar=radar, receiver=Receiver(adc_bits=adc_bits)
+    )
+    (mover,) = result_of(folder, options).movers
+    assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)
