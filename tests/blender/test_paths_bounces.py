@@ -45,6 +45,30 @@ def test_grazing_plane(tmp_path: Path, code: str) -> None:
     exact = 2 * np.linalg.norm(rows["last_m"] - (0, 0, height), axis=1)
     np.testing.assert_allclose(rows["length_m"], exact, rtol=2e-7)
 
+    # Power of each pixel, at its own angle: reflectance / pi x sine of the depression x irradiance.
+    def radiance_at(sine: np.ndarray) -> np.ndarray:
+        reflects = unpolarised_reflectance(1e4 + 1e4j, sine) if code == "materials" else 0.9
+        return np.asarray(reflects / np.pi * sine * ph.irradiance(height / sine))
+
+    radiance = ph.radiance(rows)
+    np.testing.assert_allclose(radiance, radiance_at(2 * height / exact), rtol=1e-5)
+    # And all of each shift, against a dense sum over its view in the plane one before the camera.
+    count, half, tilt = 400, math.tan(math.radians(0.3)), math.radians(1.0)
+    ahead = np.array([0.0, math.cos(tilt), -math.sin(tilt)])
+    upward = np.array([0.0, math.sin(tilt), math.cos(tilt)])
+    for shift in (0, 1):
+        mine = rows["shift"] == shift
+        direction = rows["direction"][mine]
+        # A shift moves the whole view by a part of a pixel, which at this angle is percents.
+        middle = np.mean(direction @ upward / (direction @ ahead))
+        x, z = np.meshgrid(*2 * [half * ((2 * np.arange(count) + 1) / count - 1)])
+        z = z + middle
+        norm = np.sqrt(x**2 + 1 + z**2)
+        sine = (math.sin(tilt) - z * math.cos(tilt)) / norm
+        whole = np.sum(radiance_at(sine) / norm**3) * (2 * half / count) ** 2
+        found = 2 * np.sum(radiance[mine] * rows["solid_angle_sr"][mine])
+        assert found == pytest.approx(whole, rel=5e-4)
+
 
 @pytest.mark.parametrize("code", ["materials", "world"])
 def test_mirror_corridor(tmp_path: Path, code: str) -> None:

@@ -45,7 +45,7 @@ def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
         cosine = rows["direction"][here][:, 1]
         reflected = unpolarised_reflectance(1.6, cosine)
         want = reflected * (1 - reflected) ** (2 * t) / np.pi * cosine * ph.irradiance(y / cosine)
-        np.testing.assert_allclose(radiance[here], want, rtol=2e-6)
+        np.testing.assert_allclose(radiance[here], want, rtol=1e-6)
         np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=3e-7)
         np.testing.assert_allclose(rows["last_m"][here][:, 1], y, atol=2e-6)
         assert {record.objects[n - 1] for n in rows["object"][here]} == {
