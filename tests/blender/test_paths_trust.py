@@ -12,7 +12,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes  # noqa: E402
-from radarsim_addon.physics.fresnel import unpolarised_reflectance  # noqa: E402
 from radarsim_addon.signal.config import Waveform  # noqa: E402
 from radarsim_addon.signal.pathtable import FLAG_CODED_LENGTH, FLAG_NO_CODE  # noqa: E402
 from tests.blender import path_helpers as ph  # noqa: E402
