@@ -152,6 +152,8 @@ class QualitySums:
         if self.total_w == 0:
             found.append(
                 "Nothing echoes. A mirror that faces the radar returns nothing either: a point "
-                "lamp is found by scattering surfaces only. Give it some roughness."
+                "lamp is found by scattering surfaces only. Give it some roughness. Other causes: "
+                "the emitter is inside a closed mesh; objects are scaled to 0, or have in Object > "
+                "Visibility Ray Visibility > Camera off, or Holdout or Shadow Catcher on."
             )
         return found

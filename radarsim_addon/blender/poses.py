@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import contract
+from ..errors import SceneError
 from .path_cameras import camera_kind, frame_edges
 from .render_settings import NEAR_CLIP_UNITS
 from .rig import Rig, check_scale
@@ -64,7 +66,7 @@ def camera_record(
     Raises
     ------
     SceneError
-        The camera is scaled.
+        The camera is scaled, its place is not finite, or it sees nothing.
     """
     camera = rig.camera.evaluated_get(depsgraph)
     check_scale(rig.camera, camera.matrix_world)
@@ -73,6 +75,15 @@ def camera_record(
         left, right, bottom, top = frustum(camera.data, width_px, height_px)
     else:
         left, right, bottom, top = frame_edges(camera.data, width_px, height_px, metres_per_unit)
+    if not (0 < right - left < math.inf and 0 < top - bottom < math.inf):
+        setting = {
+            "perspective": f"a focal length of {camera.data.lens:g} mm",
+            "orthographic": f"an orthographic scale of {camera.data.ortho_scale:g}",
+        }.get(kind, "longitudes or latitudes that end where they begin, or before")
+        raise SceneError(
+            f"Camera {rig.camera.name!r} has {setting}, so that its frame is {right - left:g} wide "
+            f"and {top - bottom:g} high; expected more than 0, and an end. Set Camera > Lens."
+        )
     return contract.CameraRecord(
         kind=kind,
         matrix_world=rigid_pose(camera.matrix_world, metres_per_unit).tolist(),
@@ -90,12 +101,18 @@ def emitter_record(rig: Rig, depsgraph: Any, metres_per_unit: float) -> contract
     Raises
     ------
     SceneError
-        The lamp is scaled.
+        The lamp is scaled, its place is not finite, or its power is not.
     """
     emitter = rig.emitter.evaluated_get(depsgraph)
     check_scale(rig.emitter, emitter.matrix_world)
     exposure = float(getattr(emitter.data, "exposure", 0.0))
+    eirp_w = float(emitter.data.energy) * 2.0**exposure
+    if not math.isfinite(eirp_w):
+        raise SceneError(
+            f"The emitter {rig.emitter.name!r} has a power of {eirp_w:g} W; expected a number. Set "
+            "EIRP in Radar > Rig."
+        )
     return contract.EmitterRecord(
         matrix_world=rigid_pose(emitter.matrix_world, metres_per_unit).tolist(),
-        eirp_w=float(emitter.data.energy) * 2.0**exposure,
+        eirp_w=eirp_w,
     )

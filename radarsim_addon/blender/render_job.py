@@ -15,6 +15,7 @@ moment a run is killed at, a file with a sidecar is whole, and the next run goes
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from collections.abc import Iterator
@@ -39,7 +40,7 @@ from .poses import camera_record, emitter_record
 from .recorder import Recorder
 from .render_result import save_render
 from .render_settings import MeasurementSettings
-from .rig import Rig, check_scale, find_rig
+from .rig import Rig, find_rig
 from .visibility import show_what_renders
 
 
@@ -129,12 +130,16 @@ class RenderJob:
             What is wrong; the scene is as it was.
         """
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
+        fresh = not self.folder.exists()
         output_folder.prepare_folder(self.folder)
         self._lock.acquire()
         try:
             self._prepare()
         except BaseException:
             self.restore()
+            if fresh:
+                with contextlib.suppress(OSError):  # a plan was written: it stays
+                    self.folder.rmdir()
             raise
 
     def _prepare(self) -> None:
@@ -197,8 +202,9 @@ class RenderJob:
         for frame in self._measurement.frames:
             for at in self._surveyed(frame):
                 depsgraph = self._show(instant_at(at, self._fps()))
-                for item in (self.rig.camera, self.rig.emitter):
-                    check_scale(item, item.evaluated_get(depsgraph).matrix_world)
+                # What cannot be recorded is refused here, before anything is written.
+                self._antenna_records(depsgraph, self._metres_per_unit())
+                scene_truth.check_surfaces(depsgraph)
                 extent = extent.union(
                     scene_truth.scene_extent(
                         depsgraph, self.rig, self._metres_per_unit(), self.code_world
@@ -247,18 +253,18 @@ class RenderJob:
             self._scene_written = task.frame
         if self._records is None or not self._shows(task.instant):
             depsgraph = self._show(task.instant)
-            units = self.plan.metres_per_unit
-            self._records = (
-                camera_record(
-                    self.rig,
-                    depsgraph,
-                    units,
-                    self._measurement.width_px,
-                    self._measurement.height_px,
-                ),
-                emitter_record(self.rig, depsgraph, units),
-            )
+            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
         self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+
+    def _antenna_records(
+        self, depsgraph: Any, metres_per_unit: float
+    ) -> tuple[contract.CameraRecord, contract.EmitterRecord]:
+        """Both antennas at the depsgraph's time."""
+        size_px = self._measurement.width_px, self._measurement.height_px
+        return (
+            camera_record(self.rig, depsgraph, metres_per_unit, *size_px),
+            emitter_record(self.rig, depsgraph, metres_per_unit),
+        )
 
     def render(self, task: Task) -> None:
         """Render and wait for the end (not for use in the UI).

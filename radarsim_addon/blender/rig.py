@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
+from .finite_checks import check_pose
 from .nodes import setup_emitter
 from .nodes.groups import KIND_PROPERTY
 
@@ -144,13 +145,15 @@ def find_rig(
 
 
 def check_scale(item: Any, matrix_world: Any) -> None:
-    """Refuse a scaled, mirrored or sheared antenna.
+    """Refuse a scaled, mirrored or sheared antenna, or one that is nowhere.
 
     Raises
     ------
     SceneError
-        Cycles bends angles (camera) or power (lamp) with the scale, which no antenna does.
+        Its place is not finite; or it is scaled: Cycles bends angles (camera) or power (lamp) with
+        the scale, which no antenna does.
     """
+    check_pose(item.name, matrix_world)
     axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
     if np.abs(axes.T @ axes - np.eye(3)).max() > SCALE_TOLERANCE or np.linalg.det(axes) < 0:
         lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .. import contract
 from ..sidecar import file_sha256
 from .acquisition import Extent
+from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distance
 from .nodes.groups import KIND_PROPERTY
@@ -64,6 +65,17 @@ def _corners(shown: _Shown) -> Array:
     """Bounding box, shape (8, 3), world space, Blender units."""
     box = np.array([tuple(corner) for corner in shown.evaluated.bound_box], dtype=np.float64)
     return np.asarray(box @ shown.matrix[:3, :3].T + shown.matrix[:3, 3])
+
+
+def check_surfaces(depsgraph: Any) -> None:
+    """Refuse surfaces whose place or shape is not finite at the depsgraph's time.
+
+    Raises
+    ------
+    SceneError
+        By the object's name.
+    """
+    check_meshes_finite((s.name, s.evaluated, s.matrix) for s in _shown_surfaces(depsgraph))
 
 
 def scene_extent(
