@@ -11,11 +11,13 @@ from typing import Any
 from ..contract import SystemRecord
 from ..physics.noise import SnrPrediction, predict_snr
 from .config import Radar
+from .consoletext import printable
 from .frames import RadarFrame
 from .link import Link, frame_antennas
 from .mti import mti_response
 from .noisefloor import coherent_samples, map_noise_gain
 from .objects import ObjectEcho, object_echoes
+from .pathframes import read_paths_record
 from .paths import Paths
 from .system import RadarSystem, make_system
 from .waveform_lines import FmcwWaveform
@@ -115,7 +117,7 @@ class BudgetReport:
             )
         for echo in self.objects:
             line = (
-                f"{echo.name:20.20} {_range_text(echo.range_m)} m   "
+                f"{printable(echo.name):20.20} {_range_text(echo.range_m)} m   "
                 f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(_db(echo.rcs_m2))} dBsm"
             )
             if echo.power_error_w is not None and echo.power_w > 0:
@@ -203,7 +205,8 @@ class FrameBudget:
                         point = predicted_snr(echo.power_w, radar, system, window, doppler_window)
                         burst_db = point.burst_db + 10 * math.log10(left)
                         snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
-        return BudgetReport(received_w, noise_w, objects, snr, self._warnings(), absent)
+        warnings = [*projection_warnings(self._frame), *self._warnings()]
+        return BudgetReport(received_w, noise_w, objects, snr, warnings, absent)
 
     def _warnings(self) -> list[str]:
         link = self.link
@@ -216,6 +219,32 @@ class FrameBudget:
             "paths, or rings without bounces, to be rid of it."
         )
         return [text]
+
+
+def projection_warnings(frame: RadarFrame) -> list[str]:
+    """What to know of a frame's powers for the projection of its receiver.
+
+    Parameters
+    ----------
+    frame
+        Radar frame.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        The frame's sidecar is missing or damaged.
+    """
+    if frame.acquisition != "paths":
+        return []
+    if read_paths_record(frame.path, frame.number).camera.kind != "orthographic":
+        return []
+    text = (
+        "The receiver is orthographic: its powers are not received watts, but R^2 times as much "
+        "(R in metres, from receiver to scatterer), and neither are levels, SNR and detections "
+        "against thermal noise those of a radar. Ranges and cross sections are right. For watts "
+        "and SNR measure with a perspective receiver."
+    )
+    return [text]
 
 
 def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:

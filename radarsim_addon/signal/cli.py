@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from .. import __version__
 from ..errors import RadarSimError
 from .antennaplot import add_antennas_parser, print_antennas
-from .consoletext import map_digits
+from .consoletext import map_digits, printable
 from .detections import detection_lines, target_count
 from .frames import RadarFrame, Run, open_run
 from .framestats import frame_statistics, statistics_warnings
@@ -125,7 +125,7 @@ def _print_frame(result: FrameResult) -> None:
     for line in result.budget.lines() if result.budget is not None else []:
         print(f"  {line}")
     for warning in result.warnings:
-        print(f"  warning: {warning}")
+        print(f"  warning: {printable(warning)}")
     if result.files:
         print(f"  {len(result.files)} files in {result.files[0].parent}")
 
@@ -160,7 +160,7 @@ def _info(folder: str) -> int:
     for name, text in rows:
         print(f"{name:18} {text}")
     for warning in record.warnings:
-        print(f"warning: {warning}")
+        print(f"warning: {printable(warning)}")
     if gaps:
         print(f"incomplete: frame {gaps[0].frame}: {gaps[0].reason}; {len(gaps)} in all")
     missing_frames = {gap.frame for gap in gaps}
@@ -181,7 +181,7 @@ def _info(folder: str) -> int:
             f"{counts.one_pass} in the first only"
         )
         for warning in statistics_warnings(statistics, radar):
-            print(f"  warning: {warning}")
+            print(f"  warning: {printable(warning)}")
     return 0
 
 
@@ -232,7 +232,7 @@ def _print_quality(frame: RadarFrame) -> None:
         f"{100 * record.mixed_share:.2g} %, range bias at most {record.mixed_bias_bound_m:.2g} m"
     )
     for warning in record.warnings:
-        print(f"  warning: {warning}")
+        print(f"  warning: {printable(warning)}")
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import FrameFileError
-from .budget import BudgetReport, FrameBudget
+from .budget import BudgetReport, FrameBudget, projection_warnings
+from .consoletext import printable
 from .frames import open_run
 from .objects import matching_objects, object_echoes, require_objects
 from .system import read_system
@@ -40,6 +41,7 @@ def print_rcs(
     run = open_run(folder)
     system = run.record.system if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
+    warnings: dict[str, None] = {}
     for frame in chosen:
         require_objects(frame)
         gaps = frame.missing()
@@ -55,7 +57,10 @@ def print_rcs(
         for echo in echoes:
             if echo.shared_power_w > 0.01 * echo.power_w:
                 print(
-                    f"  {echo.name}: another {echo.shared_power_w:.3g} W come by way of other "
-                    "objects too and are not in its cross section"
+                    f"  {printable(echo.name)}: another {echo.shared_power_w:.3g} W come by way of "
+                    "other objects too and are not in its cross section"
                 )
+        warnings |= dict.fromkeys(projection_warnings(frame))
+    for warning in warnings:
+        print(f"warning: {warning}")
     return 0

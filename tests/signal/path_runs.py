@@ -81,6 +81,7 @@ def trace(
         )  # fmt: skip
         rays = pixel_rays(moved, size_px, size_px)
         direction = rays.direction.reshape(-1, 3)
+        origin_m = np.broadcast_to(rays.origin_m, rays.direction.shape).reshape(-1, 3)
         solid = rays.solid_angle_sr.ravel()
         nearest = np.full(solid.size, np.inf)
         which = np.zeros(solid.size, dtype=int)
@@ -88,8 +89,8 @@ def trace(
             u, v = np.array(item.half_u), np.array(item.half_v)
             normal = np.cross(u, v)
             with np.errstate(divide="ignore", invalid="ignore"):
-                t = ((np.array(item.centre) - rays.origin_m) @ normal) / (direction @ normal)
-                local = rays.origin_m + t[:, None] * direction - item.centre
+                t = ((np.array(item.centre) - origin_m) @ normal) / (direction @ normal)
+                local = origin_m + t[:, None] * direction - item.centre
                 hit = (
                     (np.abs(local @ u) <= u @ u) & (np.abs(local @ v) <= v @ v)
                     & (t > 0) & (t < nearest)
@@ -97,7 +98,7 @@ def trace(
             nearest[hit], which[hit] = t[hit], number
         hit = which > 0
         rows = np.zeros(np.count_nonzero(hit), dtype=PATH_DTYPE)
-        point = rays.origin_m + nearest[hit, None] * direction[hit]
+        point = origin_m[hit] + nearest[hit, None] * direction[hit]
         normals = np.array([np.cross(p.half_u, p.half_v) for p in plates], dtype=float)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         normal = normals[which[hit] - 1]
