@@ -71,9 +71,9 @@ def check_meshes_finite(surfaces: Iterable[tuple[str, Any, Any]]) -> None:
         vertices.foreach_get("co", places)
         if usable(places):
             continue
-        places = places.reshape(-1, 3)
-        bad = np.flatnonzero(~(np.abs(places) <= FARTHEST_UNITS).all(axis=1))
-        where = ", ".join(f"{value:g}" for value in places[bad[0]])
+        rows = places.reshape(-1, 3)
+        bad = np.flatnonzero(~(np.abs(rows) <= FARTHEST_UNITS).all(axis=1))
+        where = ", ".join(f"{value:g}" for value in rows[bad[0]])
         which = f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at ({where}))"
         raise SceneError(_vertex_text(name, which, "vertices"))
 
