@@ -70,8 +70,16 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
     return None
 
 
-def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
-    """Layer normal of an object as evaluated, in its own space; None where it is no layer."""
+def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
+    """Properties of an evaluated object's faces, object space, (faces, width) each; None: no face.
+
+    Parameters
+    ----------
+    item, depsgraph
+        The object, as evaluated there.
+    **widths
+        Numbers a face of each property of `bpy.types.MeshPolygon`.
+    """
     evaluated = item.evaluated_get(depsgraph)
     mesh = evaluated.to_mesh()
     if mesh is None:
@@ -80,17 +88,27 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
         count = len(mesh.polygons)
         if not count:
             return None
-        normals = np.empty(count * 3, dtype=np.float32)
-        areas = np.empty(count, dtype=np.float32)
-        mesh.polygons.foreach_get("normal", normals)
-        mesh.polygons.foreach_get("area", areas)
+        found = {}
+        for name, width in widths.items():
+            values = np.empty(count * width, dtype=np.float32)
+            mesh.polygons.foreach_get(name, values)
+            found[name] = values.reshape(-1, width).astype(np.float64)
+        return found
     finally:
         evaluated.to_mesh_clear()
-    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+
+
+def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
+    """Layer normal of an object as evaluated, in its own space; None where it is no layer."""
+    faces = _faces(item, depsgraph, normal=3, area=1)
+    if faces is None:
+        return None
+    normals, areas = faces["normal"], faces["area"]
+    linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
     if abs(np.linalg.det(linear)) < 1e-30:
         return None
     # Area vectors under a linear map: det(A) A^-T.
-    vectors = (normals.reshape(-1, 3) * areas[:, None].astype(np.float64)) @ np.linalg.inv(linear)
+    vectors = (normals * areas) @ np.linalg.inv(linear)
     lengths = np.linalg.norm(vectors, axis=1)
     kept = lengths > 0
     world = layer_normal(vectors[kept] / lengths[kept, None], lengths[kept])
@@ -111,26 +129,13 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
     normal
         Of the layer, object space, not zero.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    if mesh is None:
+    faces = _faces(item, depsgraph, normal=3, center=3, area=1)
+    if faces is None:
         return None
-    try:
-        count = len(mesh.polygons)
-        if not count:
-            return None
-        normals = np.empty(count * 3, dtype=np.float32)
-        centres = np.empty(count * 3, dtype=np.float32)
-        areas = np.empty(count, dtype=np.float32)
-        mesh.polygons.foreach_get("normal", normals)
-        mesh.polygons.foreach_get("center", centres)
-        mesh.polygons.foreach_get("area", areas)
-    finally:
-        evaluated.to_mesh_clear()
     unit = normal / np.linalg.norm(normal)
-    along = np.abs(normals.reshape(-1, 3).astype(np.float64) @ unit) > 1 - _PARALLEL**2 / 2
-    height = (centres.reshape(-1, 3).astype(np.float64) @ unit)[along]
-    area = areas.astype(np.float64)[along]
+    along = np.abs(faces["normal"] @ unit) > 1 - _PARALLEL**2 / 2
+    height = (faces["center"] @ unit)[along]
+    area = faces["area"][along, 0]
     if not area.sum() > 0:
         return None
     low, thickness = float(height.min()), float(np.ptp(height))
