@@ -224,7 +224,8 @@ class PathsRecord:
     left_order_share lies in orders above max_order, left_depth_share in gates that were not
     rendered, mixed_share in rows whose pixel held several paths even so, no_code_share in rows
     without a usable range. left_order_sigma is the standard error of left_order_share, which is
-    probed by few rays. reached says which limit ended the refinement. small_objects are in view
+    probed by few rays. relative_error is over error_of: "both", "ranges" or "objects". reached
+    says which limit ended the refinement. small_objects are in view
     before refinement and have few pixels; small_objects_tiled of them got tiles of their own.
     """
 
@@ -264,6 +265,7 @@ class PathsRecord:
     table_file: str
     table_sha256: str
     left_order_sigma: float = 0.0
+    error_of: str = "both"
     small_objects: int = 0
     small_objects_tiled: int = 0
     motion_file: str = ""  # empty: nothing is known of motion, all stands still

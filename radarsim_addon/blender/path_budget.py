@@ -2,8 +2,9 @@
 """Which tiles the error of a frame comes from. No bpy.
 
 Each tile is measured with several sub-pixel shifts of its grid; they are replicates, so their
-scatter is the tile's own error. What counts is the *relative* error of each range bin and of each
-object's power: a faint far target matters as much as strong near ground.
+scatter is the tile's own error. One shift alone tells the error of objects, not of range bins. What
+counts is the *relative* error of each range bin and of each object's power: a faint far target
+matters as much as strong near ground.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from .. import contract
 from ..signal.pathtable import FLAG_NO_CODE, PathRows
-from ..signal.replicates import edge_variances
+from ..signal.replicates import edge_variances, lone_variances
 
 Real = NDArray[np.float64]
 
@@ -44,7 +45,8 @@ class CellPowers:
 @dataclass(frozen=True)
 class ShiftPowers:
     """One shift of a tile: power of its cells that are not zero, the pixels on each object as a
-    share of one of all shifts, and the least variance of its mean power by its edges, likewise."""
+    share of one of all shifts, and the least variance of its mean power by its edges, likewise;
+    where there is one shift alone, all of the variance."""
 
     cells: NDArray[np.int64]
     power: Real
@@ -80,7 +82,10 @@ class CellGrid:
         edges = np.zeros(hits.size)
         if camera is not None:
             number = rows["object"].astype(np.int64)
-            edges = edge_variances(rows, number, power, camera, count) / count
+            if count > 1:
+                edges = edge_variances(rows, number, power, camera, count) / count
+            else:
+                edges = lone_variances(rows, number, power, camera)
         return ShiftPowers(
             np.concatenate([bins, objects + size]),
             np.concatenate([by_bin[bins], by_object[objects]]),
@@ -100,10 +105,8 @@ class CellGrid:
             hits[: shift.hits.size] += shift.hits
             edges[: shift.edges.size] += shift.edges
         mean = total.mean(axis=0)
-        if count > 1:
-            variance = total.var(axis=0, ddof=1) / count
-        else:
-            variance = mean**2
+        # One shift has no scatter; what is known of objects comes below.
+        variance = total.var(axis=0, ddof=1) / count if count > 1 else np.zeros_like(mean)
         known_object = cells > self.first_object
         place = cells[known_object] - self.first_object
         hits = hits[place]

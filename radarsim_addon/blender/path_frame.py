@@ -95,7 +95,7 @@ class FrameWork:
         resolution_m = job.measurement.waveform.range_resolution_m
         reach_m = job.plan.rings * job.measurement.ring_step_m
         self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
-        self._budget = ErrorBudget(self._grid.first_object, job.options.refine_by)
+        self._budget = ErrorBudget(self._grid.first_object, job.options.error_of)
         self._whole = ViewWindow(
             camera.left,
             camera.right,
@@ -338,6 +338,7 @@ class FrameWork:
             length_sigma_m=quality.length_sigma_m,
             length_sigma_wavelengths=quality.length_sigma_m / wavelength_m,
             relative_error=self._budget.relative_error(),
+            error_of=job.options.error_of,
             reached=reached,
             table_file=table.name,
             table_sha256=file_sha256(table),

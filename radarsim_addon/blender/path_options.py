@@ -26,6 +26,7 @@ class PathOptions:
         Share of the total power that may stay unfollowed.
     shifts
         Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
+        One alone tells that of objects, by their edges and by what neighbouring pixels differ.
     error_target
         Relative standard error (over range bins and objects) at which refinement ends; 0: no
         refinement.
@@ -95,11 +96,17 @@ class PathOptions:
             raise ConfigError(
                 f"Refinement by {self.refine_by!r}; expected 'both', 'ranges' or 'objects'."
             )
-        if self.refines and self.shifts < 2:
+        if self.refines and self.shifts < 2 and self.refine_by != "objects":
             raise ConfigError(
-                "One shift a tile gives no standard error to refine by; expected at least 2 shifts "
-                "with an error target or a time budget."
+                f"One shift a tile gives no standard error of range bins, and the error is of "
+                f"{self.refine_by!r}; expected at least 2 shifts with an error target or a time "
+                "budget, or an error of 'objects'."
             )
+
+    @property
+    def error_of(self) -> str:
+        """What the error that is reported is of: one shift knows that of objects alone."""
+        return "objects" if self.shifts == 1 else self.refine_by
 
     @property
     def refines(self) -> bool:

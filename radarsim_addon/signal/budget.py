@@ -120,7 +120,7 @@ class BudgetReport:
                 f"{printable(echo.name):20.20} {_range_text(echo.range_m)} m   "
                 f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(_db(echo.rcs_m2))} dBsm"
             )
-            if echo.power_error_w is not None and echo.power_w > 0:
+            if echo.power_w > 0:
                 line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"

@@ -216,7 +216,11 @@ def _print_quality(frame: RadarFrame) -> None:
             "tiles of their own"
         )
     print(f"  ended by         {record.reached}")
-    print(f"  standard error   {100 * record.relative_error:.2g} % (over range bins and objects)")
+    over = {"ranges": "range bins", "objects": "objects"}
+    print(
+        f"  standard error   {100 * record.relative_error:.2g} % (over "
+        f"{over.get(record.error_of, 'range bins and objects')})"
+    )
     print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
     print(
         f"  lengths known to {record.length_sigma_m:.2g} m, "

@@ -29,7 +29,7 @@ from .frames import RadarFrame
 from .link import Link
 from .pathframes import open_frame_table, usable
 from .pathtable import PathRows
-from .replicates import edge_variances
+from .replicates import edge_variances, lone_variances
 
 Real = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class ObjectEcho:
     paths
         Rows of the table, all shifts together.
     power_w, power_error_w
-        Received power and its standard error from the shifts (None with one shift) [W].
+        Received power and its standard error [W], see :mod:`.replicates`.
     rcs_m2, rcs_error_m2
         Radar cross section and its standard error [m^2].
     range_m
@@ -59,9 +59,9 @@ class ObjectEcho:
     name: str
     paths: int
     power_w: float
-    power_error_w: float | None
+    power_error_w: float
     rcs_m2: float
-    rcs_error_m2: float | None
+    rcs_error_m2: float
     range_m: float
     shared_power_w: float
     range_rate_mps: float = 0.0
@@ -190,21 +190,30 @@ class _Sums:
             self._paths[group] += np.count_nonzero(mine)
             self._range[group] += power[mine] @ rows["length_m"][mine] / 2
             self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
+            if self._shifts == 1:
+                for place, value in enumerate((power[mine], rcs[mine])):
+                    self._add_lone(place, int(group), rows[mine], value)
+                continue
             least = self._least_relative(rows[mine], power[mine])
             for place, value in enumerate((power, rcs)):
                 by_shift = self._shifts * np.bincount(
                     rows["shift"][mine], value[mine], minlength=self._shifts
                 )
                 self._mean[place, group] += by_shift.mean()
-                if self._shifts > 1:
-                    scatter = by_shift.var(ddof=1) / self._shifts
-                    self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
+                scatter = by_shift.var(ddof=1) / self._shifts
+                self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
+
+    def _add_lone(self, place: int, group: int, rows: PathRows, value: Real) -> None:
+        """One shift of a tile: its edges, and what neighbours differ by."""
+        self._mean[place, group] += value.sum()
+        label = np.ones(value.size, dtype=np.int64)
+        self._variance[place, group] += lone_variances(rows, label, value, self._camera)[-1]
 
     def _least_relative(self, rows: PathRows, power: Real) -> float:
         """Least relative variance of what these rows of a tile add up to, by edges along its grid
         that the shifts may agree on."""
         total = power.sum()
-        if self._shifts < 2 or not total > 0:
+        if not total > 0:
             return 0.0
         variance = 0.0
         for shift in range(self._shifts):
@@ -217,15 +226,14 @@ class _Sums:
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
         errors = np.sqrt(self._variance)
-        known = self._shifts > 1
         return [
             ObjectEcho(
                 name=name,
                 paths=int(self._paths[i]),
                 power_w=float(self._mean[0, i]),
-                power_error_w=float(errors[0, i]) if known else None,
+                power_error_w=float(errors[0, i]),
                 rcs_m2=float(self._mean[1, i]),
-                rcs_error_m2=float(errors[1, i]) if known else None,
+                rcs_error_m2=float(errors[1, i]),
                 range_m=float(self._range[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
                 shared_power_w=float(self._shared[i]),
                 range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,

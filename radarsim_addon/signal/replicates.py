@@ -6,11 +6,15 @@ side of 20.1 pixels holds 20 columns in all shifts, more often than not, and not
 tenth of a column is seen in their scatter. What can be said of such an edge is that it lies
 somewhere between the rays nearest to it. That bounds the error from below, run by run of pixels
 whose edge lies in one line; an edge aslant has short runs and adds little.
+
+One shift alone has no replicates. Its error is that of its edges, and what neighbouring pixels of
+one surface differ by.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -88,31 +92,97 @@ def edge_variances(
     ndarray
         By label from 0, (labels + 1,).
     """
-    size = int(label.max(initial=0)) + 1
-    total = np.zeros(size)
-    kept = np.flatnonzero(label > 0)
+    total = np.zeros(int(label.max(initial=0)) + 1)
+    for labels, values in _images(rows, label, value, camera, count):
+        total += _edge_variance(labels, values, count, total.size)
+    return total
+
+
+def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraRecord) -> Real:
+    """Variance of the value of what bears a label, where there is one shift alone.
+
+    To what the edges leave open comes what differs within a surface: a grid of rays samples it
+    systematically, and neighbours of one surface and gate have the same expectation but for what
+    changes from one pixel to the next, so half the mean squared difference of two is the variance
+    of one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007,
+    ch. 8). Reflections left to chance and texture show in it; of a smooth surface little is left.
+    A pixel without neighbours may be wrong by all of itself.
+
+    Parameters
+    ----------
+    rows, label, value, camera
+        As for :func:`edge_variances`.
+
+    Returns
+    -------
+    ndarray
+        By label from 0, (labels + 1,).
+    """
+    placed = _placed(rows, label, camera)
+    lost = (label > 0) & ~placed
+    total = np.bincount(
+        label[lost], value[lost] ** 2, minlength=int(label.max(initial=0)) + 1
+    ).astype(np.float64)
+    for labels, values in _images(rows, label, value, camera, 1):
+        total += _edge_variance(labels, values, 1, total.size)
+        total += _scatter_variance(labels, values, total.size)
+    return total
+
+
+def _placed(rows: PathRows, label: Integers, camera: CameraRecord) -> NDArray[np.bool_]:
+    """Rows with a label whose pixel is known: parallel rays are told by where they end."""
+    placed = label > 0
     if camera.kind == "orthographic":
-        kept = kept[np.isfinite(rows["first_m"][kept]).all(axis=1)]
+        placed &= np.isfinite(rows["first_m"]).all(axis=1)
+    return placed
+
+
+def _images(
+    rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
+) -> Iterator[tuple[Integers, Real]]:
+    """Labels and values on the grid of pixels, gate by gate, with an empty rim."""
+    kept = np.flatnonzero(_placed(rows, label, camera))
     if kept.size == 0:
-        return total
+        return
     rows, label, value = rows[kept], label[kept], value[kept]
     col, row = _grid_places(rows, camera, count)
     shape = (int(row.max()) + 3, int(col.max()) + 3)
     if shape[0] * shape[1] > _MOST_PX:
-        return total
-    across, down = shift_variances(count)
+        return
     gate = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(gate):
         here = gate == one
         place = (row[here] + 1, col[here] + 1)
         labels, values = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         labels[place], values[place] = label[here], value[here]
-        for axis, variance in ((1, across), (0, down)):
-            for step in (1, -1):
-                edge = (labels > 0) & (np.roll(labels, step, axis) != labels)
-                # a side has two edges, and the variance is that of a side
-                total += variance / 2 * _squared_runs(edge, labels, values, axis, size)
+        yield labels, values
+
+
+def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Real:
+    """By label, for the mean of so many shifts."""
+    total = np.zeros(size)
+    for axis, variance in zip((1, 0), shift_variances(count), strict=True):
+        for step in (1, -1):
+            edge = (labels > 0) & (np.roll(labels, step, axis) != labels)
+            # a side has two edges, and the variance is that of a side
+            total += variance / 2 * _squared_runs(edge, labels, values, axis, size)
     return total
+
+
+def _scatter_variance(labels: Integers, values: Real, size: int) -> Real:
+    """By label, from the differences of neighbours that bear the same one."""
+    squares, pairs = np.zeros(size), np.zeros(size)
+    for axis in (0, 1):
+        # the rim is empty: nothing wraps around
+        pair = (labels > 0) & (np.roll(labels, 1, axis) == labels)
+        owner = labels[pair]
+        difference = values[pair] - np.roll(values, 1, axis)[pair]
+        squares += np.bincount(owner, difference**2, minlength=size)
+        pairs += np.bincount(owner, minlength=size)
+    own = labels > 0
+    pixels = np.bincount(labels[own], minlength=size)
+    whole = np.bincount(labels[own], values[own] ** 2, minlength=size)
+    return np.where(pairs > 0, pixels * squares / np.maximum(2 * pairs, 1), whole)
 
 
 def _squared_runs(

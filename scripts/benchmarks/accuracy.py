@@ -41,7 +41,7 @@ ERROR_TARGETS = (0.3, 0.15)
 #: Coarse frames whose small objects get tiles of their own. Each lays its pixels over the target in
 #: another way, so together they tell the error that the target's power has, not one lucky draw.
 TILES_FROM = ((80, 45), (96, 54), (112, 63), (128, 72), (144, 81), (160, 90), (176, 99))
-TILES = {"shifts": 2, "error_target": 0.04, "refine_by": "objects"}
+TILES = {"shifts": 1, "error_target": 0.04, "refine_by": "objects"}
 REFERENCE = {"width_px": 1296, "height_px": 729, "shifts": 8, "tile_px": 700}
 #: Bins of the coarse profile, in range bins: blind to the shift by a few bins that mixed pixels
 #: bring, which is most of the rings' error.

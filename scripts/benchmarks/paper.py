@@ -176,7 +176,7 @@ class PaperScene:
         }
         del rows
         shutil.rmtree(folder)
-        label = f"{width_px}x{height_px}, {chosen.shifts} shifts"
+        label = f"{width_px}x{height_px}, {chosen.shifts} shift{'s' * (chosen.shifts > 1)}"
         if chosen.refines:
             label += f", {100 * chosen.error_target:g} %"
             label += "" if chosen.refine_by == "both" else f" of {chosen.refine_by}"

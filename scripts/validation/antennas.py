@@ -116,7 +116,7 @@ def sweep(
             lit_w = power_over(points, weights * pattern, normals, lambert_coefficient(ALBEDO))
             expected = lit_w * TRANSMIT_W * gains / (loss * EIRP_W)
             echo = echoes(acquire(bench, 256, 16), system)["Plate"]
-            spread = (echo.power_error_w or math.nan) / echo.power_w
+            spread = echo.power_error_w / echo.power_w
             row = power_check(
                 f"{angle_deg:g} deg off",
                 expected,
@@ -190,7 +190,7 @@ def _rcs_check(
     bench: Bench, name: str, label: str, expected_m2: float, bound_db: float, source: str
 ) -> Check:
     echo = echoes(acquire(bench, 96))[name]
-    spread = (echo.rcs_error_m2 or math.nan) / echo.rcs_m2
+    spread = echo.rcs_error_m2 / echo.rcs_m2
     return power_check(
         f"RCS of {label}",
         expected_m2,

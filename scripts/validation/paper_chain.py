@@ -126,7 +126,7 @@ def in_watts(bench: Bench) -> list[Check]:
         e for e in object_echoes(frame, waveform.carrier_hz, budget.link) if e.name == TARGET
     )
     expected_w = target_power_w(wavelength_m)
-    spread = (echo.power_error_w or math.nan) / echo.power_w
+    spread = echo.power_error_w / echo.power_w
     power_row = power_check(
         "received power of the target",
         expected_w,

@@ -11,6 +11,10 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender.path_budget import CellGrid, CellPowers, ErrorBudget
+from radarsim_addon.blender.path_options import PathOptions
+from radarsim_addon.contract import CameraRecord
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal.cameras import pixel_rays
 from radarsim_addon.signal.pathtable import FLAG_NO_CODE, PATH_DTYPE
 from radarsim_addon.signal.replicates import shift_px
 
@@ -127,3 +131,29 @@ def test_relative_error_in_closed_form() -> None:
     want = math.sqrt(sum(w * e**2 for w, (_, e) in zip(weight, bins, strict=True)) / sum(weight))
     assert budget.relative_error() == pytest.approx(want)
     assert ErrorBudget().relative_error() == 0.0
+
+
+def test_one_shift_tells_the_error_of_objects_alone() -> None:
+    """By the edges of the object; refinement by range bins needs replicates."""
+    assert PathOptions(shifts=1, error_target=0.05, refine_by="objects").error_of == "objects"
+    assert PathOptions(shifts=1).error_of == "objects"
+    assert PathOptions(shifts=2).error_of == "both"
+    for asked in ({"error_target": 0.05}, {"time_budget_s": 5.0, "refine_by": "ranges"}):
+        with pytest.raises(
+            ConfigError, match=r"no standard error of range bins.*at least 2 shifts"
+        ):
+            PathOptions(shifts=1, **asked)
+    seen = CameraRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
+    rays = pixel_rays(seen, 20, 20)
+    rows = np.zeros((10, 10), dtype=PATH_DTYPE)
+    rows["direction"] = rays.direction[5:15, 5:15]
+    rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15]
+    rows["order"], rows["object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
+    grid = CellGrid(bin_m=1.0, bins=10)
+    powers = grid.powers([grid.shift_powers(rows.ravel(), 1, seen)])
+    place = powers.cells.tolist().index(grid.first_object + 1)
+    # two sides of ten pixels, each known to 1/6 of a squared pixel
+    assert powers.mean[place] == pytest.approx(1.0)
+    assert powers.variance[place] == pytest.approx(2 * (1 / 6) / 10**2)
+    budget = ErrorBudget(grid.first_object, "objects", {0: powers})
+    assert budget.relative_error() == pytest.approx(math.sqrt(1 / 3) / 10)

@@ -11,7 +11,12 @@ import pytest
 from radarsim_addon.contract import CameraRecord
 from radarsim_addon.signal.cameras import pixel_rays
 from radarsim_addon.signal.pathtable import PATH_DTYPE
-from radarsim_addon.signal.replicates import edge_variances, shift_px, shift_variances
+from radarsim_addon.signal.replicates import (
+    edge_variances,
+    lone_variances,
+    shift_px,
+    shift_variances,
+)
 
 PX = 1e-3
 SIZE = 28
@@ -145,3 +150,80 @@ def test_labels_are_told_apart() -> None:
     same = edge_variances(gates, np.ones(100, dtype=np.int64), value, seen, 1)
     assert same == pytest.approx([0, found[1] + found[2]])
     assert edge_variances(rows[:0], label[:0], value[:0], seen, 4) == pytest.approx([0])
+
+
+def view_of(labels: np.ndarray, camera_kind: str = "perspective") -> tuple[np.ndarray, np.ndarray]:
+    """Rows of one shift and the labels of them: one pixel each where there is a label."""
+    rays = pixel_rays(camera(camera_kind), SIZE, SIZE)
+    row, col = np.nonzero(labels)
+    rows = np.zeros(row.size, dtype=PATH_DTYPE)
+    rows["direction"] = rays.direction[row, col]
+    rows["solid_angle_sr"] = rays.solid_angle_sr[row, col]
+    rows["order"] = 1
+    if camera_kind == "orthographic":
+        rows["first_m"] = rays.origin_m[row, col] + 5 * rays.direction[row, col]
+    return rows, labels[row, col]
+
+
+@pytest.mark.parametrize("side", [1.1, 2.1, 3.9, 5.05, 7.5, 10.1, 14.3, 20.1, 20.5])
+def test_edges_in_one_shift(side: float) -> None:
+    """Squares anywhere on the grid, of one shift: what is reported is the error they have."""
+    true, reported = [], []
+    for x, y in places(20):
+        # the middle of a pixel is where its ray is
+        at = np.arange(SIZE) - SIZE / 2 + 0.5
+        inside = (np.abs(at[None, :] - x) < side / 2) & (np.abs(at[:, None] - y) < side / 2)
+        rows, label = view_of(inside.astype(np.int64))
+        found = lone_variances(rows, label, np.ones(label.size), camera("perspective"))
+        true.append(label.size - side**2)
+        reported.append(math.sqrt(found[-1]))
+    ratio = math.sqrt(np.mean(np.square(true)) / np.mean(np.square(reported)))
+    # a side of n + f pixels has f (1 - f), on average over f 1/6, which is what is reported
+    fraction = side % 1
+    expected = math.sqrt(6 * fraction * (1 - fraction))
+    if side < 2:  # a lone pixel may be wrong by all of itself
+        assert 0.5 * expected < ratio < expected
+    else:
+        assert ratio == pytest.approx(expected, rel=0.12)
+    assert np.max(np.abs(true) / np.array(reported)) < 3.6
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_chance_in_one_shift(kind: str) -> None:
+    """Pixels left to chance: the variance of their sum, from one draw of them."""
+    rng = np.random.default_rng(5)
+    labels = np.zeros((SIZE, SIZE), dtype=np.int64)
+    labels[4:24, 4:14], labels[4:24, 14:24] = 1, 2
+    rows, label = view_of(labels, kind)
+    # one in four is met, as by a lobe that a lot chooses; the other half is smooth
+    draws = np.where(label == 1, 4.0 * (rng.random((400, label.size)) < 0.25), 1.0)
+    seen = camera(kind)
+    estimates = np.array([lone_variances(rows, label, draw, seen) for draw in draws])
+    flat = lone_variances(rows, label, np.ones(label.size), seen)
+    chance = estimates[:, 1].mean() - flat[1]
+    # the edges' runs vary with the draw, too: (4/12 + ...) of it at most
+    assert chance == pytest.approx(200 * 16 * 0.25 * 0.75, rel=0.25)
+    assert estimates[:, 2] == pytest.approx(flat[2])
+    true = draws[:, label == 1].sum(axis=1)
+    sigma = np.sqrt(estimates[:, 1])
+    assert np.mean(np.abs(true - 200) > 2 * sigma) < 0.05
+
+
+def test_a_smooth_surface_in_one_shift() -> None:
+    """A slope adds little to its edges; a lone pixel, and what has no place, are not known."""
+    labels = np.zeros((SIZE, SIZE), dtype=np.int64)
+    labels[4:24, 4:24] = 1
+    rows, label = view_of(labels)
+    slope = 1 + np.arange(20.0)[None, :] / 20 * np.ones((20, 1))
+    found = lone_variances(rows, label, slope.ravel(), camera("perspective"))
+    edges = edge_variances(rows, label, slope.ravel(), camera("perspective"), 1)
+    assert found[1] - edges[1] == pytest.approx(400 * 0.05**2 / 4)  # along one of two axes
+    assert found[1] < 1.01 * edges[1]
+    labels = np.zeros((SIZE, SIZE), dtype=np.int64)
+    labels[3, 3] = 1
+    rows, label = view_of(labels)
+    assert lone_variances(rows, label, np.full(1, 3.0), camera("perspective"))[1] >= 9
+    rows, label = view_of(labels, "orthographic")
+    rows["first_m"] = np.nan
+    assert lone_variances(rows, label, np.full(1, 3.0), camera("orthographic"))[1] == 9
+    assert lone_variances(rows[:0], label[:0], np.zeros(0), camera("perspective")) == [0]
