@@ -6,8 +6,10 @@ The panel shows both; the run's file keeps the warnings.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+from ..signal.plausibility import implausible
 from .measurement import Measurement
 
 _FOLD = "fold back to small ranges. Lower the PRF."
@@ -54,6 +56,7 @@ def warnings_for(
     farthest_m: float | None = None,
     frame_interval_s: float | None = None,
     acquisition: str = "rings",
+    animation_s: float | None = None,
 ) -> list[str]:
     """Sentences about numbers that do not fit together; empty when all is well.
 
@@ -68,25 +71,29 @@ def warnings_for(
     frame_interval_s
         Time between two radar frames [s], if there are several.
     acquisition
-        "rings" or "paths".
+        "rings" or "paths", which reach as far as the scene does.
+    animation_s
+        Length of the scene's animation [s], if known.
     """
     radar = measurement.radar
-    covered_m = rings * measurement.ring_step_m
-    found = []
     of_rings = acquisition == "rings"
+    covered_m = rings * measurement.ring_step_m if of_rings else math.inf
+    reach_m = covered_m if farthest_m is None else min(covered_m, farthest_m)
+    known_m = reach_m if math.isfinite(reach_m) else None
+    found = implausible(radar, known_m, animation_s)
     if of_rings and farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
         found.append(
             f"The rings end at {covered_m:.6g} m, the scene at {farthest_m:.6g} m: echoes from "
             "beyond are not rendered. Add rings or widen the ring step."
         )
-    reach_m = covered_m if farthest_m is None else min(covered_m, farthest_m)
     unambiguous_m = radar.unambiguous_range_m
-    if reach_m > unambiguous_m:
+    if known_m is not None and known_m > unambiguous_m:
         found.append(
             f"Targets beyond the unambiguous range of {unambiguous_m:.6g} m (the scene reaches "
-            f"{reach_m:.6g} m) " + _BEYOND.get(radar.waveform.kind, _FOLD)
+            f"{known_m:.6g} m) " + _BEYOND.get(radar.waveform.kind, _FOLD)
         )
-    if of_rings and measurement.ring_step_m < radar.waveform.range_resolution_m:
+    coarse = radar.waveform.range_resolution_m > reach_m  # said already
+    if of_rings and not coarse and measurement.ring_step_m < radar.waveform.range_resolution_m:
         found.append(
             f"The ring step of {measurement.ring_step_m:.4g} m is below the range resolution of "
             f"{radar.waveform.range_resolution_m:.4g} m: more renders, no more detail."

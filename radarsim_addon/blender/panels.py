@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ..errors import RadarSimError
+from ..signal.plausibility import length_text
 from . import properties
 from .acquisition import Extent, automatic_rings
 from .advice import derive, warnings_for
@@ -102,7 +103,7 @@ class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
         numbers = derive(measurement, max(measurement.rings, 1))
         box = layout.box().column(align=True)
         box.label(text=f"Range resolution: {numbers.range_resolution_m:.4g} m")
-        box.label(text=f"Unambiguous range: {distance(numbers.unambiguous_range_m)}")
+        box.label(text=f"Unambiguous range: {length_text(numbers.unambiguous_range_m)}")
         box.label(text=f"Max. velocity: {numbers.max_velocity_mps:.4g} m/s")
         box.label(text=f"Velocity resolution: {numbers.velocity_resolution_mps:.4g} m/s")
         box.label(text=f"Burst: {numbers.burst_s * 1e3:.4g} ms")
@@ -184,11 +185,10 @@ class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
         row.prop(settings, "seed")
         layout.prop(settings, "output_dir", text="")
         layout.prop(settings, "overwrite")
-        shown: list[str] = []
         if settings.acquisition == "RINGS":
             shown = _draw_plan(context, layout)
         else:
-            _draw_path_plan(context, layout, settings)
+            shown = _draw_path_plan(context, layout, settings)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout, shown)
 
@@ -223,34 +223,51 @@ def _draw_plan(context: Any, layout: Any) -> list[str]:
     numbers = derive(measurement, rings)
     box = layout.box().column(align=True)
     box.label(text=f"{numbers.renders} renders")
-    box.label(text=f"{rings} rings to {distance(numbers.covered_range_m)}")
+    box.label(text=f"{rings} rings to {length_text(numbers.covered_range_m)}")
     if farthest_m is not None:
-        box.label(text=f"Scene reaches {distance(farthest_m)}")
+        box.label(text=f"Scene reaches {length_text(farthest_m)}")
+    return _draw_warnings(context, layout, measurement, rings, farthest_m)
+
+
+def _draw_warnings(
+    context: Any, layout: Any, measurement: Measurement, rings: int, farthest_m: float | None
+) -> list[str]:
+    """Warnings where numbers do not fit together; returns them."""
+    scene = context.scene
+    frame_s = typed(scene.render.fps_base) / scene.render.fps
     interval_s = None
     if len(measurement.frames) > 1:
-        render = context.scene.render
-        step = measurement.frames[1] - measurement.frames[0]
-        interval_s = step * typed(render.fps_base) / render.fps
-    found = warnings_for(measurement, rings, farthest_m, interval_s)
+        interval_s = (measurement.frames[1] - measurement.frames[0]) * frame_s
+    found = warnings_for(
+        measurement,
+        rings,
+        farthest_m,
+        interval_s,
+        getattr(scene, SCENE_PROPERTY).acquisition.lower(),
+        (scene.frame_end - scene.frame_start) * frame_s,
+    )
     for warning in found:
         wrapped(context, layout, warning, "ERROR")
     return found
 
 
-def _draw_path_plan(context: Any, layout: Any, settings: Any) -> None:
+def _draw_path_plan(context: Any, layout: Any, settings: Any) -> list[str]:
     """What the acquisition "paths" will do; how many renders it takes shows as they are made."""
     measurement = _measurement(context, layout)
     if measurement is None:
-        return
+        return []
     try:
         options = read_path_options(settings)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
-        return
+        return []
     rays = measurement.width_px * measurement.height_px * options.shifts
     box = layout.box().column(align=True)
     box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
     box.label(text="Tiles are refined" if options.refines else "No refinement")
+    extent = _extent(context)
+    farthest_m = extent.from_emitter_m or None if extent is not None else None
+    return _draw_warnings(context, layout, measurement, 1, farthest_m)
 
 
 def _draw_progress(context: Any, layout: Any, shown: list[str]) -> None:
@@ -277,7 +294,10 @@ def _measurement(context: Any, layout: Any) -> Measurement | None:
 
 
 def _extent(context: Any) -> Extent | None:
-    """How far the scene reaches now; None without a radar, or in a scene too large to look at."""
+    """How far the scene reaches now; None without a radar, or in a scene too large to look at.
+
+    With paths, which objects of any material may echo, all that is rendered counts.
+    """
     settings = getattr(context.scene, SCENE_PROPERTY)
     try:
         rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
@@ -286,16 +306,12 @@ def _extent(context: Any) -> Extent | None:
     depsgraph = context.evaluated_depsgraph_get()
     if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
         return None
-    return scene_extent(depsgraph, rig, typed(context.scene.unit_settings.scale_length))
+    scale = typed(context.scene.unit_settings.scale_length)
+    return scene_extent(depsgraph, rig, scale, any_material=settings.acquisition == "PATHS")
 
 
 def _any_camera(settings: Any) -> bool:
     return bool(settings.acquisition == "PATHS")
-
-
-def distance(metres: float) -> str:
-    """A length with a unit that suits it."""
-    return f"{metres / 1e3:.5g} km" if metres >= 1e4 else f"{metres:.5g} m"
 
 
 def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:

@@ -229,6 +229,7 @@ class RenderJob:
             self.plan.extent.from_emitter_m or None,
             interval_s,
             self.plan.acquisition,
+            (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
         )
         run_files.write_run(self.folder, self.plan, digests, self.warnings, self.versions)
 

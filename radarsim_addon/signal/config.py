@@ -180,7 +180,23 @@ class Waveform(PulseNumbers):
                 f"{self.bandwidth_hz:g} Hz: complex samples would alias. "
                 "Raise the sampling rate or lower the bandwidth (FM rate x chirp length)."
             )
+        if not self._samples >= 2:
+            raise ConfigError(
+                f"Chirp of {self.chirp_length_s:g} s holds {self._samples:.3g} samples at "
+                f"{self.sampling_rate_hz:g} Hz; expected at least 2. Lengthen the chirp or raise "
+                "the sampling rate, and check their units (the panel takes us and MHz)."
+            )
         check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def _samples(self) -> float:
+        # a tiny slack: 2.5e-6 * 60e6 is 149.99999999999997
+        return self.chirp_length_s * self.sampling_rate_hz * (1 + 1e-9)
+
+    @property
+    def sample_count(self) -> int:
+        """Whole samples in the pulse, at least 2."""
+        return math.floor(self._samples)
 
     @property
     def duration_s(self) -> float:

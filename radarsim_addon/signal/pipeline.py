@@ -38,6 +38,7 @@ from .mti import cancel
 from .noisefloor import map_noise_gain
 from .paths import iter_paths
 from .pipeline_options import FrameResult, ProcessOptions, Progress
+from .plausibility import implausible
 from .products import write_products
 from .rangedoppler import power_unit, range_doppler
 from .receiver import receive
@@ -314,7 +315,7 @@ def _expected(
 
 
 def _radar_warnings(run: Run, radar: Radar, window_m: tuple[float, float]) -> list[str]:
-    found = []
+    found = implausible(radar, window_m[1])
     own_hz, now_hz = run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
     if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
         found.append(

@@ -29,7 +29,7 @@ def replica_times_s(waveform: AnyWaveform) -> Real:
     Raises
     ------
     ConfigError
-        The chirp is shorter than two samples, or the waveform is no pulse.
+        The waveform is no pulse.
     """
     count = replica_count(waveform)
     return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
@@ -37,17 +37,7 @@ def replica_times_s(waveform: AnyWaveform) -> Real:
 
 def replica_count(waveform: AnyWaveform) -> int:
     """Samples of the pulse; errors as :func:`replica_times_s`."""
-    if not isinstance(waveform, Waveform):
-        return int(replica(waveform).size)
-    # a tiny slack: 2.5e-6 * 60e6 is 149.99999999999997
-    count = int(np.floor(waveform.chirp_length_s * waveform.sampling_rate_hz * (1 + 1e-9)))
-    if count < 2:
-        raise ConfigError(
-            f"Chirp of {waveform.chirp_length_s:g} s has {count} sample(s) at "
-            f"{waveform.sampling_rate_hz:g} Hz; at least 2 are needed. "
-            "Lengthen the chirp or raise the sampling rate."
-        )
-    return count
+    return waveform.sample_count if isinstance(waveform, Waveform) else int(replica(waveform).size)
 
 
 def replica(waveform: AnyWaveform) -> Complex:

@@ -112,6 +112,18 @@ def test_warnings(
 
 def test_no_warning_where_all_fits() -> None:
     assert warnings_for(PAPER, 21, 5000.0) == []
+    # of paths rings and their step say nothing
+    assert warnings_for(PAPER, 1, 200e3 * 0.7, acquisition="paths") == []
+
+
+@pytest.mark.parametrize("acquisition", ["rings", "paths"])
+def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(acquisition: str) -> None:
+    narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))
+    (found,) = warnings_for(narrow, 21, 5200.0, acquisition=acquisition)
+    assert "150 Hz resolves ranges to c / 2B = 999.31 km, but ranges end at 5200 m" in found
+    slow = dataclasses.replace(PAPER, burst=Burst(1.0, 128))
+    (found,) = warnings_for(slow, 21, 5200.0, acquisition=acquisition, animation_s=10.4)
+    assert "lasts 128 s, the animation 10.4 s" in found
 
 
 def test_tasks_cover_frames_passes_and_rings_once() -> None:
