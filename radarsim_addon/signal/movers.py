@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .detect import Peak, level_above, local_maxima, pulse_spectra, refine_peak
 from .echoes import Echoes
 from .findings import dynamics_db
-from .pointresponse import PointResponse, Recording, point_response
+from .pointresponse import PointResponse, Recording, cut_range_m, point_response
 from .rangedoppler import RangeDopplerMap
 from .synthesis import TOLERANCE
 from .windows import slow_time_window
@@ -51,6 +52,8 @@ _GUARD_CELLS = (4, 8)
 _MOST_ECHOES, _MOST_MOVERS = 40, 5
 #: Least share of a peak's energy that its response holds, or else a folded Doppler is tried.
 _FITS = 0.97
+#: Rounds of the fit of an echo that the end of the record cuts.
+_CUT_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -245,34 +248,60 @@ class _Search:
         range_m, cycles = self._place(row, col)
         rows = (row + np.arange(-2, 3)) % self._pulses
         cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
+        start_m, stop_m = self._recording.echoes.window_m
+        cut = new and not start_m <= range_m <= stop_m and self._cuts
+        if cut:
+            # cut by the end of the record: a broad peak, and sidelobes that hang on its place
+            range_m = cut_range_m(self._recording, self._residual[row], range_m)
+            cols = np.arange(self._residual.shape[1])
         patch = self._residual[np.ix_(rows, cols)]
 
-        def fit(at_m: float, folds: int) -> _Fit:
-            response = point_response(self._recording, at_m, cycles, folds)
+        def fit(at_m: float, at_cycles: float, folds: int) -> _Fit:
+            response = point_response(self._recording, at_m, at_cycles, folds)
             return _Fit.of(response, response.doppler[rows] @ response.ranges[:, cols], patch)
 
-        found, folded = fit(range_m, 0), 0
+        found, folded = fit(range_m, cycles, 0), 0
         for folds in (-1, 1, -2, 2) if new else ():
             if found.share > _FITS:
                 break
-            other = fit(range_m, folds)
+            other = fit(range_m, cycles, folds)
             if other.share > found.share:
                 found, folded = other, folds
-        start_m, stop_m = self._recording.echoes.window_m
-        if new and not start_m <= range_m <= stop_m and self._cuts:
-            # cut by the end of the record: a broad peak, and sidelobes that hang on its place
-            step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
-            for _ in range(2):
-                slope = (fit(range_m + step_m, folded).own - fit(range_m - step_m, folded).own) / 2
-                terms = np.stack([found.own.ravel(), slope.ravel()], axis=1)
-                solution = np.linalg.lstsq(terms, patch.ravel(), rcond=None)[0]
-                off = float((solution[1] / solution[0]).real)
-                range_m += step_m * min(max(off, -8.0), 8.0)
-                found = fit(range_m, folded)
+        if cut:
+            found = self._settled(found, patch, range_m, cycles, lambda m, c: fit(m, c, folded))
         self._residual -= found.response.echo(found.amplitude)
         envelope = np.maximum(_envelope(found.response, row, col), self._error / _TRUST)
         self._envelope += abs(found.amplitude) * envelope
         return found.amplitude, found.response
+
+    def _settled(
+        self,
+        found: _Fit,
+        patch: Complex,
+        range_m: float,
+        cycles: float,
+        fit: Callable[[float, float], _Fit],
+    ) -> _Fit:
+        """An echo that the end of the record cuts, by Gauss and Newton over range and Doppler.
+
+        The cut changes while it migrates, so its peak is off in both.
+        """
+        step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
+        step_cycles = 1 / (32 * self._pulses)
+        for _ in range(_CUT_ROUNDS):
+            terms = [found.own]
+            for off_m, off_cycles in ((step_m, 0.0), (0.0, step_cycles)):
+                more = fit(range_m + off_m, cycles + off_cycles).own
+                less = fit(range_m - off_m, cycles - off_cycles).own
+                terms.append((more - less) / 2)
+            columns = np.stack([term.ravel() for term in terms], axis=1)
+            value, *changes = np.linalg.lstsq(columns, patch.ravel(), rcond=None)[0]
+            if not value:
+                break
+            moves = [min(max(float((change / value).real), -8.0), 8.0) for change in changes]
+            range_m, cycles = range_m + step_m * moves[0], cycles + step_cycles * moves[1]
+            found = fit(range_m, cycles)
+        return found
 
     def _place(self, row: int, col: int) -> tuple[float, float]:
         """Range [m] and Doppler [cycles per pulse] of a peak, to some hundredths of a cell."""

@@ -146,6 +146,42 @@ def point_response(
     return dataclasses.replace(response, image=image)
 
 
+def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
+    """Where an echo beyond the window stands that shows such a line of the map, best fit.
+
+    Of an echo that the end of the record cuts to a part of its pulse, the peak is not where it
+    stands, and may be at a sidelobe. All ranges on that side are tried, half a sample apart.
+
+    Parameters
+    ----------
+    recording
+        The map and its samples, of pulses.
+    line
+        (ranges,) of the map, at the echo's Doppler.
+    range_m
+        On that side of the window: where its peak is [m].
+    """
+    echoes, (start_m, stop_m) = recording.echoes, recording.window_m
+    waveform, radar = echoes.radar.waveform, echoes.radar
+    if range_m < echoes.window_m[0]:
+        low_m, high_m = max(start_m, _NEAREST_M), echoes.window_m[0]
+    else:
+        low_m, high_m = echoes.window_m[1], stop_m
+    count = max(2, math.ceil((high_m - low_m) / waveform.sample_spacing_m * 2))
+    # One pulse a range: an echo that moves on by a step from pulse to pulse.
+    radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
+    step_m = (high_m - low_m) / (count - 1)
+    synthesizer = synthesizer_for(radar, echoes.window_m, EchoOptions(method="direct"))
+    aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
+    synthesizer.add(make_paths(1 / aperture_m2, 2 * low_m, step_m * radar.burst.prf_hz))
+    echo = dataclasses.replace(synthesizer.result(), window_m=recording.window_m)
+    tried = compress(echo, recording.rd_map.window).values[:, : line.size]
+    energy = np.sum(np.abs(tried) ** 2, axis=1)
+    # What is left of a pulse below a thousandth of it tells nothing.
+    fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
+    return low_m + step_m * int(np.argmax(fit))
+
+
 def _doppler(recording: Recording, trains: NDArray[Any]) -> Complex:
     """Canceller, window and transform of the map, over pulse trains (pulses, Q)."""
     radar, rd_map = recording.echoes.radar, recording.rd_map

@@ -78,6 +78,18 @@ def test_sidelobes_are_no_movers_whatever_the_window(
     assert len(find_movers(echoes, rd_map)) == (window_m == (0.0, 900.0))
 
 
+@pytest.mark.parametrize("window", ["none", "kaiser:8"])
+@pytest.mark.parametrize(
+    ("name", "beyond_m"), [("barker", 27.0), ("barker", 32.0), ("chirp", 303.0)]
+)
+def test_a_mover_most_of_whose_pulse_is_not_recorded_has_no_sidelobes_in_the_window(
+    name: str, beyond_m: float, window: str
+) -> None:
+    """Its peak is where a part of the code, or of the band, fits: not where it stands."""
+    for range_m in (400.0 - beyond_m, 600.0 + beyond_m):
+        assert find_movers(*scene(name, [(range_m, 11.36, 0.0)], (400.0, 600.0), window)) == []
+
+
 @every_waveform
 @pytest.mark.parametrize("window", WINDOWS)
 def test_what_stands_still_does_not_move(name: str, window: str) -> None:
