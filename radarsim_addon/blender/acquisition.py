@@ -171,9 +171,8 @@ def make_plan(
             f"Renders per burst: {renders_per_burst}, more than the {measurement.burst.pulses} "
             "pulses of the burst; expected at most one a pulse. Lower it, or send more pulses."
         )
-    for name, value in (("Unit scale", metres_per_unit), ("Frame rate", fps)):
-        if not (math.isfinite(value) and value > 0):
-            raise ConfigError(f"{name} of the scene is {value!r}; expected a positive number.")
+    check_unit_scale(metres_per_unit)
+    check_frame_rate(fps)
     rings = measurement.rings or automatic_rings(measurement.ring_step_m, extent)
     inverse_k = np.float32(metres_per_unit / code_length_m(measurement, rings, extent))
     if not (np.isfinite(inverse_k) and inverse_k > 0):
@@ -194,6 +193,26 @@ def make_plan(
         options=options,
         renders_per_burst=renders_per_burst,
     )
+
+
+def check_unit_scale(metres_per_unit: float) -> float:
+    """Metres in a Blender unit as they are, or a ConfigError: Blender itself lets NaN in."""
+    if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
+        raise ConfigError(
+            f"Unit Scale of the scene is {metres_per_unit!r}; expected a positive number, the "
+            "metres in one Blender unit. Set it in Scene > Units, to 1 where in doubt."
+        )
+    return metres_per_unit
+
+
+def check_frame_rate(fps: float) -> float:
+    """Frames a second as they are, or a ConfigError."""
+    if not (math.isfinite(fps) and fps > 0):
+        raise ConfigError(
+            f"Frame rate of the scene is {fps!r}; expected a positive number. Set it and its base "
+            "in Output > Format."
+        )
+    return fps
 
 
 def automatic_rings(ring_step_m: float, extent: Extent) -> int:

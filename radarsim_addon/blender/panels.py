@@ -11,7 +11,7 @@ import bpy
 from ..errors import RadarSimError
 from ..signal.plausibility import length_text
 from . import properties
-from .acquisition import Extent, automatic_rings
+from .acquisition import Extent, automatic_rings, check_unit_scale
 from .advice import derive, warnings_for
 from .isolation import echoes
 from .measurement import Measurement, typed
@@ -208,15 +208,15 @@ def _draw_plan(context: Any, layout: Any) -> list[str]:
     measurement = _measurement(context, layout)
     if measurement is None:
         return []
-    extent = _extent(context)
-    farthest_m = extent.from_emitter_m or None if extent is not None else None
     rings = measurement.rings
     try:
+        extent = _extent(context)
         if not rings and extent is not None:
             rings = automatic_rings(measurement.ring_step_m, extent)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
         return []
+    farthest_m = extent.from_emitter_m or None if extent is not None else None
     if not rings:
         layout.label(text=f"{measurement.renders(1)} renders for each ring")
         return []
@@ -258,6 +258,7 @@ def _draw_path_plan(context: Any, layout: Any, settings: Any) -> list[str]:
         return []
     try:
         options = read_path_options(settings)
+        extent = _extent(context)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
         return []
@@ -265,7 +266,6 @@ def _draw_path_plan(context: Any, layout: Any, settings: Any) -> list[str]:
     box = layout.box().column(align=True)
     box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
     box.label(text="Tiles are refined" if options.refines else "No refinement")
-    extent = _extent(context)
     farthest_m = extent.from_emitter_m or None if extent is not None else None
     return _draw_warnings(context, layout, measurement, 1, farthest_m)
 
@@ -296,17 +296,22 @@ def _measurement(context: Any, layout: Any) -> Measurement | None:
 def _extent(context: Any) -> Extent | None:
     """How far the scene reaches now; None without a radar, or in a scene too large to look at.
 
-    With paths, which objects of any material may echo, all that is rendered counts.
+    With paths, where objects of any material may echo, all that is rendered counts.
+
+    Raises
+    ------
+    ConfigError
+        The scene's Unit Scale is no positive number.
     """
     settings = getattr(context.scene, SCENE_PROPERTY)
     try:
         rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
     except RadarSimError:
         return None
+    scale = check_unit_scale(typed(context.scene.unit_settings.scale_length))
     depsgraph = context.evaluated_depsgraph_get()
     if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
         return None
-    scale = typed(context.scene.unit_settings.scale_length)
     return scene_extent(depsgraph, rig, scale, any_material=settings.acquisition == "PATHS")
 
 

@@ -29,7 +29,17 @@ from .. import __version__, contract
 from ..errors import OutputError, RadarSimError, RenderError
 from ..sidecar import write_record
 from . import output_folder, run_files, scene_truth
-from .acquisition import Extent, Instant, Plan, Task, fingerprint, instant_at, make_plan
+from .acquisition import (
+    Extent,
+    Instant,
+    Plan,
+    Task,
+    check_frame_rate,
+    check_unit_scale,
+    fingerprint,
+    instant_at,
+    make_plan,
+)
 from .advice import warnings_for
 from .exr_check import verify_exr
 from .folder_lock import FolderLock
@@ -182,11 +192,11 @@ class RenderJob:
         return MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
 
     def _metres_per_unit(self) -> float:
-        return typed(self._scene.unit_settings.scale_length)
+        return check_unit_scale(typed(self._scene.unit_settings.scale_length))
 
     def _fps(self) -> float:
         render = self._scene.render
-        return float(render.fps) / typed(render.fps_base)
+        return check_frame_rate(float(render.fps) / typed(render.fps_base))
 
     def _remember_view(self, recorder: Recorder) -> None:
         scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe

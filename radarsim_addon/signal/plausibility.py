@@ -13,6 +13,7 @@ from .config import AnyWaveform, Radar, Waveform
 _LEAST_TIME_BANDWIDTH = 0.9
 #: A burst up to this is nobody's slip, however short the animation is [s].
 _USUAL_BURST_S = 10.0
+_SCALE = "If the ranges are wrong, set Scene > Units > Unit Scale."
 #: What makes the bandwidth, how to have more of it, and its units in files and panel, by kind.
 _BANDWIDTH = ("", "Raise the bandwidth", "hertz in radar files, MHz in the panel")
 _BANDWIDTH_OF = {
@@ -72,7 +73,7 @@ def implausible(
             f"A carrier of {frequency_text(waveform.carrier_hz)} has a wavelength of "
             f"{length_text(waveform.wavelength_m)}, but ranges end at {length_text(reach_m)}: rays "
             "describe no wave longer than the scene. Raise the carrier, and check its unit: hertz "
-            "in radar files, GHz in the panel and --carrier-ghz."
+            f"in radar files, GHz in the panel and --carrier-ghz. {_SCALE}"
         )
     burst_s = radar.burst.pulses / radar.burst.prf_hz
     if animation_s is not None and burst_s > max(animation_s, _USUAL_BURST_S):
@@ -91,7 +92,7 @@ def _one_cell(waveform: AnyWaveform, reach_m: float) -> str:
         f"A bandwidth{formula} of {frequency_text(waveform.bandwidth_hz)} resolves ranges to "
         f"c / 2B = {length_text(waveform.range_resolution_m)}, but ranges end at "
         f"{length_text(reach_m)}: all echoes lie in one range cell. {remedy}, and check the unit: "
-        f"{units}."
+        f"{units}. {_SCALE}"
     )
 
 
