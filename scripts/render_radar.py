@@ -249,15 +249,17 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             print_warnings(job.warnings, stream)
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
-            for task in job.pending():
-                if stop.asked:
-                    raise KeyboardInterrupt
-                job.start(task)
-                job.render(task)
-                job.finish(task)
-                progress.show(job.done, job.total, job.seconds_left)
-            progress.show(job.done, job.total, None)
-        print_warnings(job.warnings[known:], stream)
+            try:
+                for task in job.pending():
+                    if stop.asked:
+                        raise KeyboardInterrupt
+                    job.start(task)
+                    job.render(task)
+                    job.finish(task)
+                    progress.show(job.done, job.total, job.seconds_left)
+                progress.show(job.done, job.total, None)
+            finally:  # of the frames that are done, whatever ended the run
+                print_warnings(job.warnings[known:], stream)
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
@@ -267,22 +269,28 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
 
 
 def print_warnings(warnings: list[str], stream: Any) -> None:
-    """One line each."""
+    """One line each; a name in it must not steer the terminal."""
+    from radarsim_addon.signal.consoletext import printable
+
     for warning in warnings:
-        print(f"radarsim: warning: {warning}", file=stream, flush=True)
+        print(f"radarsim: warning: {printable(warning)}", file=stream, flush=True)
 
 
 def process(folder: Path, stream: Any, stop: StopRequest) -> None:
     """Run the companion module over the run's folder."""
+    from radarsim_addon.framewarnings import FrameWarnings
     from radarsim_addon.signal.pipeline import FrameResult, process_run
 
-    for event in process_run(folder):
-        if stop.asked:
-            raise KeyboardInterrupt
-        if isinstance(event, FrameResult):
-            print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
-            for warning in event.warnings:
-                print(f"radarsim: warning: {warning}", file=stream)
+    warnings = FrameWarnings()
+    try:
+        for event in process_run(folder):
+            if stop.asked:
+                raise KeyboardInterrupt
+            if isinstance(event, FrameResult):
+                print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
+                warnings.add(event.frame, event.warnings)
+    finally:
+        print_warnings(warnings.lines(), stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
 
 

@@ -227,6 +227,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         """Without a window: all renders, one after the other, with a progress line."""
         try:
             with quiet_blender() as stream, job_of(context) as job:
+                known = len(job.warnings)
                 for warning in job.warnings:
                     self.report({"WARNING"}, warning)
                 line = ProgressLine(stream, job.unit)
@@ -239,6 +240,8 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        for warning in job.warnings[known:]:
+            self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
         return {"FINISHED"}
 

@@ -347,7 +347,7 @@ class FrameWork:
             warnings=warnings,
             versions=job.versions,
         )
-        job.warnings += record.warnings
+        job.frame_warnings.add(self._frame, record.warnings)
         job.summary = (
             f"{rows:,} paths, standard error {100 * record.relative_error:.2g} %, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"

@@ -27,6 +27,7 @@ import bpy
 
 from .. import __version__, contract
 from ..errors import OutputError, RadarSimError, RenderError
+from ..framewarnings import FrameWarnings
 from ..sidecar import write_record
 from . import output_folder, run_files, scene_truth
 from .acquisition import (
@@ -109,7 +110,8 @@ class RenderJob:
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
-        self.warnings: list[str] = []
+        self.frame_warnings = FrameWarnings()
+        self._run_warnings: list[str] = []
         self.summary = ""
         self.unrestored: list[str] = []
         self.versions = {
@@ -233,7 +235,7 @@ class RenderJob:
         frames = self._measurement.frames
         if len(frames) > 1:
             interval_s = min(abs(b - a) for a, b in itertools.pairwise(frames)) / self.plan.fps
-        self.warnings = self._settings.warnings + warnings_for(
+        self._run_warnings = self._settings.warnings + warnings_for(
             self._measurement,
             self.plan.rings,
             self.plan.extent.from_emitter_m or None,
@@ -241,7 +243,7 @@ class RenderJob:
             self.plan.acquisition,
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
         )
-        run_files.write_run(self.folder, self.plan, digests, self.warnings, self.versions)
+        run_files.write_run(self.folder, self.plan, digests, self._run_warnings, self.versions)
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -353,6 +355,11 @@ class RenderJob:
             Blender does not let scripts change the scene at this moment.
         """
         self._scene.frame_step = self._scene.frame_step
+
+    @property
+    def warnings(self) -> list[str]:
+        """Those of the run, known before the first render, then those of its frames so far."""
+        return self._run_warnings + self.frame_warnings.lines()
 
     @property
     def scene_name(self) -> str:

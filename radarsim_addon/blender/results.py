@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import contract
 from ..errors import OutputError
+from ..framewarnings import FrameWarnings
 from .pictures import Picture, draw_map, draw_profile
 
 MAP_IMAGE = "Radar range-Doppler map"
@@ -46,7 +47,7 @@ class ProcessingJob:
         self._events = process_run(folder, ProcessOptions(plots=False))
         self.fraction = 0.0
         self.text = "Processing"
-        self.warnings: list[str] = []
+        self._warnings = FrameWarnings()
         self.images: list[Any] = []
 
     def step(self) -> bool:
@@ -67,11 +68,16 @@ class ProcessingJob:
             self.text = event.text
         return False
 
+    @property
+    def warnings(self) -> list[str]:
+        """Each of the frames' warnings once, with the frames it concerns."""
+        return self._warnings.lines()
+
     def _take(self, result: Any) -> None:
         """Keep one frame's pictures; those of the last frame stay."""
         title = f"frame {result.frame}, t = {result.time_s:.4g} s"
         unit = "dBW" if result.echoes.weighting == "radar-equation" else "dB"
-        self.warnings += [f"Frame {result.frame}: {warning}" for warning in result.warnings]
+        self._warnings.add(result.frame, result.warnings)
         self.images = [
             as_image(
                 MAP_IMAGE,

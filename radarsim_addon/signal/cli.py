@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..errors import RadarSimError
+from ..framewarnings import FrameWarnings
 from .antennaplot import add_antennas_parser, print_antennas
 from .consoletext import map_digits, printable
 from .detections import detection_lines, target_count
@@ -81,17 +82,23 @@ def _process(chosen: argparse.Namespace) -> int:
         frames=chosen.frames,
         allow_incomplete=chosen.allow_incomplete,
     )
-    for event in events:
-        if isinstance(event, FrameResult):
-            if live:
-                print(end="\r\x1b[K", file=sys.stderr)
-            _print_frame(event)
-        elif "skipped" in event.text:
-            print(event.text, file=sys.stderr)
-        elif event.text.startswith("animation"):
-            print(event.text)
-        elif live:
-            _show(event)
+    warnings = FrameWarnings()
+    try:
+        for event in events:
+            if isinstance(event, FrameResult):
+                if live:
+                    print(end="\r\x1b[K", file=sys.stderr)
+                _print_frame(event)
+                warnings.add(event.frame, event.warnings)
+            elif "skipped" in event.text:
+                print(event.text, file=sys.stderr)
+            elif event.text.startswith("animation"):
+                print(event.text)
+            elif live:
+                _show(event)
+    finally:  # of the frames that are done, whatever ended the run
+        for line in warnings.lines():
+            print(f"warning: {printable(line)}")
     return 0
 
 
@@ -124,8 +131,6 @@ def _print_frame(result: FrameResult) -> None:
             print(f"  {line}")
     for line in result.budget.lines() if result.budget is not None else []:
         print(f"  {line}")
-    for warning in result.warnings:
-        print(f"  warning: {printable(warning)}")
     if result.files:
         print(f"  {len(result.files)} files in {result.files[0].parent}")
 

@@ -145,7 +145,7 @@ def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[s
             continue
         reasons = kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
         if reasons:
-            found.append(f"{item.name}: the Kirchhoff model does not hold. {' '.join(reasons)}")
+            found.append(f"{item.name!r}: the Kirchhoff model does not hold. {' '.join(reasons)}")
     if len(found) > _MOST_NAMED:
         rest = len(found) - _MOST_NAMED
         found = [*found[:_MOST_NAMED], f"The Kirchhoff model does not hold on {rest} objects more."]
