@@ -50,14 +50,37 @@ def prepare_folder(folder: Path) -> None:
         _remove(probe)
 
 
+def check_there(folder: Path, frame: int | None = None) -> None:
+    """See that the folder of a run that is going on, and that of a frame, are still there.
+
+    Raises
+    ------
+    OutputError
+        One has vanished. Whoever made it anew would make a run without its plan.
+    """
+    if not (folder / contract.RUN_FILE).is_file():
+        what = f"was emptied ({contract.RUN_FILE} is gone)" if folder.is_dir() else "has vanished"
+        raise OutputError(
+            f"The output folder {folder} {what} while the run was going on: it was removed or "
+            "renamed, or its drive is gone. Put it back to go on where the run stopped, or start "
+            "anew."
+        )
+    if frame is not None and not (folder / contract.frame_dir(frame)).is_dir():
+        raise OutputError(
+            f"The folder {folder / contract.frame_dir(frame)} has vanished while the run was going "
+            "on: it was removed or renamed. Start again; the other frames are kept."
+        )
+
+
 def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
     """Make the folder of a radar frame, or of one of the renders of its burst.
 
     Raises
     ------
     OutputError
-        It cannot be made.
+        It cannot be made, or the run's folder has vanished.
     """
+    check_there(folder)
     target = folder / contract.burst_dir(frame, render)
     try:
         target.mkdir(parents=True, exist_ok=True)

@@ -167,7 +167,12 @@ class PathJob(RenderJob):
     def pending(self) -> Iterator[Any]:
         """Renders that are still to be made; each depends on the ones before."""
         for frame in self._frames_left:
-            yield from self._frame_tasks(frame)
+            try:
+                yield from self._frame_tasks(frame)
+            except (OSError, RadarSimError):
+                # What cannot be written or found is no error of its own where all is gone.
+                output_folder.check_there(self.folder, frame)
+                raise
         self.total = self.done
 
     def start(self, task: Any) -> None:

@@ -26,7 +26,7 @@ from typing import Any
 import bpy
 
 from .. import __version__, contract
-from ..errors import OutputError, RadarSimError, RenderError
+from ..errors import RadarSimError, RenderError
 from ..framewarnings import FrameWarnings
 from ..sidecar import write_record
 from . import output_folder, run_files, scene_truth
@@ -308,10 +308,8 @@ class RenderJob:
         assert self._records is not None
         final = self.folder / task.exr_path
         temporary = final.with_name(final.name + ".part")
-        if not final.parent.is_dir():  # Blender would make it anew, without the rest of the run
-            raise OutputError(
-                f"The folder {final.parent} was removed while the run was going on. Start again."
-            )
+        # Blender would make the folder anew, without the rest of the run.
+        output_folder.check_there(self.folder, task.frame)
         try:
             save_render(self._scene, temporary)
             verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
@@ -319,6 +317,7 @@ class RenderJob:
             record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
             write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
+            output_folder.check_there(self.folder, task.frame)
             temporary.unlink(missing_ok=True)
             raise
         self._rendered += 1

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ..contract import PRODUCTS_DIR
-from ..errors import FrameFileError
+from ..errors import FrameFileError, OutputError, RadarSimError
 from . import plots
 from .animation import MapFile, animate_maps
 from .antennaplot import ANTENNA_PICTURE, plot_antennas
@@ -93,11 +93,30 @@ def process_run(
     RadarSimError
         One of its named kinds, see :mod:`radarsim_addon.errors`.
     """
-    options = options or ProcessOptions()
     run = open_run(path)
-    options = options.for_run(run)
+    options = (options or ProcessOptions()).for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    try:
+        yield from _process_frames(run, chosen, folder, options, allow_incomplete)
+    except RadarSimError:
+        # What cannot be read or written is no error of its own where all is gone.
+        for place, kind in ((run.path, FrameFileError), (folder, OutputError)):
+            if not place.is_dir():
+                raise kind(
+                    f"The folder {place} has vanished during the processing: it was removed or "
+                    "renamed, or its drive is gone. Put it back, or process again."
+                ) from None
+        raise
+
+
+def _process_frames(
+    run: Run,
+    chosen: Sequence[RadarFrame],
+    folder: Path,
+    options: ProcessOptions,
+    allow_incomplete: bool,
+) -> Iterator[Progress | FrameResult]:
     draws = plots.has_matplotlib() if options.plots is None else options.plots
     if options.system is not None and draws:
         wavelength_m = (options.radar or run.radar).waveform.wavelength_m

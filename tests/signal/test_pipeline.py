@@ -2,6 +2,7 @@
 """From a run's folder to its products, through the Python API and the command line."""
 
 import json
+import shutil
 import subprocess
 import sys
 import tracemalloc
@@ -260,3 +261,19 @@ def test_truncated_exr_ends_with_its_name(folder: Path, capsys: pytest.CaptureFi
     error = capsys.readouterr().err
     assert error.startswith("FrameFileError: ")
     assert "ring_001_t0.exr is damaged or truncated" in error
+
+
+@pytest.mark.parametrize(
+    ("gone", "error"), [("", FrameFileError), ("products", OutputError)], ids=["run", "products"]
+)
+def test_a_folder_that_vanishes_is_named(tmp_path: Path, gone: str, error: type[Exception]) -> None:
+    setup = Setup(frames=(1, 2), radar=SETUP.radar)
+    path = write_run(tmp_path / "run", setup, points(setup, ECHOES))
+    out = path / "products" if not gone else tmp_path / "products"
+    events = process_run(path, QUICK, out=out)
+    while not isinstance(next(events), FrameResult):
+        pass
+    lost = out if gone else path
+    shutil.rmtree(lost)
+    with pytest.raises(error, match=f"{lost.name} has vanished during the processing"):
+        list(events)
