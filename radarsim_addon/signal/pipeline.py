@@ -32,7 +32,6 @@ from .findings import dynamics_db, find_edges
 from .frame_files import draw_results, remove_stale, write_results
 from .frames import RadarFrame, Run, open_run
 from .framestats import StatisticsSum, statistics_warnings
-from .link import Link
 from .movers import SLOWEST_CELLS, find_movers, heard_recording
 from .mti import cancel
 from .noisefloor import map_noise_gain
@@ -44,7 +43,7 @@ from .rangedoppler import power_unit, range_doppler
 from .receiver import receive
 from .specklestage import FrameSpeckle
 from .system import make_system
-from .uncertainty import ExpectedPower, expected_power
+from .uncertainty import expected_power
 
 #: The moving picture of all frames' maps, in the folder of the products.
 ANIMATION_FILE = "range_doppler.gif"
@@ -186,10 +185,13 @@ def _process_frame(
         method=options.method,
     )
     total = StatisticsSum(radar, options.receiver_gain)
+    # What is expected of a pixel is spread over all that it covers, where that is known.
+    spread = frame.acquisition == "paths" and options.weighting == "radar-equation"
     for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
         paths = budget.apply(paths)
         synthesizer.add(speckle.apply(paths))
-        accumulator.add(paths)
+        if not spread:
+            accumulator.add(paths)
         total.add(paths)
         if frame.acquisition == "rings":
             yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
@@ -205,6 +207,18 @@ def _process_frame(
     compressed = compress(echoes, options.window)
     filtered = cancel(compressed, options.mti) if options.mti else compressed
     rd_map = range_doppler(filtered, options.doppler_window)
+    expected = None
+    if spread:
+        expected = expected_power(
+            frame,
+            radar,
+            window_m,
+            window=options.window,
+            doppler_window=options.doppler_window,
+            receiver_gain=options.receiver_gain,
+            link=budget.link,
+            points_to=accumulator.add,
+        )
     profile = accumulator.result()
     statistics = total.result(echoes.outside)
     scatterers = speckle.report()
@@ -247,7 +261,7 @@ def _process_frame(
         + _radar_warnings(run, radar, window_m)
         + _reception_warnings(reception.clipped, echoes.samples.size),
         files=[],
-        expected=_expected(frame, radar, window_m, options, budget.link),
+        expected=expected,
         budget=report,
         speckle=scatterers,
         reception=reception,
@@ -311,26 +325,6 @@ def _inexact(echoes: Echoes) -> list[str]:
         return []
     texts = [echoes.report.accuracy_warning(), echoes.report.ramp_warning()]
     return [text for text in texts if text]
-
-
-def _expected(
-    frame: RadarFrame,
-    radar: Radar,
-    window_m: tuple[float, float],
-    options: ProcessOptions,
-    link: Link | None,
-) -> ExpectedPower | None:
-    if frame.acquisition != "paths" or options.weighting != "radar-equation":
-        return None
-    return expected_power(
-        frame,
-        radar,
-        window_m,
-        window=options.window,
-        doppler_window=options.doppler_window,
-        receiver_gain=options.receiver_gain,
-        link=link,
-    )
 
 
 def _radar_warnings(run: Run, radar: Radar, window_m: tuple[float, float]) -> list[str]:

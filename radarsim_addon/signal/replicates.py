@@ -13,7 +13,6 @@ one surface differ by.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import lru_cache
 
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..contract import CameraRecord
 from .pathtable import PathRows
+from .pixelgrid import grid_places, placed
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -30,8 +30,6 @@ Integers = NDArray[np.int64]
 _R2 = (0.7548776662466927, 0.5698402909980532)
 #: Shifts whose pairs are summed up; the variance of more is taken to fall as their number does.
 _MOST_PAIRED = 1024
-#: Least angle between neighbouring rays of a sphere: below it is rounding [rad].
-_SAME = 1e-9
 #: Most pixels of a grid that edges are looked for in.
 _MOST_PX = 1 << 25
 
@@ -118,8 +116,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraR
     ndarray
         By label from 0, (labels + 1,).
     """
-    placed = _placed(rows, label, camera)
-    lost = (label > 0) & ~placed
+    lost = (label > 0) & ~placed(rows, camera)
     total = np.bincount(
         label[lost], value[lost] ** 2, minlength=int(label.max(initial=0)) + 1
     ).astype(np.float64)
@@ -129,23 +126,15 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraR
     return total
 
 
-def _placed(rows: PathRows, label: Integers, camera: CameraRecord) -> NDArray[np.bool_]:
-    """Rows with a label whose pixel is known: parallel rays are told by where they end."""
-    placed = label > 0
-    if camera.kind == "orthographic":
-        placed &= np.isfinite(rows["first_m"]).all(axis=1)
-    return placed
-
-
 def _images(
     rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
 ) -> Iterator[tuple[Integers, Real]]:
     """Labels and values on the grid of pixels, gate by gate, with an empty rim."""
-    kept = np.flatnonzero(_placed(rows, label, camera))
+    kept = np.flatnonzero((label > 0) & placed(rows, camera))
     if kept.size == 0:
         return
     rows, label, value = rows[kept], label[kept], value[kept]
-    col, row = _grid_places(rows, camera, count)
+    col, row = grid_places(rows, camera, count)
     shape = (int(row.max()) + 3, int(col.max()) + 3)
     if shape[0] * shape[1] > _MOST_PX:
         return
@@ -198,30 +187,3 @@ def _squared_runs(
     run = np.cumsum(begins)[on] - 1
     sums = np.bincount(run, values.ravel()[on], minlength=1)
     return np.bincount(label[begins], sums[: int(begins.sum())] ** 2, minlength=size)
-
-
-def _grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integers, Integers]:
-    """Column and row of each path's pixel, counted from the first ones that are met."""
-    pose = np.array(camera.matrix_world, dtype=np.float64)
-    local = rows["direction"] @ pose[:3, :3]
-    area = count * rows["solid_angle_sr"]
-    if camera.kind == "equirectangular":
-        u = np.arctan2(local[:, 0], -local[:, 2])
-        u = (u - u[0] + math.pi) % (2 * math.pi)
-        v = np.arctan2(local[:, 1], np.hypot(local[:, 0], local[:, 2]))
-        step_u, step_v = _least_step(u), _least_step(v)
-    elif camera.kind == "perspective":
-        u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
-        step_u = step_v = math.sqrt(float(np.median(area * (1 + u**2 + v**2) ** 1.5)))
-    else:
-        flat = (rows["first_m"] - pose[:3, 3]) @ pose[:3, :3]
-        u, v = flat[:, 0], flat[:, 1]
-        step_u = step_v = math.sqrt(float(np.median(area)))
-    col, row = (np.rint((x - x.min()) / s).astype(np.int64) for x, s in ((u, step_u), (v, step_v)))
-    return col, row
-
-
-def _least_step(places: Real) -> float:
-    steps = np.diff(np.sort(places))
-    steps = steps[steps > _SAME]
-    return float(steps.min()) if steps.size else math.inf

@@ -2,18 +2,17 @@
 """Standard errors of range profile and range-Doppler map, from replicates.
 
 In the acquisition "paths" every tile is measured with several sub-pixel shifts of its grid. Each
-shift is an estimate of the tile's powers; their scatter gives the variance of the mean, and tiles
-are independent of one another, so variances add up.
+shift is an estimate of profile and map; the scatter of the estimates gives the variance of their
+mean. Shifts are spread more evenly than by chance, so the error is, if anything, too large.
 
-The powers are first sorted into cells (Doppler, range); variances of neighbouring cells are then
-smeared by the squared point response as if they were independent. A path that moves from a cell to
-its neighbour between shifts makes them anticorrelated, so the error is, if anything, too large.
+The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
+:mod:`.footprints`, and smeared by the point response.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +22,11 @@ from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .compress import expected_power_profile
 from .config import Radar
+from .footprints import spread, steps_of, views_by_shift
 from .frames import RadarFrame
 from .link import Link
-from .pathframes import open_frame_table, usable
-from .paths import make_paths
-from .pathtable import PathRows
+from .pathframes import open_frame_table, radiance_of
+from .paths import Paths, make_paths
 from .synthesis_grid import repeat_orders
 from .waveform_lines import FmcwWaveform, LineWaveform
 from .windows import slow_time_window
@@ -69,6 +68,7 @@ def expected_power(
     receiver_gain: float = 1.0,
     cells_per_sample: int = 2,
     link: Link | None = None,
+    points_to: Callable[[Paths], None] | None = None,
 ) -> ExpectedPower:
     """Expected power of a frame of paths, on range cells of a fraction of the sample spacing.
 
@@ -82,6 +82,9 @@ def expected_power(
         Range cells per sample of the echo, at least 2.
     link
         Radar system, see :mod:`.link`; None: no gains but `receiver_gain`.
+    points_to
+        Is given the points that the paths are spread over, as paths of their own, such as
+        :meth:`.compress.ProfileAccumulator.add`; None: nothing is.
 
     Notes
     -----
@@ -92,75 +95,95 @@ def expected_power(
     FrameFileError, SchemaError
         The frame's table is missing or damaged.
     """
-    step_m = radar.waveform.sample_spacing_m / cells_per_sample
-    stop_m = min(window_m[1], radar.waveform.unambiguous_range_m)
-    ranges = int((stop_m - window_m[0]) / step_m) + 1
-    pulses = radar.burst.pulses
-    mean, variance = np.zeros(pulses * ranges), np.zeros(pulses * ranges)
+    cells = _Cells(radar, window_m, cells_per_sample)
+    response = _range_response(radar, window, cells.step_m, cells_per_sample)
+    doppler = np.abs(_doppler_response(doppler_window, radar.burst.pulses)) ** 2
     record, table = open_frame_table(frame.path, frame.number)
     scale = receiver_gain * (record.carrier_hz / radar.waveform.carrier_hz) ** 2
-    for start, stop in _tile_edges(table):
-        rows = np.array(table[start:stop])
-        shifts = record.shifts
-        rows = rows[usable(rows)]
-        power = scale * shifts * np.array(rows["power_w"])
-        if link is not None:
-            power *= link.factor(rows["length_m"], rows["direction"], rows["last_m"])
-        row, number = _cells(rows, radar, window_m[0], step_m, ranges, pulses)
-        cells, place = np.unique(number, return_inverse=True)
-        by_shift = np.zeros((shifts, cells.size))
-        np.add.at(by_shift, (rows["shift"][row], place), power[row])
-        mean[cells] += by_shift.mean(axis=0)
-        if shifts > 1:
-            variance[cells] += by_shift.var(axis=0, ddof=1) / shifts
-        else:
-            variance[:] = np.nan  # one estimate says nothing of its error
-    response = _range_response(radar, window, step_m, cells_per_sample)
-    doppler = np.abs(_doppler_response(doppler_window, pulses)) ** 2
-    grid, spread = mean.reshape(pulses, ranges), variance.reshape(pulses, ranges)
+    profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
+    for views in views_by_shift(table, record.shifts):
+        grid = np.zeros(cells.pulses * cells.ranges)
+        for rows in views:
+            gain = np.ones(rows.size)
+            if link is not None:
+                gain = link.factor(rows["length_m"], rows["direction"], rows["last_m"])
+            power = scale * record.shifts * gain * rows["power_w"]
+            radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
+            steps = steps_of(rows, record.camera, record.shifts)
+            for part in spread(rows, steps, cells.step_m, cells.step_mps):
+                seen, number = cells.of(part.length_m, part.range_rate_mps)
+                shared = (power[part.row] * part.share)[seen]
+                grid += np.bincount(number, shared, minlength=grid.size)
+                if points_to is not None:
+                    points_to(make_paths(radiance[part.row] * part.share, part.length_m))
+        powers = grid.reshape(cells.pulses, cells.ranges)
+        profile.add(_smear(powers.sum(axis=0)[None], response)[0])
+        image.add(_smear(_smear_doppler(powers, doppler), response))
     return ExpectedPower(
-        range_m=np.asarray(window_m[0] + step_m * np.arange(ranges), dtype=np.float64),
-        doppler_hz=np.fft.fftshift(np.fft.fftfreq(pulses, 1 / radar.burst.prf_hz)),
-        profile=_smear(grid.sum(axis=0)[None], response)[0],
-        profile_error=np.sqrt(_smear(spread.sum(axis=0)[None], response**2)[0]),
-        map=_smear(_smear_doppler(grid, doppler), response),
-        map_error=np.sqrt(_smear(_smear_doppler(spread, doppler**2), response**2)),
+        range_m=np.asarray(window_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64),
+        doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
+        profile=profile.mean,
+        profile_error=profile.error(),
+        map=image.mean,
+        map_error=image.error(),
     )
 
 
-def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
-    """First and last row of each tile: rows of one tile stand together."""
-    if table.size == 0:
-        return []
-    tile = np.asarray(table["tile"])
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(tile)) + 1, [tile.size]])
-    return [(int(a), int(b)) for a, b in itertools.pairwise(edges)]
+class _Replicates:
+    """Mean of replicates and its standard error (Welford 1962), without keeping them."""
+
+    def __init__(self, shape: int | tuple[int, int]) -> None:
+        self.mean, self._squares, self._count = np.zeros(shape), np.zeros(shape), 0
+
+    def add(self, values: Real) -> None:
+        self._count += 1
+        change = values - self.mean
+        self.mean += change / self._count
+        self._squares += change * (values - self.mean)
+
+    def error(self) -> Real:
+        """NaN where there is one: it says nothing of its error."""
+        if self._count < 2:
+            return np.full(self.mean.shape, np.nan)
+        return np.asarray(np.sqrt(self._squares / (self._count - 1) / self._count))
 
 
-def _cells(
-    rows: PathRows, radar: Radar, start_m: float, step_m: float, ranges: int, pulses: int
-) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Rows that are seen, again where they fold into a long window, and the cell of each."""
-    waveform = radar.waveform
-    cell = (rows["length_m"] / 2 - start_m) / step_m
-    # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
-    fold_m = radar.burst.unambiguous_range_m
-    if isinstance(waveform, LineWaveform):
-        fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
-    period = fold_m / step_m
-    if math.isinf(period):
-        low = np.zeros(cell.size)
-        copies = ((cell >= -0.5) & (cell < ranges - 0.5)).astype(np.intp)
-        period = 0.0
-    else:
-        low = np.ceil((cell - (ranges - 0.5)) / period)
-        copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
-    seen = np.repeat(np.arange(copies.size), copies)
-    place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
-    column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
-    cycles = -2 * rows["range_rate_mps"][seen] / waveform.wavelength_m / radar.burst.prf_hz
-    bins = np.rint(cycles * pulses).astype(np.int64)
-    return seen, (bins + pulses // 2) % pulses * ranges + column  # Doppler folds, too
+class _Cells:
+    """Cells of range and Doppler: a fraction of the sample spacing, and the bins of the map."""
+
+    def __init__(self, radar: Radar, window_m: tuple[float, float], per_sample: int) -> None:
+        self._radar, self._start_m = radar, window_m[0]
+        self.step_m = radar.waveform.sample_spacing_m / per_sample
+        stop_m = min(window_m[1], radar.waveform.unambiguous_range_m)
+        self.ranges = int((stop_m - window_m[0]) / self.step_m) + 1
+        self.pulses = radar.burst.pulses
+        #: One Doppler bin [m/s].
+        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
+
+    def of(
+        self, length_m: Real, range_rate_mps: Real
+    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+        """Points that are seen, again where they fold into a long window, and the cell of each."""
+        waveform, burst, ranges = self._radar.waveform, self._radar.burst, self.ranges
+        cell = (length_m / 2 - self._start_m) / self.step_m
+        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
+        fold_m = burst.unambiguous_range_m
+        if isinstance(waveform, LineWaveform):
+            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
+        period = fold_m / self.step_m
+        if math.isinf(period):
+            low = np.zeros(cell.size)
+            copies = ((cell >= -0.5) & (cell < ranges - 0.5)).astype(np.intp)
+            period = 0.0
+        else:
+            low = np.ceil((cell - (ranges - 0.5)) / period)
+            copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
+        seen = np.repeat(np.arange(copies.size), copies)
+        place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
+        column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
+        bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
+        # Doppler folds, too
+        return seen, (bins + self.pulses // 2) % self.pulses * ranges + column
 
 
 def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: int) -> Real:

@@ -20,6 +20,7 @@ from radarsim_addon.signal import Paths, iter_paths, make_paths, open_run
 from radarsim_addon.signal.compress import expected_power_profile
 from radarsim_addon.signal.config import Radar
 from radarsim_addon.signal.decode import pixel_grid
+from radarsim_addon.signal.footprints import spread, steps_of, views_by_shift
 from radarsim_addon.signal.paths import path_power_w
 from radarsim_addon.signal.pathtable import open_table
 
@@ -158,7 +159,11 @@ class PaperScene:
         wavelength_m = measurement.waveform.wavelength_m
         with stopwatch() as process:
             rows = open_table(frame / record.table_file)
-            profile = range_profile(table_paths(rows, wavelength_m), measurement.radar)
+            if replicates:  # a reference of single rays, which presumes nothing of what is between
+                points = table_paths(rows, wavelength_m)
+            else:
+                points = spread_paths(rows, record, measurement.radar)
+            profile = range_profile(points, measurement.radar)
             target_w = table_sum(rows, "power_w", number)
         single = []
         if replicates:
@@ -243,6 +248,17 @@ def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Ite
         if shift is not None:
             part = part[part["shift"] == shift]
         yield make_paths(part["power_w"] / area_m2, part["length_m"])
+
+
+def spread_paths(rows: Any, record: contract.PathsRecord, radar: Radar) -> Iterator[Paths]:
+    """Rows as `radarsim process` takes them for the expected profile, spread over their pixels."""
+    area_m2 = effective_area_m2(radar.waveform.wavelength_m)
+    for views in views_by_shift(rows, record.shifts):
+        for view in views:
+            steps = steps_of(view, record.camera, record.shifts)
+            for part in spread(view, steps, radar.waveform.sample_spacing_m / 2, np.inf):
+                power = view["power_w"][part.row] * part.share
+                yield make_paths(power / area_m2, part.length_m)
 
 
 def table_sum(rows: Any, column: str, number: int) -> float:
