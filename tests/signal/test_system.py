@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from radarsim_addon.signal.antenna_spec import KINDS, make_antenna, self_contain
 from radarsim_addon.signal.antennaplot import cut_dbi, half_power_width_rad
 from radarsim_addon.signal.cli import main
 from radarsim_addon.signal.system import make_system, read_system
-from tests.signal.synthetic import Setup, run_record
+from tests.signal.synthetic import Setup, points, run_record, write_run
 
 WAVELENGTH_M = 0.0565
 AHEAD = np.array([0.0, 0.0, -1.0])
@@ -199,15 +200,33 @@ def test_cuts_go_through_the_principal_planes() -> None:
     assert half_power_width_rad(make_antenna(AntennaRecord(), 1.0), "azimuth") == 2 * np.pi
 
 
-def test_antennas_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_antennas_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("matplotlib")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
     file = tmp_path / "system.json"
     antenna = AntennaRecord("aperture", {"width_m": 0.6, "height_m": 0.3})
     write_record(file, SystemRecord(transmitter=antenna))
     assert main(["antennas", str(file)]) == 2
     assert "give --carrier-ghz" in capsys.readouterr().err
-    assert main(["antennas", str(file), "--carrier-ghz", "10", "--out", str(tmp_path)]) == 0
+    out = tmp_path / "out"
+    assert main(["antennas", str(file), "--carrier-ghz", "10", "--out", str(out)]) == 0
     # 2 asin(0.4429 lambda / W): 2.536 and 5.075 degrees
     printed = capsys.readouterr().out
     assert "beamwidth 2.54 x 5.0" in printed
-    assert (tmp_path / "antennas.png").stat().st_size > 20_000
+    assert [path.name for path in out.iterdir()] == ["system_antennas.png"]
+    assert (out / "system_antennas.png").stat().st_size > 20_000
+    # left out: beside the file, or where the run's products are
+    assert main(["antennas", str(file), "--carrier-ghz", "10"]) == 0
+    assert (tmp_path / "system_antennas.png").is_file()
+    setup = Setup()
+    run = write_run(tmp_path / "run", setup, points(setup, []))
+    plan = run_record(setup)
+    write_record(run / "run.json", dataclasses.replace(plan, system=SystemRecord()))
+    assert main(["antennas", str(run)]) == 0
+    assert str(run / "products" / "antennas.png") in capsys.readouterr().out
+    assert (run / "products" / "antennas.png").is_file()
+    assert list(elsewhere.iterdir()) == []
