@@ -44,6 +44,10 @@ LOWEST_DB = -40.0
 BOUND_DB = 0.05
 WIDTHS_DEG = (6.0, 9.0)
 APERTURE_M = (0.48, 0.32)
+#: A line of elements half a wavelength apart, amplitudes after Hamming, steered to the right.
+ELEMENTS, STEER_DEG = 24, 2.0
+#: Grid of the table [deg]; bilinear in dB it is off by 3 (step / beamwidth)^2 dB at most.
+TABLE_STEP_DEG, TABLE_REACH_DEG = 0.25, (24.0, 32.0)
 
 
 def gaussian(azimuth: Real, elevation: Real) -> Real:
@@ -58,6 +62,26 @@ def aperture(azimuth: Real, elevation: Real) -> Real:
     across, up = APERTURE_M
     parts = np.sinc(across * x / wavelength()) * np.sinc(up * y / wavelength())
     return np.where(np.abs(azimuth) < math.pi / 2, parts**2, 0.0)
+
+
+def dirichlet(psi: Real) -> Real:
+    """Sum of exp(j n psi) over ELEMENTS places n about 0."""
+    half = psi / 2
+    small = np.abs(np.sin(half)) < 1e-9
+    return np.where(small, ELEMENTS, np.sin(ELEMENTS * half) / np.where(small, 1.0, np.sin(half)))
+
+
+def line_array(azimuth: Real, elevation: Real) -> Real:
+    """Hamming array factor in closed form times cos of the elements, nothing behind.
+
+    The weights 0.54 - 0.46 cos(2 pi m / (N-1)) are three waves over the elements, so the factor is
+    0.54 D(psi) + 0.23 D(psi + delta) + 0.23 D(psi - delta), delta = 2 pi / (N-1) (Harris 1978).
+    """
+    x = np.sin(azimuth) * np.cos(elevation)
+    psi = math.pi * (x - math.sin(math.radians(STEER_DEG)))
+    delta = 2 * math.pi / (ELEMENTS - 1)
+    factor = 0.54 * dirichlet(psi) + 0.23 * (dirichlet(psi + delta) + dirichlet(psi - delta))
+    return np.maximum(np.cos(azimuth) * np.cos(elevation), 0.0) * (factor / (0.54 * ELEMENTS)) ** 2
 
 
 def directivity(pattern: Pattern) -> float:
@@ -150,6 +174,30 @@ def aperture_record() -> AntennaRecord:
     return AntennaRecord("aperture", dict(zip(("width_m", "height_m"), APERTURE_M, strict=True)))
 
 
+def array_record() -> AntennaRecord:
+    """The tapered line as users write it."""
+    numbers = {"columns": ELEMENTS, "column_taper": "hamming", "steer_azimuth_deg": STEER_DEG}
+    return AntennaRecord("array", numbers)
+
+
+def table_record(bench: Bench) -> AntennaRecord:
+    """The Gaussian beam sampled into a CSV file, as users write it."""
+    file = bench.folder / "pattern.csv"
+    peak = directivity(gaussian)
+    axes = [np.arange(-reach, reach + 1e-9, TABLE_STEP_DEG) for reach in TABLE_REACH_DEG]
+    grid = np.meshgrid(*axes, indexing="ij")
+    gain_db = 10 * np.log10(peak * gaussian(np.radians(grid[0]), np.radians(grid[1])))
+    rows = np.column_stack([part.ravel() for part in (*grid, gain_db)])
+    head = "azimuth_deg,elevation_deg,gain_db"
+    np.savetxt(file, rows, delimiter=",", header=head, comments="", fmt="%.9g")
+    return AntennaRecord("table", {"file": str(file)})
+
+
+def array_and_table(bench: Bench) -> list[Check]:
+    label = f"Hamming line array steered by {STEER_DEG:g} deg out, CSV table back"
+    return sweep(bench, label, (array_record(), line_array), (table_record(bench), gaussian))
+
+
 def gaussian_beam(bench: Bench) -> list[Check]:
     beam = (gaussian_record(), gaussian)
     return sweep(bench, f"Gaussian {WIDTHS_DEG[0]:g} x {WIDTHS_DEG[1]:g} deg", beam, beam)
@@ -211,6 +259,7 @@ GROUP = Group(
     (
         Case("Gaussian beam both ways", gaussian_beam, 60.0),
         Case("different antennas", mixed_beams, 60.0),
+        Case("tapered array and table", array_and_table, 60.0),
         Case("cross sections", cross_sections, 20.0, quick=True),
     ),
 )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -39,10 +40,11 @@ def measure_plate(
 
 
 def ranges(bench: Bench, tilt_deg: float) -> list[Check]:
-    checks, measured_w = [], []
+    checks, measured_w, expected_w = [], [], []
     for range_m in RANGES_M:
         expected, measured, spread = measure_plate(bench, range_m, tilt_deg)
         measured_w.append(measured)
+        expected_w.append(expected)
         name = f"1 m^2 at {range_m:g} m, {tilt_deg:g} deg"
         checks.append(
             power_check(name, expected, measured, BOUND_DB, SOURCE, relative_error=spread)
@@ -55,12 +57,20 @@ def ranges(bench: Bench, tilt_deg: float) -> list[Check]:
             measured_w=measured,
             error_db=checks[-1].error,
         )
-    # From 100 m on: at 10 m the plate is no point, its mean 1/R^4 is 0.03 dB below that of its
-    # centre, and the slope of the exact integral is not -4 either.
-    slope = np.polyfit(np.log10(RANGES_M[1:]), np.log10(measured_w[1:]), 1)[0]
+    # At 10 m the plate is no point, its mean 1/R^4 is below that of its centre: the slope of the
+    # exact integral is not -4 from there on.
     name = f"slope of power over range, 100 m to 10 km, {tilt_deg:g} deg"
-    checks.append(absolute_check(name, -4.0, float(slope), 0.01, "radar equation"))
+    slope = _slope(RANGES_M[1:], measured_w[1:])
+    checks.append(absolute_check(name, -4.0, slope, 0.01, "radar equation"))
+    name = f"slope of power over range, 10 m to 10 km, {tilt_deg:g} deg"
+    exact, slope = _slope(RANGES_M, expected_w), _slope(RANGES_M, measured_w)
+    source = "slope of the integral over the plate, which is near at 10 m"
+    checks.append(absolute_check(name, exact, slope, 0.002, source))
     return checks
+
+
+def _slope(range_m: Sequence[float], power_w: Sequence[float]) -> float:
+    return float(np.polyfit(np.log10(range_m), np.log10(power_w), 1)[0])
 
 
 def bistatic(bench: Bench) -> list[Check]:
