@@ -21,8 +21,17 @@ def usable(numbers: NDArray[Any]) -> bool:
     return bool((np.abs(numbers) <= FARTHEST_UNITS).all())
 
 
-def check_pose(name: str, matrix_world: Any) -> None:
+def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None:
     """Refuse an object whose matrix is NaN, infinite or beyond `FARTHEST_UNITS`.
+
+    Parameters
+    ----------
+    name
+        Of the object.
+    matrix_world
+        4x4.
+    frame
+        Blender frame, with its fraction, at which the matrix was taken, for the message.
 
     Raises
     ------
@@ -33,10 +42,31 @@ def check_pose(name: str, matrix_world: Any) -> None:
     if not usable(matrix):
         place = ", ".join(f"{value:g}" for value in matrix[:3, 3])
         raise SceneError(
-            f"The place of {name!r} is not a number or has no end: its location is ({place}), or "
-            "its rotation or scale is such. Expected finite numbers. Type them anew in Object > "
-            "Transform, and look at its key frames, drivers, constraints and parents."
+            f"The place of {name!r} is not a number or has no end{_at(frame)}: its location is "
+            f"({place}), or its rotation or scale is such. Expected finite numbers. Type them "
+            "anew in Object > Transform, and look at its key frames, drivers, constraints and "
+            "parents."
         )
+
+
+def check_vertices(name: str, places: NDArray[Any], frame: float) -> None:
+    """Refuse vertices (n, 3) of a surface that are no usable numbers at a frame of the burst.
+
+    Raises
+    ------
+    SceneError
+        Name, frame, how many, and where the first of them is.
+    """
+    if usable(places):
+        return
+    bad = np.flatnonzero(~(np.abs(places) <= FARTHEST_UNITS).all(axis=1))
+    where = ", ".join(f"{value:g}" for value in places[bad[0]])
+    found = f"{bad.size} of its vertices (one is at ({where})){_at(frame)}"
+    raise SceneError(_vertex_text(name, found, "vertices"))
+
+
+def _at(frame: float | None) -> str:
+    return "" if frame is None else f" at frame {frame:.6g}"
 
 
 def check_meshes_finite(surfaces: Iterable[tuple[str, Any, Any]]) -> None:

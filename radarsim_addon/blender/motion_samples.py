@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .acquisition import Instant, instant_at
 from .bodies import Bodies, Part
 from .deforming import Deformations
+from .finite_checks import check_pose, check_vertices
 from .shown import Key, instance_key, pose_in_metres
 
 Real = NDArray[np.float64]
@@ -84,29 +85,45 @@ class Sampler:
         self.lost: set[int] = set()
         self.changed: set[str] = set()
 
+    def _pose(self, name: str, matrix_world: Any, frame: float) -> Real:
+        # NaN is what stands for an instance that is not there, so it must not come from Blender.
+        check_pose(name, matrix_world, frame)
+        return pose_in_metres(matrix_world, self._units)
+
     def take(self, at_s: float, instant: Instant) -> None:
-        """Take a sample unless there is one."""
+        """Take a sample unless there is one.
+
+        Raises
+        ------
+        SceneError
+            A place or a vertex is no usable number at that moment.
+        """
         if at_s in self.poses:
             return
         depsgraph = self._show(instant)
+        frame = instant.frame + instant.subframe
         poses = np.full((len(self.parts) + 2, 4, 4), np.nan)
         for number, item in enumerate(self._antennas):
-            poses[number] = pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units)
+            matrix = item.evaluated_get(depsgraph).matrix_world
+            poses[number] = self._pose(item.name, matrix, frame)
         for index, part in enumerate(self.parts):
             if not part.key:
                 item = self._originals[part.number].evaluated_get(depsgraph)
-                poses[index + 2] = pose_in_metres(item.matrix_world, self._units)
+                poses[index + 2] = self._pose(part.name, item.matrix_world, frame)
         if self._instances:
             for item in depsgraph.object_instances:
                 if not item.is_instance:
                     continue
                 place = self._instances.get((item.object.original.name, instance_key(item)))
                 if place is not None:
-                    poses[place + 2] = pose_in_metres(item.matrix_world, self._units)
+                    name = item.object.original.name
+                    poses[place + 2] = self._pose(name, item.matrix_world, frame)
         self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():
             found = surface.sample(depsgraph)
             if found is None:
                 self.changed.add(name)
+            else:
+                check_vertices(name, found, frame)
             self.vertices[name][at_s] = found

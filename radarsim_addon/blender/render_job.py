@@ -211,12 +211,13 @@ class RenderJob:
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent = Extent()
-        for frame in self._measurement.frames:
+        measurement = self._measurement
+        later = measurement.delta_t_s * self._fps() if measurement.passes == 2 else None
+        for frame in measurement.frames:
+            if later is not None:
+                self._refuse_what_is_no_number(instant_at(frame + later, self._fps()))
             for at in self._surveyed(frame):
-                depsgraph = self._show(instant_at(at, self._fps()))
-                # What cannot be recorded is refused here, before anything is written.
-                self._antenna_records(depsgraph, self._metres_per_unit())
-                scene_truth.check_surfaces(depsgraph)
+                depsgraph = self._refuse_what_is_no_number(instant_at(at, self._fps()))
                 extent = extent.union(
                     scene_truth.scene_extent(
                         depsgraph, self.rig, self._metres_per_unit(), self.code_world
@@ -228,6 +229,13 @@ class RenderJob:
             digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
         self._shown = None
         return extent, "+".join(digests)
+
+    def _refuse_what_is_no_number(self, instant: Instant) -> Any:
+        """See that all can be recorded at a moment, before anything is written; its depsgraph."""
+        depsgraph = self._show(instant)
+        self._antenna_records(depsgraph, self._metres_per_unit())
+        scene_truth.check_surfaces(depsgraph)
+        return depsgraph
 
     def _write_plan(self, digests: list[str]) -> None:
         assert self._settings is not None

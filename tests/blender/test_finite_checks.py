@@ -6,12 +6,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender.isolation import animation_curves  # noqa: E402
 from radarsim_addon.errors import SceneError  # noqa: E402
+from radarsim_addon.signal.config import Burst  # noqa: E402
 from tests.blender import path_helpers as ph  # noqa: E402
 from tests.blender import radar_scenes as rs  # noqa: E402
 
@@ -28,8 +31,8 @@ def vertex(value: float) -> None:
     bpy.data.objects["Plate"].data.vertices[2].co.x = value
 
 
-def instanced_vertex(value: float) -> None:
-    """The mesh is at hand as an instance of a collection only."""
+def instanced() -> Any:
+    """Have the plate as an instance of a collection only; what holds it."""
     plate = bpy.data.objects["Plate"]
     held = bpy.data.collections.new("Held")
     held.objects.link(plate)
@@ -37,6 +40,11 @@ def instanced_vertex(value: float) -> None:
     holder = bpy.data.objects.new("Holder", None)
     holder.instance_type, holder.instance_collection = "COLLECTION", held
     bpy.context.scene.collection.objects.link(holder)
+    return holder
+
+
+def instanced_vertex(value: float) -> None:
+    instanced()
     vertex(value)
 
 
@@ -124,3 +132,53 @@ def test_nothing_echoes_names_the_usual_causes(tmp_path: Path) -> None:
     ]
     for cause in ("mirror", "inside a closed mesh", "Camera off", "Holdout"):
         assert cause in said
+
+
+def within_burst(item: Any, path: str, value: float, index: int = -1) -> None:
+    """Animate a property: as it is, then `value` from frame 2 on, and as it was from frame 3 on."""
+    for frame in (1, 2, 3):
+        item.keyframe_insert(path, index=index, frame=frame)
+    for curve in animation_curves(item.id_data.animation_data):
+        for point in curve.keyframe_points:
+            point.interpolation = "CONSTANT"
+        curve.keyframe_points[1].co.y = value
+    bpy.context.scene.frame_set(1)
+
+
+def spoil_within_burst(what: str) -> str:
+    """Break a plate, an instance of it, its corner or the receiver; the name of what is broken."""
+    plate = rs.add_plate(10.0)
+    if what == "vertex":
+        plate.shape_key_add(name="Basis")
+        key = plate.shape_key_add(name="Far")
+        for point in key.data:
+            point.co.x = 1e30
+        key.value = 0.0
+        within_burst(key, "value", 1.0)
+    elif what == "receiver":
+        within_burst(bpy.data.objects["Radar"], "location", NAN, 0)
+        return "Radar Receiver"
+    else:
+        within_burst(instanced() if what == "instance" else plate, "location", NAN, 0)
+    return "Plate"
+
+
+@pytest.mark.parametrize("what", ["plate", "instance", "receiver", "vertex"])
+def test_what_is_no_number_within_a_burst_alone_is_named_with_its_frame(
+    tmp_path: Path, what: str
+) -> None:
+    """A burst from frame 1 to 4, whole at both ends, broken from frame 2 to 3."""
+    rs.new_scene()
+    name = spoil_within_burst(what)
+    with pytest.raises(SceneError, match=rf"'{name}'.*at frame 2") as error:
+        ph.run_paths(tmp_path / "run", width_px=8, height_px=8, burst=Burst(1000.0, 125))
+    assert ("1e+30" if what == "vertex" else "nan") in str(error.value)
+    assert not (tmp_path / "run/frames/frame_0001/paths.json").exists()
+
+
+def test_the_second_pass_is_looked_at_before_the_first(tmp_path: Path) -> None:
+    rs.new_scene()
+    within_burst(rs.add_plate(10.0), "location", NAN, 0)
+    with pytest.raises(SceneError, match="'Plate' is not a number"):
+        rs.run(tmp_path / "run", passes=2, delta_t_s=1.5 / 24)
+    assert not (tmp_path / "run").exists()
