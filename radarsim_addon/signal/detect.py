@@ -191,13 +191,14 @@ def refine_peak(
 
     for _ in range(3):
         line = terms(frequency) @ spectrum / ranges
-        position, best = _climb(lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0)
+        position, best = _climb(
+            lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0, (0.0, ranges - 1.0)
+        )
         train = spectrum @ np.exp(2j * np.pi * wave * position) / ranges
         frequency, best = _climb(terms, train, frequency, 1.0 / pulses)
     if deflate:
         leak = complex(np.exp(-2j * np.pi * frequency * pulse) @ weight)
         best /= math.sqrt(max(1 - abs(leak) ** 2, 1e-12))
-    position = min(max(position, 0.0), ranges - 1.0)
     frequency = (frequency + 0.5) % 1.0 - 0.5
     doppler_hz = frequency * rd_map.radar.burst.prf_hz
     step_m = rd_map.range_m[1] - rd_map.range_m[0] if ranges > 1 else 0.0
@@ -211,16 +212,23 @@ def refine_peak(
 
 
 def _climb(
-    factors: Callable[[float], Complex], terms: Complex, start: float, step: float
+    factors: Callable[[float], Complex],
+    terms: Complex,
+    start: float,
+    step: float,
+    within: tuple[float, float] = (-math.inf, math.inf),
 ) -> tuple[float, float]:
-    """Maximum of |sum factors(x) terms| within `step` of `start`: place and value."""
+    """Maximum of |sum factors(x) terms| within `step` of `start`, and `within`: place and value.
+
+    The interpolation over range is periodic: beyond the last cell it climbs to the first.
+    """
 
     def value(x: float) -> float:
         return float(abs(factors(x) @ terms))
 
     # golden-section search: one maximum between two cells, and no derivative to go wrong
     ratio = (5**0.5 - 1) / 2
-    low, high = start - step, start + step
+    low, high = max(start - step, within[0]), min(start + step, within[1])
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     value_left, value_right = value(left), value(right)
     for _ in range(40):  # 1e-8 of a cell: beyond that the top is flat in float64

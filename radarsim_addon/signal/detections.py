@@ -101,7 +101,7 @@ def detect_targets(
         What is further below the strongest cell is error of the synthesis, no echo [dB].
     wide
         The same map over more ranges (:func:`.movers.heard_recording`), to interpolate in: without
-        it a peak within a cell of the window's end is off by up to 0.15 cells.
+        it a peak within a cell of the window's end is off by up to half a cell and 1.1 dB.
 
     Notes
     -----

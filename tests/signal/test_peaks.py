@@ -76,6 +76,15 @@ def test_targets_at_the_end_of_the_window_are_not_pulled_inwards(name: str, wind
         assert target.level_db == pytest.approx(0, abs=0.1)
 
 
+@pytest.mark.parametrize("name", ["chirp", "fmcw", "pmcw"])
+def test_a_target_at_one_end_of_the_window_is_none_at_the_other(name: str) -> None:
+    """The interpolation over range is periodic: from the last cell it would climb to the first."""
+    range_m = 400 + 0.3 * radar_of(name).waveform.sample_spacing_m
+    _, rd_map = scene(name, [(range_m, 8.3, 0.0)], (400.0, 700.0), "none")
+    far = [target.level_db for target in detect_targets(rd_map).targets if target.range_m > 600]
+    assert max(far, default=-100.0) < -10
+
+
 @pytest.mark.parametrize("kind", ["ca", "os"])
 @pytest.mark.parametrize("name", ["chirp", "fmcw"])
 @pytest.mark.parametrize("snr_db", [25.0, 40.0, 60.0])
