@@ -127,7 +127,12 @@ def _run_part(part: list[Group], quick: bool) -> dict[str, Any]:
         command = [sys.executable, str(Path(__file__).resolve()), "--worker", str(result)]
         command += ["--quick"] * quick + ["--only", *keys]
         # Blender's user folder is an empty one: a user's own preferences play no part.
-        environment = {**os.environ, "BLENDER_USER_RESOURCES": name}
+        # Threads of BLAS that wait for one another over small matrices would count as work.
+        environment = {
+            **os.environ,
+            "BLENDER_USER_RESOURCES": name,
+            "OPENBLAS_NUM_THREADS": "1",
+        }
         try:
             done = subprocess.run(command, env=environment, timeout=patience_s, check=False)
             trouble = f"its process ended with status {done.returncode}"

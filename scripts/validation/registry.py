@@ -19,6 +19,7 @@ MODULES = (
     "antennas",
     "speckle",
     "paper_chain",
+    "detection",
     "energy",
 )
 

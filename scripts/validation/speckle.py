@@ -6,10 +6,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim_addon.signal import compress, expected_power_profile, iter_paths, open_run, synthesize
+from radarsim_addon.signal.paths import frame_paths, path_power_w
 from radarsim_addon.signal.specklestage import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check
@@ -22,6 +24,10 @@ RMS_HEIGHT_M = 0.05
 LEAST_KH, LEAST_PX = 1.5, 64
 SEEDS = 200
 RANGE_M, PLATE_M, TILT_DEG = 1000.0, 100.0, 70.0
+#: Shifts of the radar, in units of the critical baseline; edge of the patch, and of the cells of
+#: scatterers, which must be the same from everywhere.
+BASELINES = (0.25, 0.5, 0.75, 1.0)
+BASELINE_PLATE_M, BASELINE_CELL_M, BASELINE_SEEDS = 24.0, 1.0, 200
 #: Beyond the patch's edges by this the range cells are not full [m].
 MARGIN_M = 12.0
 
@@ -192,15 +198,59 @@ def too_few(bench: Bench) -> list[Check]:
     ]
 
 
+def decorrelation(bench: Bench) -> list[Check]:
+    """The same surface seen from places ever further to the side: correlation of its echoes."""
+    critical_m = wavelength() * RANGE_M / (2 * BASELINE_PLATE_M)
+    fields = {share: _shifted_fields(bench, share * critical_m) for share in (0.0, *BASELINES)}
+    first = fields[0.0]
+    checks = []
+    for share in BASELINES:
+        other = fields[share]
+        found = abs(np.vdot(first, other)) / np.linalg.norm(first) / np.linalg.norm(other)
+        expected = float(np.sinc(share))
+        checks.append(
+            absolute_check(
+                f"correlation, radar shifted by {share:g} of the critical baseline",
+                expected,
+                float(found),
+                0.12,
+                "sinc of it (Zebker and Villasenor 1992)",
+                # Of the correlation coefficient of complex Gaussians.
+                standard_error=(1 - expected**2) / math.sqrt(2 * BASELINE_SEEDS),
+            )
+        )
+    return checks
+
+
+def _shifted_fields(bench: Bench, shift_m: float) -> NDArray[np.complex128]:
+    """Echo of a patch at the carrier, one resolution cell, over seeds; the radar to the side."""
+    new_scene(math.degrees(2 * math.atan(0.65 * BASELINE_PLATE_M / RANGE_M)))
+    bpy.data.objects["Radar"].location.x = shift_m
+    plate = facing_plate((0.0, RANGE_M, 0.0), BASELINE_PLATE_M, spin_deg=0.0)
+    add_plate("Patch", plate, lambert(0.6))
+    run = open_run(acquire(bench, 60, 1).folder)
+    paths = frame_paths(run.frame(1))
+    phase = np.exp(-2j * np.pi / wavelength() * paths.length_m)
+    amplitude = np.sqrt(path_power_w(paths, wavelength())) * phase
+    found = []
+    for seed in range(BASELINE_SEEDS):
+        factors = FrameSpeckle(run.frame(1), run.radar, seed, BASELINE_CELL_M).apply(paths).phasors
+        assert factors is not None
+        found.append(amplitude @ factors)
+    return np.array(found)
+
+
 GROUP = Group(
     "speckle",
     "Speckle",
     "A Lambert plate of 100 m at 1 km, tilted by 70 degrees, rms height 50 mm or, for "
     "the least that is asked for, kh = 1.5: matched-filter output of one pulse over the expected "
-    "power, many range cells and seeds.",
+    "power, many range cells and seeds. Correlation between radars side by side: a plate of "
+    f"{BASELINE_PLATE_M:g} m square on, {BASELINE_SEEDS} seeds.",
     (
         Case("rough patch", statistics, 40.0, quick=True),
         Case("least roughness and paths", least, 40.0),
         Case("too few scatterers", too_few, 10.0),
+        Case("radar shifted sideways", decorrelation, 40.0),
     ),
 )

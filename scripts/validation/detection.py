@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""CFAR in noise alone, and what is found among point echoes; no renders."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim_addon.signal import Burst, Cfar, FmcwWaveform, Radar, Receiver, cfar_threshold
+from radarsim_addon.signal.cfar import CfarKind
+from radarsim_addon.signal.families import synthesizer_for
+from radarsim_addon.signal.noisefloor import map_noise_gain
+from radarsim_addon.signal.receiver import receive
+
+from . import targets
+from .case import Bench, Case, Check, Group, relative_check, worst_of
+from .points import WINDOWS, map_of, radar_of
+
+Real = NDArray[np.float64]
+_CHIRP = FmcwWaveform(77e9, 1e9, 1024, 40e6)
+#: Radar and range window [m].
+RADARS: dict[str, tuple[Radar, tuple[float, float]]] = {
+    "LFM": (radar_of("LFM"), (500.0, 3000.0)),
+    "FMCW": (Radar(_CHIRP, Burst(1 / _CHIRP.duration_s, 128)), (0.0, 150.0)),
+}
+RATES = (1e-2, 1e-4, 1e-6)
+#: Maps a radar and window: sorting takes longer than adding.
+MAPS: dict[CfarKind, int] = {"ca": 8, "os": 4}
+#: Cells of range left out at either end of the window: guard and training cells of the default.
+END_CELLS = Cfar().guard[1] + Cfar().train[1]
+#: Width of what counts as one sample.
+BLOCK_CELLS = 60
+
+
+def _noise_maps(radar: Radar, window_m: tuple[float, float], window: str) -> list:
+    """Maps of thermal noise and the mean power of their cells, by k T F B and the filters."""
+    gain = map_noise_gain(radar, window, window)
+    found = []
+    for seed in range(max(MAPS.values())):
+        silence = synthesizer_for(radar, window_m).result()
+        heard = receive(silence, Receiver(noise_figure_db=3.0, seed=seed))
+        found.append((map_of(heard.echoes, window), heard.noise_power_w * gain))
+    return found
+
+
+def _rates(maps: list, kind: CfarKind) -> list[tuple[float, float]]:
+    """False alarms over design, with its standard error, for each rate asked for.
+
+    Noise of known mean power N passes a threshold T with exp(-T/N): the thresholds alone tell the
+    rate. That these maps are not of mean power N to the percent is taken out by regression over
+    blocks of columns (a control variate, whose mean is known: 1).
+    """
+    found: dict[float, tuple[Real, list[float]]] = {}
+    level: list[float] = []
+    for number, (rd_map, noise) in enumerate(maps):
+        inner = slice(END_CELLS, -END_CELLS)
+        power = rd_map.power[:, inner] / noise
+        blocks = max(4, power.shape[1] // BLOCK_CELLS)
+        level += [float(part.mean()) - 1 for part in np.array_split(power, blocks, axis=1)]
+        for pfa in RATES:
+            # The factor on the statistic is one number a column, the same for every map.
+            if number == 0:
+                result = cfar_threshold(rd_map, Cfar(kind, pfa))
+                found[pfa] = (result.threshold[0] / result.noise[0], [])
+            elif pfa == RATES[0]:
+                result = cfar_threshold(rd_map, Cfar(kind, pfa))
+            factor, rates = found[pfa]
+            passed = np.exp(-(result.noise * factor)[:, inner] / noise) / pfa
+            rates += [float(part.mean()) for part in np.array_split(passed, blocks, axis=1)]
+    levels = np.array(level)
+    return [_regressed(levels, np.array(rates)) for _, rates in found.values()]
+
+
+def _regressed(level: Real, rate: Real) -> tuple[float, float]:
+    """Mean rate where the level is 0, and its standard error."""
+    slope, value = np.polyfit(level, rate, 1)
+    spread = (rate - value - slope * level).std(ddof=2) / math.sqrt(rate.size)
+    return float(value), float(spread)
+
+
+def false_alarms(bench: Bench) -> list[Check]:
+    """Both detectors, two radars, five windows, three rates."""
+    rows: dict[tuple[str, str, float], list[Check]] = {}
+    table: dict[tuple[str, str], list[str]] = {}
+    for radar_name, (radar, window_m) in RADARS.items():
+        for label, window in WINDOWS.items():
+            maps = _noise_maps(radar, window_m, window)
+            for kind, count in MAPS.items():
+                for pfa, (rate, spread) in zip(RATES, _rates(maps[:count], kind), strict=True):
+                    table.setdefault((kind, label), []).append(f"{rate:.3f} ± {spread:.3f}")
+                    rows.setdefault((radar_name, kind, pfa), []).append(
+                        relative_check(
+                            label,
+                            pfa,
+                            pfa * rate,
+                            0.05 + 3 * spread,
+                            "design; bound 0.05 and 3 standard errors",
+                            standard_error=spread,
+                        )
+                    )
+    heads = [f"{name}, {pfa:g}" for name in RADARS for pfa in RATES]
+    bench.lines += [
+        "",
+        (
+            f"False alarms over design in noise alone, guard {Cfar().guard}, training "
+            f"{Cfar().train} (Doppler, range), from the thresholds and the known noise, away from "
+            "the ends of the window:"
+        ),
+        "",
+        "| detector | windows | " + " | ".join(heads) + " |",
+        "| --- | --- |" + " --- |" * len(heads),
+        *(
+            f"| {kind} | {label} | " + " | ".join(table[kind, label]) + " |"
+            for kind in MAPS
+            for label in WINDOWS
+        ),
+    ]
+    return [
+        worst_of(f"false alarms, {name}, {kind}, window", checks)
+        for (name, kind, _), checks in rows.items()
+    ]
+
+
+GROUP = Group(
+    "detection",
+    "Detection",
+    "Thermal noise and point echoes through synthesis, compression and range-Doppler map: 64 "
+    "pulses of LFM, Barker, FMCW, stepped frequency and PMCW of 50 MHz at 5.3 GHz; false alarms of "
+    "FMCW with 128 chirps of 1024 samples at 77 GHz. Random scenes: 0 to 3 movers of 2 to 30 "
+    "Doppler cells and 0 to -40 dB, up to 60 points at rest up to 30 dB stronger, any waveform, "
+    "window and canceller, the range window covering the movers or not.",
+    (
+        Case("false alarms", false_alarms, 90.0),
+        Case("peaks", targets.peaks, 20.0),
+        Case("beside clutter, at the end of the window", targets.beside_clutter, 40.0),
+        Case("SNR", targets.snr, 40.0),
+        Case("movers", targets.movers, 40.0),
+        Case("slow movers", targets.slow_movers, 10.0, quick=True),
+    ),
+)
