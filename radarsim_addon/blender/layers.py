@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import contract
+from . import attributes
 from .nodes.find_group import group_input, group_node
 from .nodes.groups import KIND_PROPERTY
 from .nodes.physical_material import EXTINCTION, KIND
@@ -160,18 +160,18 @@ def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
     for item, materials in worn_materials(depsgraph):
         if not any(is_entered(material) for material in materials):
             continue
-        given = item.get(contract.OBJECT_LAYER_NORMAL)
+        given = item.get(attributes.OBJECT_LAYER_NORMAL)
         normal = None if given is None else np.array(given, dtype=np.float64)
         if normal is None:
             normal = object_layer_normal(item, depsgraph)
             if normal is None:
                 others.append(item.name)
                 continue
-            recorder.set_item(item, contract.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
-        if contract.OBJECT_LAYER_THICKNESS not in item and np.any(normal):
+            recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+        if attributes.OBJECT_LAYER_THICKNESS not in item and np.any(normal):
             thickness = object_layer_thickness(item, depsgraph, normal)
             if thickness is not None:
-                recorder.set_item(item, contract.OBJECT_LAYER_THICKNESS, thickness)
+                recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
         item.update_tag()
     if not others:
         return []
@@ -180,8 +180,8 @@ def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
     text = (
         f"{named}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
         "so absorption and delay inside are taken as at normal incidence, whatever the angle. For "
-        f"a thick wall give the object the property {contract.OBJECT_LAYER_NORMAL} (three numbers: "
-        "the wall's normal in the object's own axes)."
+        f"a thick wall give the object the property {attributes.OBJECT_LAYER_NORMAL} (three "
+        "numbers: the wall's normal in the object's own axes)."
     )
     return [text]
 
@@ -214,7 +214,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
         if item.type != "MESH" or not entered:
             continue
         corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
-        normal = item.get(contract.OBJECT_LAYER_NORMAL)
+        normal = item.get(attributes.OBJECT_LAYER_NORMAL)
         if normal is not None and any(normal):
             # Normals turn by the inverse transpose.
             linear = np.array(item.matrix_world.to_3x3())

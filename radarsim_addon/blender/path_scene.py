@@ -18,6 +18,7 @@ import numpy as np
 
 from .. import contract
 from ..errors import RenderError
+from . import attributes
 from .pass_files import read_passes
 from .path_cameras import aim, camera_kind
 from .path_setup import (
@@ -112,17 +113,17 @@ class PathScene:
                 numbered.hidden,
             )
             for name in (
-                contract.ATTR_ORDER_MIN,
-                contract.ATTR_ORDER_MAX,
-                contract.ATTR_DEPTH_MIN,
-                contract.ATTR_DEPTH_MAX,
-                contract.ATTR_SURFACE_DEPTH,
-                contract.ATTR_SURFACE_STOP,
-                contract.ATTR_VERTEX_SCALE,
-                contract.ATTR_WORLD_CODE,
+                attributes.ATTR_ORDER_MIN,
+                attributes.ATTR_ORDER_MAX,
+                attributes.ATTR_DEPTH_MIN,
+                attributes.ATTR_DEPTH_MAX,
+                attributes.ATTR_SURFACE_DEPTH,
+                attributes.ATTR_SURFACE_STOP,
+                attributes.ATTR_VERTEX_SCALE,
+                attributes.ATTR_WORLD_CODE,
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
-            self._recorder.set_item(self._scene, contract.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
+            self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
             if self._world_code:
                 self._volume = add_code_world(self._recorder, self._scene)
         except BaseException:
@@ -188,25 +189,25 @@ class PathScene:
         scene, gate = self._scene, request.gate
         self._request = request
         self._set_frame(request.region, request.coarse)
-        scene[contract.ATTR_ORDER_MIN] = gate.order_min - 0.5
-        scene[contract.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
-        scene[contract.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
-        scene[contract.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
+        scene[attributes.ATTR_ORDER_MIN] = gate.order_min - 0.5
+        scene[attributes.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
+        scene[attributes.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
+        scene[attributes.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
         self._set_surfaces(gate)
         if gate.order_max is not None:
             for name in _BOUNCES:  # nothing beyond the gate is worth its time
                 setattr(scene.cycles, name, gate.order_max - 1)
-        scene[contract.ATTR_VERTEX_SCALE] = 0.0
+        scene[attributes.ATTR_VERTEX_SCALE] = 0.0
         if request.vertex and vertex is not None:
-            scene[contract.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
-            scene[contract.ATTR_VERTEX_SCALE] = float(vertex[1])
+            scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
+            scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
         inverse_k = self._inverse_k if request.coded else 0.0
         if self._world_code:
             self._set_channels(request)
-            scene[contract.ATTR_INVERSE_CODE_LENGTH] = 0.0
-            scene[contract.ATTR_WORLD_CODE] = inverse_k
+            scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
+            scene[attributes.ATTR_WORLD_CODE] = inverse_k
         else:
-            scene[contract.ATTR_INVERSE_CODE_LENGTH] = inverse_k
+            scene[attributes.ATTR_INVERSE_CODE_LENGTH] = inverse_k
         scene.render.filepath = str(self._folder / "view")
 
     def _set_channels(self, request: RenderRequest) -> None:
@@ -246,10 +247,10 @@ class PathScene:
     def _set_surfaces(self, gate: Gate) -> None:
         scene = self._scene
         certain = gate.surface_depth is not None
-        scene[contract.ATTR_SURFACE_DEPTH] = (gate.surface_depth or 0) + 0.5 if certain else 0.0
+        scene[attributes.ATTR_SURFACE_DEPTH] = (gate.surface_depth or 0) + 0.5 if certain else 0.0
         # The gate itself ends camera rays; a tail (no upper limit) lets them go on.
         stop = certain and gate.depth_max is not None
-        scene[contract.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
+        scene[attributes.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
         # Cycles is told by this of the custom properties, too: writing those from Python tells it
         # nothing, and an update tag of the whole scene would take several times as long.
         # With rays that end at the gate, position and object are those of the gate's surface.

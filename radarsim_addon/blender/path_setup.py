@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from .. import contract
+from . import attributes
 from .nodes.materials import lets_nothing_through
 from .pattern_mesh import PATTERN_PROPERTY
 from .recorder import Recorder
@@ -85,7 +85,7 @@ def add_code_world(recorder: Recorder, scene: Any) -> Any:
     volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
     volume.inputs["Color"].default_value = CODE_RED_GREEN
     rate = tree.nodes.new("ShaderNodeAttribute")
-    rate.attribute_type, rate.attribute_name = "VIEW_LAYER", contract.ATTR_WORLD_CODE
+    rate.attribute_type, rate.attribute_name = "VIEW_LAYER", attributes.ATTR_WORLD_CODE
     # The Vector output: Fac is the mean of three channels, which rounds.
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
     double = tree.nodes.new("ShaderNodeMath")

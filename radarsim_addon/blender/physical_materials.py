@@ -58,7 +58,7 @@ RMS_SLOPE = "radarsim_rms_slope"
 SHEET_THICKNESS = "radarsim_sheet_thickness_m"
 
 EXACT_FACETS = bpy.app.version >= (5, 0, 0)
-"""Whether Cycles evaluates Fresnel's equations at each facet; see `contract.ATTR_FACET_FRESNEL`."""
+"""Whether Cycles evaluates Fresnel's equations at each facet; see `ATTR_FACET_FRESNEL`."""
 
 
 # -- reading and writing ---------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from typing import Any
 
 import bpy
 
-from .. import contract
 from ..errors import SceneError
+from . import attributes
 from .acquisition import Plan
 from .isolation import isolate
 from .layers import beyond_float32, set_layer_normals
@@ -108,8 +108,8 @@ class MeasurementSettings:
         """Gate the emitter to ``ring_min_m <= r < ring_max_m`` (Eq. 5)."""
         # Neighbouring rings divide the same number of metres, so their shared edge is the same
         # float32 in both and no path is lost or counted twice.
-        self._scene[contract.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
-        self._scene[contract.ATTR_RING_MAX] = ring_max_m / self._plan.metres_per_unit
+        self._scene[attributes.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
+        self._scene[attributes.ATTR_RING_MAX] = ring_max_m / self._plan.metres_per_unit
         # Writing a custom property from Python does not tell Cycles; an update tag does.
         self._scene.update_tag()
 
@@ -294,11 +294,11 @@ class MeasurementSettings:
     def _set_code(self) -> None:
         put = self._recorder.set_item
         units, measurement = self._plan.metres_per_unit, self._plan.measurement
-        put(self._scene, contract.ATTR_INVERSE_CODE_LENGTH, units / self._plan.code_length_m)
-        put(self._scene, contract.ATTR_EXTINCTION_LENGTH, self._plan.extinction_length_m / units)
+        put(self._scene, attributes.ATTR_INVERSE_CODE_LENGTH, units / self._plan.code_length_m)
+        put(self._scene, attributes.ATTR_EXTINCTION_LENGTH, self._plan.extinction_length_m / units)
         waveform, name = measurement.waveform, measurement.polarisation
-        put(self._scene, contract.ATTR_WAVELENGTH, waveform.wavelength_m / units)
-        put(self._scene, contract.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
-        put(self._scene, contract.ATTR_FACET_FRESNEL, 1.0 if EXACT_FACETS else 0.0)
-        put(self._scene, contract.ATTR_RING_MIN, 0.0)
-        put(self._scene, contract.ATTR_RING_MAX, 0.0)
+        put(self._scene, attributes.ATTR_WAVELENGTH, waveform.wavelength_m / units)
+        put(self._scene, attributes.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
+        put(self._scene, attributes.ATTR_FACET_FRESNEL, 1.0 if EXACT_FACETS else 0.0)
+        put(self._scene, attributes.ATTR_RING_MIN, 0.0)
+        put(self._scene, attributes.ATTR_RING_MAX, 0.0)

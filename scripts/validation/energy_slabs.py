@@ -10,8 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon import contract
-from radarsim_addon.blender import nodes
+from radarsim_addon.blender import attributes, nodes
 from radarsim_addon.blender.asset_library import ASSETS, BLEND
 from radarsim_addon.blender.layers import set_layer_normals
 from radarsim_addon.blender.nodes.groups import refresh_groups
@@ -59,7 +58,7 @@ def simple_slabs(bench: Bench) -> list[Check]:
                 sent = _series(faces, (1 - faces) ** 2, 4 * math.pi * preset.kappa * depth / cosine)
             for number, name in enumerate(POLARISATIONS):
                 scene = sky_scene(1.0, 1.0)
-                scene[contract.ATTR_POLARISATION] = float(number)
+                scene[attributes.ATTR_POLARISATION] = float(number)
                 material = nodes.make_material(
                     "Slab", preset.n, preset.kappa, 1.0, 0.0, penetrable=preset.penetrable
                 )
@@ -171,7 +170,7 @@ class _Furnace:
         upper, lower = sky
         self.sky.inputs["To Min"].default_value = lower
         self.sky.inputs["To Max"].default_value = upper
-        self.scene[contract.ATTR_POLARISATION] = float(polarisation)
+        self.scene[attributes.ATTR_POLARISATION] = float(polarisation)
         if self.scene.camera is not None:
             bpy.data.objects.remove(self.scene.camera)
         look_down(self.scene, angle_deg)
@@ -182,8 +181,8 @@ def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
     """A slab, or a plate of no thickness, of a material from the library's file, brought up to
     date as a run does."""
     scene = sky_scene(1.0, 0.0)
-    scene[contract.ATTR_WAVELENGTH] = wavelength()
-    scene[contract.ATTR_FACET_FRESNEL] = float(EXACT_FACETS)
+    scene[attributes.ATTR_WAVELENGTH] = wavelength()
+    scene[attributes.ATTR_FACET_FRESNEL] = float(EXACT_FACETS)
     with bpy.data.libraries.load(str(BLEND), link=False) as (_, chosen):
         chosen.materials = [name]
     refresh_groups()

@@ -13,8 +13,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from radarsim_addon import contract
-from radarsim_addon.blender import nodes
+from radarsim_addon.blender import attributes, nodes
 
 CLIP_START = 1e-6
 """Least near clip that Blender takes, in units; it shortens the first segment."""
@@ -159,10 +158,10 @@ def render(
     An argument of 0 leaves its attribute away.
     """
     values = {
-        contract.ATTR_INVERSE_CODE_LENGTH: 1 / code_length if code_length else 0.0,
-        contract.ATTR_RING_MIN: ring[0],
-        contract.ATTR_RING_MAX: ring[1],
-        contract.ATTR_EXTINCTION_LENGTH: extinction_length,
+        attributes.ATTR_INVERSE_CODE_LENGTH: 1 / code_length if code_length else 0.0,
+        attributes.ATTR_RING_MIN: ring[0],
+        attributes.ATTR_RING_MAX: ring[1],
+        attributes.ATTR_EXTINCTION_LENGTH: extinction_length,
     }
     for name, value in values.items():
         if value:

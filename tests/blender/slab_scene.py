@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from mathutils import Matrix
 
-from radarsim_addon import contract
-from radarsim_addon.blender import nodes
+from radarsim_addon.blender import attributes, nodes
 from radarsim_addon.blender.nodes.materials import link_group
 from tests.blender import render_helpers as rh
 
@@ -67,10 +66,10 @@ def _picture(
         # Turned about the vertical: the plane of incidence is level.
         turn = Matrix.Rotation(math.radians(angle_deg), 4, "Z")
         box.matrix_world = Matrix.Translation((0.013, WALL / 2, 0.017)) @ turn
-        box[contract.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
-        scene[contract.ATTR_SURFACE_DEPTH] = scene[contract.ATTR_SURFACE_STOP] = 2.5
-    scene[contract.ATTR_WAVELENGTH] = wavelength
-    scene[contract.ATTR_POLARISATION] = float(polarisation)
+        box[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
+        scene[attributes.ATTR_SURFACE_DEPTH] = scene[attributes.ATTR_SURFACE_STOP] = 2.5
+    scene[attributes.ATTR_WAVELENGTH] = wavelength
+    scene[attributes.ATTR_POLARISATION] = float(polarisation)
     pixels = rh.render(scene, CODE).astype(np.float64)
     rays = rh.pixel_directions(scene)
     return np.stack([rays[..., 0], -rays[..., 2], rays[..., 1]], axis=-1), pixels

@@ -17,8 +17,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
-from radarsim_addon.blender import nodes  # noqa: E402
+from radarsim_addon.blender import attributes, nodes  # noqa: E402
 from radarsim_addon.blender.physical_materials import EXACT_FACETS  # noqa: E402
 from radarsim_addon.physics.fresnel import unpolarised_reflectance  # noqa: E402
 from radarsim_addon.physics.rough import albedo  # noqa: E402
@@ -53,16 +52,16 @@ def furnace(
         scene.world.use_nodes = True
     background = scene.world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (1, 1, 1, 1)
-    scene[contract.ATTR_WAVELENGTH] = WAVELENGTH
-    scene[contract.ATTR_FACET_FRESNEL] = float(exact_facets)
+    scene[attributes.ATTR_WAVELENGTH] = WAVELENGTH
+    scene[attributes.ATTR_FACET_FRESNEL] = float(exact_facets)
     made = physical_material(penetrable=thickness > 0, **material)
     pose = PLACE @ Matrix.Rotation(math.radians(angle_deg), 4, "X")
     if thickness:
         half = thickness / 2
         box = rh.add_box((-900.3, -880.1, -half), (910.7, 920.9, half), made)
         box.matrix_world = pose
-        box[contract.OBJECT_LAYER_NORMAL] = [0.0, 0.0, 1.0]
-        box[contract.OBJECT_LAYER_THICKNESS] = thickness
+        box[attributes.OBJECT_LAYER_NORMAL] = [0.0, 0.0, 1.0]
+        box[attributes.OBJECT_LAYER_THICKNESS] = thickness
     else:
         rh.add_plate(900, pose, made)
     pixels = rh.render(scene).astype(np.float64)[..., 2]
@@ -105,7 +104,7 @@ def test_layer_behind_a_mirror_is_entered_anew(scale: float) -> None:
     if scene.world.node_tree is None:
         scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1, 1, 1, 1)
-    scene[contract.ATTR_WAVELENGTH] = WAVELENGTH
+    scene[attributes.ATTR_WAVELENGTH] = WAVELENGTH
     mirror = nodes.make_material("Mirror", 1e4, 1e4, 1.0, 0.0, penetrable=False)
     # Down to the mirror, level to the layer, which stands at 60 degrees to the ray.
     rh.add_plate(3, PLACE @ Matrix.Rotation(math.radians(45), 4, "X"), mirror)
@@ -115,8 +114,8 @@ def test_layer_behind_a_mirror_is_entered_anew(scale: float) -> None:
     box = rh.add_box((-size, -half, -size), (size * 1.1, half, size * 1.2), made)
     pose = Matrix.Translation((0, -50, -10)) @ Matrix.Rotation(math.radians(60), 4, "Z")
     box.matrix_world = pose @ Matrix.Scale(scale, 4)
-    box[contract.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
-    box[contract.OBJECT_LAYER_THICKNESS] = 2 * half
+    box[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
+    box[attributes.OBJECT_LAYER_THICKNESS] = 2 * half
     pixels = rh.render(scene).astype(np.float64)[..., 2]
     slab = slab_power(index, thickness, WAVELENGTH, 0.5, "single-pass")
     expected = float(slab.transmitted) * 0.9998

@@ -13,8 +13,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
-from radarsim_addon.blender import nodes  # noqa: E402
+from radarsim_addon.blender import attributes, nodes  # noqa: E402
 from radarsim_addon.blender.nodes.build import TreeBuilder  # noqa: E402
 from tests.blender import render_helpers as rh  # noqa: E402
 
@@ -114,16 +113,16 @@ def test_near_clip_shortens_the_first_segment(clip_start: float) -> None:
 @pytest.mark.parametrize("value", [0.1, 1 / 3, 1e-7, 12345.678])
 def test_scene_attribute_reaches_shaders_exactly(value: float) -> None:
     """As the nearest float32. An absent one reads 0."""
-    for name in (contract.ATTR_RING_MAX, "radarsim_absent"):
+    for name in (attributes.ATTR_RING_MAX, "radarsim_absent"):
         scene = rh.new_scene(size=4)
-        scene[contract.ATTR_RING_MAX] = value
+        scene[attributes.ATTR_RING_MAX] = value
 
         def draw(build: TreeBuilder, name: str = name) -> Any:
             return emission(build, build.scene_attribute(name))
 
         rh.add_plate(20, down(5), shader("Attribute", draw))
         pixels = rh.render(scene, ring=(0.0, value))
-        wanted = np.float32(value) if name == contract.ATTR_RING_MAX else 0
+        wanted = np.float32(value) if name == attributes.ATTR_RING_MAX else 0
         assert (pixels == wanted).all()
 
 

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender import attributes  # noqa: E402
 from radarsim_addon.blender.layers import set_layer_normals  # noqa: E402
 from radarsim_addon.blender.mesh_checks import check_meshes  # noqa: E402
 from radarsim_addon.blender.recorder import Recorder  # noqa: E402
@@ -61,21 +61,21 @@ def test_what_is_no_layer_is_named() -> None:
     """Its absorption does not follow the angle; a wall's does, and so does what the user sets."""
     box((0, 0, 0), (4, 0.2, 3), "Wall")
     box((0, 5, 0), (4, 9, 3), "Thick")
-    box((9, 5, 0), (13, 9, 3), "Told")[contract.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
+    box((9, 5, 0), (13, 9, 3), "Told")[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
     bpy.context.view_layer.update()
     recorder = Recorder()
     (text,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
     assert "'Thick': less than 60%" in text
     assert "Wall" not in text and "Told" not in text
     wall = bpy.data.objects["Wall"]
-    assert contract.OBJECT_LAYER_NORMAL in wall
-    assert wall[contract.OBJECT_LAYER_THICKNESS] == pytest.approx(0.2, rel=1e-6)
+    assert attributes.OBJECT_LAYER_NORMAL in wall
+    assert wall[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(0.2, rel=1e-6)
     # The normal was told, the thickness measured.
-    assert bpy.data.objects["Told"][contract.OBJECT_LAYER_THICKNESS] == pytest.approx(4.0)
+    assert bpy.data.objects["Told"][attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(4.0)
     assert recorder.restore() == []
-    assert contract.OBJECT_LAYER_NORMAL not in wall
-    assert contract.OBJECT_LAYER_THICKNESS not in wall
-    assert contract.OBJECT_LAYER_THICKNESS not in bpy.data.objects["Told"]
+    assert attributes.OBJECT_LAYER_NORMAL not in wall
+    assert attributes.OBJECT_LAYER_THICKNESS not in wall
+    assert attributes.OBJECT_LAYER_THICKNESS not in bpy.data.objects["Told"]
 
 
 def test_two_plates_in_one_object_have_no_thickness() -> None:
@@ -90,8 +90,8 @@ def test_two_plates_in_one_object_have_no_thickness() -> None:
     bpy.context.view_layer.update()
     recorder = Recorder()
     assert set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get()) == []
-    assert contract.OBJECT_LAYER_NORMAL in first
-    assert contract.OBJECT_LAYER_THICKNESS not in first
+    assert attributes.OBJECT_LAYER_NORMAL in first
+    assert attributes.OBJECT_LAYER_THICKNESS not in first
     recorder.restore()
 
 

@@ -11,8 +11,14 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon import contract  # noqa: E402
-from radarsim_addon.blender import interactive, panels, pictures, properties, results  # noqa: E402
+from radarsim_addon.blender import (  # noqa: E402
+    attributes,
+    interactive,
+    panels,
+    pictures,
+    properties,
+    results,
+)
 from radarsim_addon.blender.interactive import InteractiveRender  # noqa: E402
 from radarsim_addon.errors import ConfigError, FrameFileError, OutputError  # noqa: E402
 from tests.blender import radar_scenes as rs  # noqa: E402
@@ -221,7 +227,7 @@ def interactive_run(scene: Any, tmp_path: Path) -> Any:
     assert handler_counts() == handlers
     assert bpy.context.preferences.view.render_display_type == display
     scene = bpy.context.scene  # a test may have loaded a file
-    assert contract.ATTR_RING_MAX not in scene
+    assert attributes.ATTR_RING_MAX not in scene
     assert scene.render.resolution_x == 1920
 
 
@@ -301,7 +307,7 @@ def test_saving_in_the_middle_saves_the_users_settings(
     bpy.ops.wm.open_mainfile(filepath=str(path))
     scene = bpy.context.scene
     assert scene.render.resolution_x == 1920
-    assert contract.ATTR_RING_MAX not in scene
+    assert attributes.ATTR_RING_MAX not in scene
 
 
 def test_processing_needs_a_whole_run(scene: Any, tmp_path: Path) -> None:

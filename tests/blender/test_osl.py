@@ -16,8 +16,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
-from radarsim_addon.blender import nodes  # noqa: E402
+from radarsim_addon.blender import attributes, nodes  # noqa: E402
 from radarsim_addon.blender.nodes.build import TreeBuilder  # noqa: E402
 from radarsim_addon.blender.physical_materials import EXACT_FACETS  # noqa: E402
 from tests.blender import render_helpers as rh  # noqa: E402
@@ -57,12 +56,12 @@ def twin_material(n: float, kappa: float, s: float, roughness: float, penetrable
         material.use_nodes = True
     material.node_tree.nodes.clear()
     build = TreeBuilder(material.node_tree)
-    inverse_k = build.scene_attribute(contract.ATTR_INVERSE_CODE_LENGTH)
+    inverse_k = build.scene_attribute(attributes.ATTR_INVERSE_CODE_LENGTH)
     index = {"Index": n, "Extinction": kappa, "InverseCodeLength": inverse_k}
     surface = {**index, "Specularity": s, "Roughness": roughness}
     output = {"Surface": script(build, "radar_material", surface)}
     if penetrable:
-        length = build.scene_attribute(contract.ATTR_EXTINCTION_LENGTH)
+        length = build.scene_attribute(attributes.ATTR_EXTINCTION_LENGTH)
         output["Volume"] = script(build, "radar_volume", {**index, "ExtinctionLength": length})
     build.node("ShaderNodeOutputMaterial", "output", output)
     return material
@@ -74,9 +73,9 @@ def twin_emitter() -> None:
     light.node_tree.nodes.clear()
     build = TreeBuilder(light.node_tree)
     inputs = {
-        "RingMin": contract.ATTR_RING_MIN,
-        "RingMax": contract.ATTR_RING_MAX,
-        "InverseCodeLength": contract.ATTR_INVERSE_CODE_LENGTH,
+        "RingMin": attributes.ATTR_RING_MIN,
+        "RingMax": attributes.ATTR_RING_MAX,
+        "InverseCodeLength": attributes.ATTR_INVERSE_CODE_LENGTH,
     }
     values = {key: build.scene_attribute(name) for key, name in inputs.items()}
     emission = script(build, "ring_emitter", values)
@@ -142,10 +141,10 @@ PHYSICAL = {
     "metal": ((1e4, 1e4, 0.6), False),
 }
 _ATTRIBUTES = {
-    "Polarisation": contract.ATTR_POLARISATION,
-    "InverseCodeLength": contract.ATTR_INVERSE_CODE_LENGTH,
-    "SurfaceDepth": contract.ATTR_SURFACE_DEPTH,
-    "SurfaceStop": contract.ATTR_SURFACE_STOP,
+    "Polarisation": attributes.ATTR_POLARISATION,
+    "InverseCodeLength": attributes.ATTR_INVERSE_CODE_LENGTH,
+    "SurfaceDepth": attributes.ATTR_SURFACE_DEPTH,
+    "SurfaceStop": attributes.ATTR_SURFACE_STOP,
 }
 
 
@@ -165,12 +164,12 @@ def physical_twin(n: float, kappa: float, roughness: float, penetrable: bool) ->
             "ShaderNodeAttribute",
             "normal",
             attribute_type="OBJECT",
-            attribute_name=contract.OBJECT_LAYER_NORMAL,
+            attribute_name=attributes.OBJECT_LAYER_NORMAL,
         )
         inputs = {
             **index,
             "LayerNormal": normal.outputs["Vector"],
-            "Wavelength": build.scene_attribute(contract.ATTR_WAVELENGTH),
+            "Wavelength": build.scene_attribute(attributes.ATTR_WAVELENGTH),
             "InverseCodeLength": values["InverseCodeLength"],
         }
         output["Volume"] = script(build, "radar_physical_volume", inputs)
@@ -198,7 +197,7 @@ def physical_scene(osl: bool) -> Any:
         box = rh.add_box((-2.1, -1.3, -0.03), (1.7, 2.9, 0.04), material(name))
         turn = Matrix.Rotation(math.radians(angle), 4, "Y")
         box.matrix_world = Matrix.Translation((0.1, 0.2, place)) @ turn
-        box[contract.OBJECT_LAYER_NORMAL] = [0.0, 0.0, 1.0]
+        box[attributes.OBJECT_LAYER_NORMAL] = [0.0, 0.0, 1.0]
     tilt = Matrix.Translation((0.3, 1, -14)) @ Matrix.Rotation(math.radians(5), 4, "Y")
     rh.add_plate(3, tilt, material("metal"))
     return scene
@@ -216,10 +215,10 @@ def test_physical_twins_render_the_same(polarisation: int, surfaces: int) -> Non
 
     def image(osl: bool, exact_facets: bool) -> np.ndarray:
         scene = physical_scene(osl)
-        scene[contract.ATTR_POLARISATION] = float(polarisation)
-        scene[contract.ATTR_WAVELENGTH] = 0.0566
-        scene[contract.ATTR_FACET_FRESNEL] = float(exact_facets)
-        scene[contract.ATTR_SURFACE_DEPTH] = scene[contract.ATTR_SURFACE_STOP] = surfaces + 0.5
+        scene[attributes.ATTR_POLARISATION] = float(polarisation)
+        scene[attributes.ATTR_WAVELENGTH] = 0.0566
+        scene[attributes.ATTR_FACET_FRESNEL] = float(exact_facets)
+        scene[attributes.ATTR_SURFACE_DEPTH] = scene[attributes.ATTR_SURFACE_STOP] = surfaces + 0.5
         return rh.render(scene, 12.0).astype(np.float64)
 
     twin = image(True, EXACT_FACETS)

@@ -14,9 +14,8 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender import attributes, properties  # noqa: E402
 from radarsim_addon.blender import physical_materials as pm  # noqa: E402
-from radarsim_addon.blender import properties  # noqa: E402
 from radarsim_addon.blender.layers import layer_normal, object_layer_normal  # noqa: E402
 from radarsim_addon.blender.nodes.materials import group_node, lets_nothing_through  # noqa: E402
 from radarsim_addon.errors import ConfigError  # noqa: E402
@@ -239,8 +238,8 @@ def test_rough_surface_straight_back(index: complex, slope: float) -> None:
         place = np.array([0.03, 0.05, -10.0])
         tilt = Matrix.Rotation(math.radians(angle), 4, "X")
         rh.add_plate(40, Matrix.Translation(place) @ tilt, made)
-        scene[contract.ATTR_SURFACE_DEPTH] = scene[contract.ATTR_SURFACE_STOP] = 0.5
-        scene[contract.ATTR_FACET_FRESNEL] = float(bpy.app.version >= (5, 0, 0))
+        scene[attributes.ATTR_SURFACE_DEPTH] = scene[attributes.ATTR_SURFACE_STOP] = 0.5
+        scene[attributes.ATTR_FACET_FRESNEL] = float(bpy.app.version >= (5, 0, 0))
         pixels = rh.render(scene, 10.0).astype(np.float64)
         rays = rh.pixel_directions(scene)
         normal = np.array([0, -math.sin(math.radians(angle)), math.cos(math.radians(angle))])

@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender import attributes  # noqa: E402
 from radarsim_addon.physics.materials import material  # noqa: E402
 from radarsim_addon.physics.slab import excess_path_m, slab_power  # noqa: E402
 from tests.blender import render_helpers as rh  # noqa: E402
@@ -100,10 +100,10 @@ def through_boxes(boxes: list[tuple[complex, float, float]], faces: int) -> np.n
             (wide + 0.2, far, wide + 0.4),
             ss.physical_material(index.real, index.imag),
         )
-        box[contract.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
-    scene[contract.ATTR_WAVELENGTH] = 1.0
+        box[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
+    scene[attributes.ATTR_WAVELENGTH] = 1.0
     if faces:
-        scene[contract.ATTR_SURFACE_DEPTH] = scene[contract.ATTR_SURFACE_STOP] = faces + 0.5
+        scene[attributes.ATTR_SURFACE_DEPTH] = scene[attributes.ATTR_SURFACE_STOP] = faces + 0.5
     return rh.render(scene, 10.0).astype(np.float64)
 
 

@@ -17,7 +17,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal  # noqa: E402
-from radarsim_addon.blender import output_folder, render_job  # noqa: E402
+from radarsim_addon.blender import attributes, output_folder, render_job  # noqa: E402
 from radarsim_addon.blender.nodes import groups  # noqa: E402
 from radarsim_addon.errors import OutputError, RenderError, SceneError  # noqa: E402
 from radarsim_addon.sidecar import file_sha256, read_record  # noqa: E402
@@ -252,7 +252,7 @@ def test_folder_removed_in_the_middle(plate: Any, tmp_path: Path) -> None:
         job.render(task)
         shutil.rmtree(folder)
         job.finish(task)
-    assert contract.ATTR_RING_MAX not in bpy.context.scene
+    assert attributes.ATTR_RING_MAX not in bpy.context.scene
 
 
 @pytest.mark.parametrize("name", ["Ünïcödé 雷達 run", "with space #1 %04d", "{braces} $HOME"])

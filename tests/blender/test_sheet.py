@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 
-from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender import attributes  # noqa: E402
 from radarsim_addon.blender import physical_materials as pm  # noqa: E402
 from radarsim_addon.physics.materials import material as library  # noqa: E402
 from radarsim_addon.physics.slab import excess_path_m, slab_power  # noqa: E402
@@ -40,9 +40,9 @@ def behind_pane(
         )
         pose = Matrix.Translation((0.013, 5, 0.017)) @ turn @ upright
         rh.add_plate(8, pose, pane, name="Pane")
-        scene[contract.ATTR_SURFACE_DEPTH] = scene[contract.ATTR_SURFACE_STOP] = 1.5
-    scene[contract.ATTR_WAVELENGTH] = 299_792_458.0 / carrier_hz
-    scene[contract.ATTR_POLARISATION] = float(pol)
+        scene[attributes.ATTR_SURFACE_DEPTH] = scene[attributes.ATTR_SURFACE_STOP] = 1.5
+    scene[attributes.ATTR_WAVELENGTH] = 299_792_458.0 / carrier_hz
+    scene[attributes.ATTR_POLARISATION] = float(pol)
     pixels = rh.render(scene, CODE).astype(np.float64)
     rays = rh.pixel_directions(scene)
     rays = np.stack([rays[..., 0], -rays[..., 2], rays[..., 1]], axis=-1)
@@ -89,7 +89,7 @@ def test_pane_in_a_furnace_gives_everything_back() -> None:
         )
         tilt = Matrix.Rotation(math.radians(50), 4, "X")
         rh.add_plate(90, Matrix.Translation((0.03, 0.05, -5)) @ tilt, pane)
-        scene[contract.ATTR_WAVELENGTH] = 299_792_458.0 / 10e9
+        scene[attributes.ATTR_WAVELENGTH] = 299_792_458.0 / 10e9
         assert np.abs(rh.render(scene) - 1).max() < 1e-5
 
 

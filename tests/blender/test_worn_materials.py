@@ -16,7 +16,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon import contract  # noqa: E402
+from radarsim_addon.blender import attributes  # noqa: E402
 from radarsim_addon.blender import physical_materials as pm  # noqa: E402
 from radarsim_addon.blender.layers import set_layer_normals  # noqa: E402
 from radarsim_addon.blender.mesh_checks import check_meshes  # noqa: E402
@@ -241,11 +241,11 @@ def test_follows_the_carrier_and_is_found(way: Callable[[Path], None], tmp_path:
     assert index_of(made) == pytest.approx(expected, rel=1e-6)
     assert abs(expected - before) > 0.01
     (item,) = [one.item for one in worn_materials(depsgraph) if one.item.name == WALL]
-    assert np.abs(item[contract.OBJECT_LAYER_NORMAL]) == pytest.approx([0, 1, 0], abs=1e-6)
-    assert item[contract.OBJECT_LAYER_THICKNESS] == pytest.approx(THICKNESS, rel=1e-5)
+    assert np.abs(item[attributes.OBJECT_LAYER_NORMAL]) == pytest.approx([0, 1, 0], abs=1e-6)
+    assert item[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(THICKNESS, rel=1e-5)
     assert recorder.restore() == []
     assert index_of(made) == before
-    assert contract.OBJECT_LAYER_NORMAL not in item
+    assert attributes.OBJECT_LAYER_NORMAL not in item
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ... import contract
+from .. import attributes
 from .build import TreeBuilder
 from .fresnel import is_open
 
@@ -202,7 +202,7 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     horizontal = math(
         "DIVIDE", "w_s of H", math("MULTIPLY", "product^2", product, product), lengths, clamp=True
     )
-    asked = build.scene_attribute(contract.ATTR_POLARISATION)
+    asked = build.scene_attribute(attributes.ATTR_POLARISATION)
     is_horizontal = math("GREATER_THAN", "H asked", asked, 1.5)
     is_vertical = math("GREATER_THAN", "V or H asked", asked, 0.5)
     vertical = math("SUBTRACT", "w_s of V", 1.0, horizontal)

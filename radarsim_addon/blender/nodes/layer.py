@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ... import contract
+from .. import attributes
 from .build import TreeBuilder
 
 MOST_ECHOES = 8.0
@@ -22,7 +22,7 @@ def layer_cosine(build: TreeBuilder) -> Any:
         "ShaderNodeAttribute",
         "Layer normal",
         attribute_type="OBJECT",
-        attribute_name=contract.OBJECT_LAYER_NORMAL,
+        attribute_name=attributes.OBJECT_LAYER_NORMAL,
     ).outputs["Vector"]
     world = build.node(
         "ShaderNodeVectorTransform",
@@ -58,14 +58,14 @@ def internal_echoes(build: TreeBuilder) -> Any:
         "ShaderNodeAttribute",
         "Layer normal (echoes)",
         attribute_type="OBJECT",
-        attribute_name=contract.OBJECT_LAYER_NORMAL,
+        attribute_name=attributes.OBJECT_LAYER_NORMAL,
     ).outputs["Vector"]
     unit = build.vector_math("NORMALIZE", "Unit layer normal, object", {0: normal})
     thickness = build.node(
         "ShaderNodeAttribute",
         "Layer thickness",
         attribute_type="OBJECT",
-        attribute_name=contract.OBJECT_LAYER_THICKNESS,
+        attribute_name=attributes.OBJECT_LAYER_THICKNESS,
     ).outputs["Vector"]
     across = build.node("ShaderNodeSeparateXYZ", "Thickness", {0: thickness}).outputs["X"]
     ray = build.node("ShaderNodeNewGeometry", "Ray (echoes)").outputs["Incoming"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ... import contract
+from .. import attributes
 from .build import SocketSpec, TreeBuilder
 
 SURFACE = SocketSpec(
@@ -25,13 +25,13 @@ VOLUME = SocketSpec(
 
 def any_inverse_code_length(build: TreeBuilder, inverse_k: Any) -> Any:
     """1/k, whether the code is put on by the materials or by the world."""
-    world_inverse_k = build.scene_attribute(contract.ATTR_WORLD_CODE)
+    world_inverse_k = build.scene_attribute(attributes.ATTR_WORLD_CODE)
     return build.math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
 
 
 def wavelength(build: TreeBuilder) -> Any:
     """Wavelength in vacuum, Blender units; 1 outside a measurement."""
-    given = build.scene_attribute(contract.ATTR_WAVELENGTH)
+    given = build.scene_attribute(attributes.ATTR_WAVELENGTH)
     is_given = build.math("GREATER_THAN", "wavelength given", given, 0.0)
     return build.select("wavelength", is_given, 1.0, given)
 

@@ -30,8 +30,8 @@ from __future__ import annotations
 import math as _math
 from typing import Any
 
-from ... import contract
 from ...physics.rough_transmission import RAMP_BELOW
+from .. import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence
 from .interface import excess, interface_power, wave_inside
@@ -123,7 +123,7 @@ def _rough_lobes(
     ratio = build.select("1, or R / F from inside", back, 1.0, inside)
     weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
     weight = math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
-    exact = build.scene_attribute(contract.ATTR_FACET_FRESNEL)
+    exact = build.scene_attribute(attributes.ATTR_FACET_FRESNEL)
     flat = math("SUBTRACT", "normal incidence", 1.0, exact)
     flat = math(
         "MULTIPLY",

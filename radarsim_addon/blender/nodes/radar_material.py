@@ -19,7 +19,7 @@ from __future__ import annotations
 import math as _math
 from typing import Any
 
-from ... import contract
+from .. import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence, reflectance, transmittance
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior
@@ -94,9 +94,9 @@ def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
     camera = light_path.outputs["Is Camera Ray"]
     depth = math("ADD", "depth + 1", light_path.outputs["Transparent Depth"], 1.0)
     before = math(
-        "LESS_THAN", "before the gate", depth, build.scene_attribute(contract.ATTR_SURFACE_DEPTH)
+        "LESS_THAN", "before the gate", depth, build.scene_attribute(attributes.ATTR_SURFACE_DEPTH)
     )
-    stop = build.scene_attribute(contract.ATTR_SURFACE_STOP)
+    stop = build.scene_attribute(attributes.ATTR_SURFACE_STOP)
     asked = math("GREATER_THAN", "stop asked for", stop, 0.0)
     at_gate = math("GREATER_THAN", "at the gate", depth, stop)
     stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", asked, at_gate), camera)
@@ -109,7 +109,7 @@ def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
 
 def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
     math = build.math
-    given = build.scene_attribute(contract.ATTR_EXTINCTION_LENGTH)
+    given = build.scene_attribute(attributes.ATTR_EXTINCTION_LENGTH)
     is_given = math("GREATER_THAN", "Lambda given", given, 0.0)
     length = build.select("Lambda", is_given, 1.0, given)
     four_pi_kappa = math("MULTIPLY", "4 pi kappa", kappa, 4.0 * _math.pi)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ... import contract
+from .. import attributes
 from .build import TreeBuilder
 
 
@@ -31,4 +31,4 @@ def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any
 
 def inverse_code_length(build: TreeBuilder) -> Any:
     """1/k of the running measurement, per Blender unit; 0 outside one."""
-    return build.scene_attribute(contract.ATTR_INVERSE_CODE_LENGTH)
+    return build.scene_attribute(attributes.ATTR_INVERSE_CODE_LENGTH)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from ... import contract
 from ...errors import SceneError
+from .. import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .range_code import inverse_code_length, range_code, ray_length
 
@@ -21,8 +21,8 @@ KIND = "ring_emitter"
 def _draw(build: TreeBuilder) -> None:
     math = build.math
     length = ray_length(build)
-    ring_min = build.scene_attribute(contract.ATTR_RING_MIN)
-    ring_max = build.scene_attribute(contract.ATTR_RING_MAX)
+    ring_min = build.scene_attribute(attributes.ATTR_RING_MIN)
+    ring_max = build.scene_attribute(attributes.ATTR_RING_MAX)
     # Two "less than" that share their edges with the neighbouring rings: every length is in
     # exactly one ring, edges included, so that the rings add up to the ungated render.
     below_max = math("LESS_THAN", "r < ring max", length, ring_max)
@@ -51,8 +51,8 @@ def _path_gate(build: TreeBuilder) -> Any:
     depth = math("ADD", "depth + 1", light_path.outputs["Transparent Depth"], 1.0)
     gate: Any = None
     for label, value, low, high in (
-        ("order", order, contract.ATTR_ORDER_MIN, contract.ATTR_ORDER_MAX),
-        ("depth", depth, contract.ATTR_DEPTH_MIN, contract.ATTR_DEPTH_MAX),
+        ("order", order, attributes.ATTR_ORDER_MIN, attributes.ATTR_ORDER_MAX),
+        ("depth", depth, attributes.ATTR_DEPTH_MIN, attributes.ATTR_DEPTH_MAX),
     ):
         least = build.scene_attribute(low)
         most = build.scene_attribute(high)
@@ -75,9 +75,9 @@ def _vertex_colour(build: TreeBuilder, length: Any) -> Any:
         "SCALE", "To the lit point", {0: geometry.outputs["Incoming"], "Scale": length}
     )
     point = build.vector_math("ADD", "Lit point", {0: geometry.outputs["Position"], 1: way})
-    origin = build.scene_vector_attribute(contract.ATTR_VERTEX_ORIGIN)
+    origin = build.scene_vector_attribute(attributes.ATTR_VERTEX_ORIGIN)
     offset = build.vector_math("SUBTRACT", "From origin", {0: point, 1: origin})
-    scale = build.scene_attribute(contract.ATTR_VERTEX_SCALE)
+    scale = build.scene_attribute(attributes.ATTR_VERTEX_SCALE)
     mapped = build.vector_math("SCALE", "Mapped", {0: offset, "Scale": scale})
     return build.vector_math("ADD", "1 + mapped", {0: mapped, 1: (1.0, 1.0, 1.0)})
 
