@@ -211,8 +211,9 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
 def _print_quality(frame: RadarFrame) -> None:
     """What the table of a frame says of itself."""
     record = read_paths_record(frame.path, frame.number)
+    shifts = "1 shift" if record.shifts == 1 else f"{record.shifts} shifts"
     print(
-        f"  tiles            {record.tiles}, {record.shifts} shifts each, finest level "
+        f"  tiles            {record.tiles}, {shifts} each, finest level "
         f"{record.finest_level}; {record.renders} renders in {record.render_time_s:.1f} s"
     )
     if record.small_objects:
