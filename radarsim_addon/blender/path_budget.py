@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import contract
+from ..signal.footprints import Points, spread, steps_of
 from ..signal.pathtable import FLAG_NO_CODE, PathRows
 from ..signal.replicates import edge_variances, lone_variances
 
@@ -56,10 +57,11 @@ class ShiftPowers:
 
 @dataclass
 class CellGrid:
-    """Numbers cells: range bins first, then objects."""
+    """Numbers cells: range bins first, then objects. Without `ranges` the bins stay empty."""
 
     bin_m: float
     bins: int
+    ranges: bool = True
 
     @property
     def first_object(self) -> int:
@@ -72,10 +74,8 @@ class CellGrid:
         """Cell powers of one of `count` shifts of a tile (each row's power is its share); without
         a camera nothing is known of edges along the grid."""
         size = self.first_object
-        known = rows["flags"] & FLAG_NO_CODE == 0
-        place = np.clip(rows["length_m"][known] / 2 / self.bin_m, 0, self.bins).astype(np.int64)
         power = rows["power_w"] * count
-        by_bin = np.bincount(place, power[known], minlength=1)
+        by_bin = self._by_bin(rows, count, camera) if self.ranges else np.zeros(1)
         by_object = np.bincount(rows["object"], power, minlength=1)
         bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
         hits = np.bincount(rows["object"], minlength=1) / count
@@ -92,6 +92,22 @@ class CellGrid:
             hits,
             edges,
         )
+
+    def _by_bin(self, rows: PathRows, count: int, camera: contract.CameraRecord | None) -> Real:
+        """Power of range bins, each row spread over what its pixel covers, as in the profile."""
+        rows = rows[rows["flags"] & FLAG_NO_CODE == 0]
+        parts: Iterable[Points]
+        if camera is None:
+            whole = np.arange(rows.size)
+            parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
+        else:
+            parts = spread(rows, steps_of(rows, camera, count), self.bin_m, math.inf)
+        total = np.zeros(self.bins + 1)
+        for part in parts:
+            place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)
+            share = part.share * rows["power_w"][part.row] * count
+            total += np.bincount(place, share, minlength=total.size)
+        return total
 
     def powers(self, shifts: Sequence[ShiftPowers]) -> CellPowers:
         """Means and variances of a tile's cells over its shifts."""

@@ -94,7 +94,11 @@ class FrameWork:
         self._renders, self._seconds = 0, 0.0
         resolution_m = job.measurement.waveform.range_resolution_m
         reach_m = job.plan.rings * job.measurement.ring_step_m
-        self._grid = CellGrid(resolution_m, min(int(reach_m / resolution_m) + 1, 1 << 20))
+        self._grid = CellGrid(
+            resolution_m,
+            min(int(reach_m / resolution_m) + 1, 1 << 20),
+            ranges=job.options.error_of != "objects",
+        )
         self._budget = ErrorBudget(self._grid.first_object, job.options.error_of)
         self._whole = ViewWindow(
             camera.left,

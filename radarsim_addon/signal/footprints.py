@@ -14,9 +14,9 @@ juts out). Where they differ too much (a step in the surface), the smaller one c
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..contract import CameraRecord
 from .pathframes import usable
 from .pathtable import PathRows
-from .pixelgrid import grid_places, placed
+from .pixelgrid import MOST_PX, grid_places, placed
 
 Real = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -86,56 +86,75 @@ def steps_of(rows: PathRows, camera: CameraRecord, count: int) -> Steps:
     kept = np.flatnonzero((rows["order"] == 1) & (rows["object"] > 0) & placed(rows, camera))
     if kept.size < 2:
         return found
-    col, row = grid_places(rows[kept], camera, count)
-    depth = rows["transparent_depth"][kept]
-    # columns of their own: those of a table lie far apart
-    columns = [np.array(rows[name]) for name in ("length_m", "range_rate_mps", "power_w")]
-    owner = rows["object"].astype(np.intp) << 32 | rows["body"]
-    image = np.full((int(row.max()) + 5, int(col.max()) + 5), -1, dtype=np.intp)
+    mine = rows if kept.size == rows.size else rows[kept]
+    col, row = grid_places(mine, camera, count)
+    owner = mine["object"].astype(np.int64) << 32 | mine["body"]
+    depth, power = mine["transparent_depth"], mine["power_w"]
+    moving = bool(np.any(mine["range_rate_mps"]))
+    names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
     for gate in np.unique(depth):
-        here = depth == gate
-        mine = kept[here]
-        image.fill(-1)
-        image[row[here] + 2, col[here] + 2] = mine
-        for axis, (up, across) in enumerate(((0, 1), (1, 0))):
-            line = [image[row[here] + 2 + k * up, col[here] + 2 + k * across] for k in range(-2, 3)]
-            steps = _limited(columns, owner, mine, line)
-            found.length_m[mine, axis], found.range_rate_mps[mine, axis] = steps[:2]
-            own = columns[2][mine, None]
-            relative = np.divide(steps[2], own, out=np.zeros_like(steps[2]), where=own > 0)
-            found.power[mine, axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
+        here = np.flatnonzero(depth == gate)
+        low, left = row[here].min() - 2, col[here].min() - 2
+        # two empty pixels all around: nothing wraps, and every ray has two on each side
+        shape = (int(row[here].max() - low) + 3, int(col[here].max() - left) + 3)
+        if shape[0] * shape[1] > MOST_PX:
+            continue
+        place = (row[here] - low, col[here] - left)
+        owners = np.zeros(shape, dtype=np.int64)
+        owners[place] = owner[here]
+        images = np.zeros((len(names), *shape))
+        for image, name in zip(images, names, strict=True):
+            image[place] = mine[name][here]
+        own = power[here, None]
+        for axis in (0, 1):
+            # columns are the second index of an image, and the first axis of steps
+            sides = _sides(images, owners, 1 - axis)
+            steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
+            found.length_m[kept[here], axis] = steps[0]
+            relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
+            found.power[kept[here], axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
+            if moving:
+                found.range_rate_mps[kept[here], axis] = steps[2]
     return found
 
 
-def _limited(columns: list[Real], owner: Places, mine: Places, line: list[Places]) -> list[Real]:
-    """Steps of each column before and after these rows (n, 2), from five rays in a line (-1: there
-    is none); the first column rules what counts."""
-    there = [(place >= 0) & (owner[place] == owner[mine]) for place in line]
-    # steps from each ray of the line to the next; 0 where one of them is not of the object
-    known = np.stack([a & b for a, b in itertools.pairwise(there)])
-    length, *others = (
-        np.where(known, np.diff([column[place] for place in line], axis=0), 0.0)
-        for column in columns
-    )
+def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Real, Real]]:
+    """Step before and after each pixel of each image along an axis; the first image rules what
+    counts. Pixels of no owner hold nothing."""
+    same = (owners == np.roll(owners, 1, axis)) & (owners > 0)
+    # the step that ends at each pixel; 0 where it begins on something else
+    steps = [np.where(same, image - np.roll(image, 1, axis), 0.0) for image in images]
+
+    def at(step: NDArray[Any], offset: int) -> NDArray[Any]:
+        return np.roll(step, -offset, axis)
+
+    # steps to each pixel and from it on, and the next ones to both sides
+    to, on = same, at(same, 1)
+    size = abs(steps[0])
     # At the end of a surface the step before goes on, or the one before that if it is smaller.
-    first = np.where(known[1], 1, _smaller(length, 2, 3))
-    last = np.where(known[2], 2, _smaller(length, 1, 0))
-    pick = np.arange(mine.size)
-    before, after = length[first, pick], length[last, pick]
-    small, large = np.minimum(abs(before), abs(after)), np.maximum(abs(before), abs(after))
-    rough = large > _STEEPER * small
-    smaller = np.where(abs(before) <= abs(after), first, last)
-    first, last = np.where(rough, smaller, first), np.where(rough, smaller, last)
-    monotonic = (before * after > 0)[:, None]
-    return [
-        np.where(monotonic, np.stack([step[first, pick], step[last, pick]], axis=-1), 0.0)
-        for step in (length, *others)
-    ]
+    nearer_on, nearer_to = at(size, 1) <= at(size, 2), size <= at(size, -1)
 
+    def pair(step: Real) -> tuple[Real, Real]:
+        after = at(step, 1)
+        first = np.where(to, step, np.where(nearer_on, after, at(step, 2)))
+        last = np.where(on, after, np.where(nearer_to, step, at(step, -1)))
+        return first, last
 
-def _smaller(steps: Real, one: int, other: int) -> Places:
-    """Which of two steps is smaller."""
-    return np.where(abs(steps[one]) <= abs(steps[other]), one, other)
+    before, after = pair(steps[0])
+    smaller = abs(before) <= abs(after)
+    rough = np.maximum(abs(before), abs(after)) > _STEEPER * np.minimum(abs(before), abs(after))
+    take_first, take_last = rough & ~smaller, rough & smaller
+    monotonic = before * after > 0
+    found = []
+    for step in steps:
+        first, last = pair(step)
+        found.append(
+            (
+                np.where(monotonic, np.where(take_first, last, first), 0.0),
+                np.where(monotonic, np.where(take_last, first, last), 0.0),
+            )
+        )
+    return found
 
 
 def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iterator[Points]:

@@ -14,8 +14,12 @@ from .pathtable import PathRows
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: Least angle between neighbouring rays of a sphere: below it is rounding [rad].
-_SAME = 1e-9
+#: Angles between rays of a sphere that are rounding, as a share of a pixel's side.
+_SAME = 1e-3
+#: Pixels whose median tells the pitch, which is the same for all.
+_ENOUGH = 1 << 12
+#: Most pixels of a grid: a table that says otherwise is not one of a grid.
+MOST_PX = 1 << 25
 
 
 def placed(rows: PathRows, camera: CameraRecord) -> NDArray[np.bool_]:
@@ -42,16 +46,24 @@ def grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integ
         Number of shifts of the tile, which share the solid angle.
     """
     pose = np.array(camera.matrix_world, dtype=np.float64)
-    local = rows["direction"] @ pose[:3, :3]
+    # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one
+    # another longer than three columns take.
+    local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
     area = count * rows["solid_angle_sr"]
     if camera.kind == "equirectangular":
         u = np.arctan2(local[:, 0], -local[:, 2])
         u = (u - u[0] + math.pi) % (2 * math.pi)
         v = np.arctan2(local[:, 1], np.hypot(local[:, 0], local[:, 2]))
-        step_u, step_v = _least_step(u), _least_step(v)
+        # Pixels may be wider than high, but the mean of both sides tells what is rounding.
+        level = np.maximum(np.hypot(local[:, 0], local[:, 2]), 1e-12)
+        side = math.sqrt(float(np.median(area / level)))
+        step_u, step_v = (_least_step(places, _SAME * side) for places in (u, v))
     elif camera.kind == "perspective":
         u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
-        step_u = step_v = math.sqrt(float(np.median(area * (1 + u**2 + v**2) ** 1.5)))
+        few = slice(None, None, -(-u.size // _ENOUGH))
+        step_u = step_v = math.sqrt(
+            float(np.median(area[few] * (1 + u[few] ** 2 + v[few] ** 2) ** 1.5))
+        )
     else:
         flat = (rows["first_m"] - pose[:3, 3]) @ pose[:3, :3]
         u, v = flat[:, 0], flat[:, 1]
@@ -60,7 +72,7 @@ def grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integ
     return col, row
 
 
-def _least_step(places: Real) -> float:
+def _least_step(places: Real, same: float) -> float:
     steps = np.diff(np.sort(places))
-    steps = steps[steps > _SAME]
+    steps = steps[steps > same]
     return float(steps.min()) if steps.size else math.inf

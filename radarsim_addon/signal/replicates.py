@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..contract import CameraRecord
 from .pathtable import PathRows
-from .pixelgrid import grid_places, placed
+from .pixelgrid import MOST_PX, grid_places, placed
 
 Real = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -30,8 +30,6 @@ Integers = NDArray[np.int64]
 _R2 = (0.7548776662466927, 0.5698402909980532)
 #: Shifts whose pairs are summed up; the variance of more is taken to fall as their number does.
 _MOST_PAIRED = 1024
-#: Most pixels of a grid that edges are looked for in.
-_MOST_PX = 1 << 25
 
 
 def shift_px(index: int) -> tuple[float, float]:
@@ -136,7 +134,7 @@ def _images(
     rows, label, value = rows[kept], label[kept], value[kept]
     col, row = grid_places(rows, camera, count)
     shape = (int(row.max()) + 3, int(col.max()) + 3)
-    if shape[0] * shape[1] > _MOST_PX:
+    if shape[0] * shape[1] > MOST_PX:
         return
     gate = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(gate):

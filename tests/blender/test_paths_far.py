@@ -53,7 +53,7 @@ def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
         mine = rows[rows["shift"] == shift]
         # A shift moves the frame by up to half a pixel of the coarsest: by 1 % of the cosines.
         assert 4 * mine["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-3)
-    assert rows["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-4)
+    assert rows["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=4e-4)
 
 
 def test_a_target_between_the_rays_is_said(tmp_path: Path) -> None:
