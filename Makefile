@@ -21,7 +21,8 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench gui-test extension test-all-blenders clean
+.PHONY: help install demo test validate lint bench gui-test extension test-all-blenders \
+	validate-all-blenders clean
 
 help:
 	@echo "make demo               the paper's experiment: scene, render, maps in $(OUT)/"
@@ -29,6 +30,7 @@ help:
 	@echo "make validate           powers, ranges and losses against closed forms: docs/validation.md"
 	@echo "make gui-test           tests in a real Blender window (root, debootstrap, 1.3 GB)"
 	@echo "make test-all-blenders  make test's tests under Blender 4.5, 5.0 and, with Python 3.13, 5.2"
+	@echo "make validate-all-blenders  make validate under all three, and what the others found"
 	@echo "make lint               ruff and mypy"
 	@echo "make bench              how long things take"
 	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
@@ -65,6 +67,9 @@ gui-test: $(STAMP)
 
 test-all-blenders:
 	@scripts/test_all_blenders.sh $(PYTEST_ARGS)
+
+validate-all-blenders:
+	@DO=validate scripts/test_all_blenders.sh
 
 clean:
 	rm -rf .venv .venv-blender-* out dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache

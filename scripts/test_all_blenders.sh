@@ -1,8 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-3.0-or-later
-# Run the tests under every Blender that radarsim supports: 4.5 LTS, 5.0 and 5.2 LTS.
+# Run the tests under every Blender that radarsim supports: 4.5 LTS, 5.0 and 5.2 LTS; or, with
+# DO=validate, the validation: the report is that of 5.2, with a table of what the others found.
 #
 #   scripts/test_all_blenders.sh [PYTEST ARGUMENT...]
+#   DO=validate scripts/test_all_blenders.sh
 #
 # Each has its own environment, .venv-blender-VERSION, because a Python holds one bpy. A version
 # whose Python is not on this machine is left out and named.
@@ -13,6 +15,16 @@ root=$PWD
 ran=
 failed=
 left_out=
+
+run() { # PYTHON VERSION [PYTEST ARGUMENT...]
+    interpreter=$1 version=$2
+    shift 2
+    case ${DO:-test}-$version in
+    validate-5.2.*) "$interpreter" scripts/validate.py ;;
+    validate-*) "$interpreter" scripts/validate.py --other-blender ;;
+    *) "$interpreter" -m pytest -q "$@" ;;
+    esac
+}
 
 # The tests of one version start where the last ended: bpy is heavy on memory and cores.
 for version in ${BLENDERS:-4.5.15 5.0.1 5.2.3}; do
@@ -44,7 +56,7 @@ for version in ${BLENDERS:-4.5.15 5.0.1 5.2.3}; do
         touch "$stamp"
     fi
     echo "== Blender $version"
-    if "$venv/bin/python" -m pytest -q "$@"; then
+    if run "$venv/bin/python" "$version" "$@"; then
         ran="$ran $version"
     else
         failed="$failed $version"

@@ -3,10 +3,14 @@
 """Compare the program's powers, ranges and losses with closed forms, case by case.
 
     python scripts/validate.py [--quick] [--only GROUP ...] [--out docs] [--list] [--pictures]
+    python scripts/validate.py --other-blender
 
 Writes validation.md, validation.json and images/validation_*.png into the folder of --out (with
 --quick or --only: out/validation, unless told otherwise). Exit status 1 if a bound is broken; the
 cases are named. Each group of cases runs in a process of its own.
+
+A whole run also puts its outcome into validation_versions.json, from which the report has its table
+of Blender's versions. With --other-blender that is all that it writes there.
 """
 
 from __future__ import annotations
@@ -34,6 +38,7 @@ from scripts.validation.case import (  # noqa: E402
     run_case,
 )
 from scripts.validation.report import console, markdown  # noqa: E402
+from scripts.validation.versions import keep, table  # noqa: E402
 
 #: A process that takes this many times its cases' processor time by the clock is hung.
 _PATIENCE = 6.0
@@ -47,6 +52,11 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", metavar="GROUP", help="these groups alone")
     parser.add_argument(
         "--pictures", action="store_true", help="draw the pictures of a validation.json again"
+    )
+    parser.add_argument(
+        "--other-blender",
+        action="store_true",
+        help="keep the outcome for the table of versions alone; the report stays as it is",
     )
     parser.add_argument("--list", action="store_true", help="name the cases and end")
     parser.add_argument("--worker", type=Path, metavar="JSON", help=argparse.SUPPRESS)
@@ -73,11 +83,18 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     partial = arguments.quick or arguments.only
     out = (arguments.out or (ROOT / "out" / "validation" if partial else ROOT / "docs")).resolve()
-    return validate(found, arguments.quick, out)
+    if partial and arguments.other_blender:
+        parser.error("--other-blender keeps the outcome of all cases; leave out --quick and --only")
+    return validate(found, arguments.quick, out, whole=not partial, only=arguments.other_blender)
 
 
-def validate(found: list[Group], quick: bool, out: Path) -> int:
-    """Run the groups, write the report; 1 if a bound is broken."""
+def validate(
+    found: list[Group], quick: bool, out: Path, *, whole: bool = False, only: bool = False
+) -> int:
+    """Run the groups, write the report; 1 if a bound is broken.
+
+    whole: these are all cases, so the outcome is kept for the table of versions; only: that is all.
+    """
     machine = _machine()
     outcomes: list[Outcome] = []
     curves: dict[str, Any] = {}
@@ -96,7 +113,9 @@ def validate(found: list[Group], quick: bool, out: Path) -> int:
         sections |= result["sections"]
     machine["wall_s"] = time.perf_counter() - start_s
     machine["cpu_s"] = sum(outcome.cpu_s for outcome in outcomes)
-    _write(out, machine, found, outcomes, curves, sections)
+    records = keep(out, machine, outcomes) if whole else {}
+    if not only:
+        _write(out, machine, found, outcomes, curves, sections, table(records))
     faults = [fault for outcome in outcomes for fault in outcome.faults]
     for fault in faults:
         print(f"BROKEN {fault}", file=sys.stderr)
@@ -213,6 +232,7 @@ def _write(
     outcomes: list[Outcome],
     curves: dict[str, Any],
     sections: dict[str, list[str]],
+    versions: list[str],
 ) -> None:
     from scripts.validation.figures import draw
 
@@ -220,7 +240,7 @@ def _write(
     pictures = [
         (f"images/{file}", caption) for file, caption in draw(outcomes, curves, out / "images")
     ]
-    text = markdown(machine, found, outcomes, sections, pictures)
+    text = markdown(machine, found, outcomes, sections, pictures, versions)
     record = {
         "machine": machine,
         "passed": not any(outcome.faults for outcome in outcomes),

@@ -33,6 +33,8 @@ class Check:
         Of `error`, in the same unit; None where nothing is drawn at random or sampled.
     points
         How many numbers this one stands for; with more than 1 it is the worst of them.
+    usual_bound
+        Where `bound` is wider because this version of Blender cannot do better: that of others.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Check:
     source: str
     standard_error: float | None = None
     points: int = 1
+    usual_bound: float | None = None
 
     @property
     def passed(self) -> bool:

@@ -18,6 +18,7 @@ def markdown(
     outcomes: Sequence[Outcome],
     sections: dict[str, list[str]],
     pictures: Sequence[tuple[str, str]],
+    versions: Sequence[str] = (),
 ) -> str:
     """The whole document.
 
@@ -31,6 +32,8 @@ def markdown(
         Further lines of Markdown by group: tables that are no checks.
     pictures
         File (relative to the document) and caption.
+    versions
+        Lines of Markdown on other versions of Blender.
     """
     faults = [fault for outcome in outcomes for fault in outcome.faults]
     checks = [check for outcome in outcomes for check in outcome.checks]
@@ -70,6 +73,7 @@ def markdown(
         "",
     ]
     lines += [line for file, caption in pictures for line in (f"![{caption}]({file})", "")]
+    lines += versions
     for group in found:
         lines += [f"## {group.title}", "", group.text, ""]
         lines += _table([o for o in outcomes if o.group == group.key])

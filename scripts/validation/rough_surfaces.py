@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -161,7 +162,7 @@ def two_sites(bench: Bench, slope: float = 0.2) -> list[Check]:
                     "pi F(half angle) D(half vector) G",
                     relative_error=spread,
                 )
-                found.append(row)
+                found.append(row if exact else dataclasses.replace(row, usual_bound=BOUND_DB))
                 bench.point(
                     "two_sites",
                     medium=name_of(index),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from scripts import validate
+from scripts.validation import versions
 from scripts.validation.case import (
     Bench,
     Case,
@@ -135,6 +137,23 @@ def test_json_holds_what_cannot_be_written_as_a_number(tmp_path: Path) -> None:
     assert math.isnan(again.checks[0].error)
     assert again.checks[0].standard_error == math.inf
     assert again.checks[1] == GOOD
+
+
+def test_versions_are_kept_beside_one_another(tmp_path: Path) -> None:
+    """Each in place of its own earlier record; bounds that are wider on one of them are named."""
+    wide = dataclasses.replace(GOOD, name="wide", usual_bound=0.01)
+    for version, checks in (("4.5.15", (BROKEN,)), ("5.2.3", (GOOD,)), ("4.5.15", (GOOD, wide))):
+        outcome = Outcome("g", "c", list(checks), 1.0, 1.0, 2.0)
+        records = versions.keep(tmp_path, {**MACHINE, "blender": version}, [outcome])
+    assert records == versions.read(tmp_path)
+    first, second = versions.table(records)[-3:-1]
+    assert first.startswith("| 5.2.3 |") and first.endswith("| 0 | level: 86 % | none |")
+    assert second.startswith("| 4.5.15 |")
+    assert second.endswith("| wide: +0.043 dB (bound 0.05, elsewhere 0.01) |")
+    nan = absolute_check("n", 0.0, math.nan, 1.0, "")
+    broken = versions.summary(MACHINE, [Outcome("g", "c", [nan], 1.0, 1.0, 2.0)])
+    assert (broken["broken"], broken["worst"]) == (1, "n")
+    json.dumps(broken, allow_nan=False)
 
 
 def test_table_cells_hold_bars() -> None:
