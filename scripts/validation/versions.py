@@ -99,8 +99,8 @@ def table(records: dict[str, dict[str, Any]]) -> list[str]:
     for version, record in records.items():
         worst = f"{record['worst']}: {100 * record['worst_share']:.0f} %"
         wider = [
-            f"{row['name']}: {row['error']:+.2g} {row['unit']} (bound {number(row['bound'])}, "
-            f"elsewhere {number(row['usual_bound'])})"
+            f"{row['name']}: {row['error']:+.2g}{'' if row['unit'] == '1' else ' ' + row['unit']} "
+            f"(bound {number(row['bound'])}, elsewhere {number(row['usual_bound'])})"
             for row in record["wider"]
         ]
         cells = (
