@@ -7,7 +7,8 @@ in the others. Between the rays of one object the surface is taken to be straigh
 a pixel reaches half-way to those beside it, and its power, which it keeps, is spread over that as
 theirs tell. For expected powers alone: echoes with phase need points.
 
-Nothing is spread where no neighbour tells how far: at orders above 1 (which chance rules), and
+Nothing is spread where no neighbour tells how far: beyond the last ray of an object (or a strong
+one would lend power to ranges before and behind it), at orders above 1 (which chance rules), and
 where the ranges to both sides say opposite things (the nearest point of a sphere, an edge that
 juts out). Where they differ too much (a step in the surface), the smaller one counts.
 """
@@ -131,7 +132,7 @@ def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Rea
     # steps to each pixel and from it on, and the next ones to both sides
     to, on = same, at(same, 1)
     size = abs(steps[0])
-    # At the end of a surface the step before goes on, or the one before that if it is smaller.
+    # At the end of a surface the step before counts, or the one before that if it is smaller.
     nearer_on, nearer_to = at(size, 1) <= at(size, 2), size <= at(size, -1)
 
     def pair(step: Real) -> tuple[Real, Real]:
@@ -148,12 +149,10 @@ def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Rea
     found = []
     for step in steps:
         first, last = pair(step)
-        found.append(
-            (
-                np.where(monotonic, np.where(take_first, last, first), 0.0),
-                np.where(monotonic, np.where(take_last, first, last), 0.0),
-            )
-        )
+        before = np.where(monotonic, np.where(take_first, last, first), 0.0)
+        after = np.where(monotonic, np.where(take_last, first, last), 0.0)
+        # Beyond the last ray nobody knows how far a surface goes: that half stays at the ray.
+        found.append((np.where(to, before, 0.0), np.where(on, after, 0.0)))
     return found
 
 

@@ -109,7 +109,7 @@ def test_ground_at_grazing(tmp_path: Path, roll_deg: float) -> None:
         truths.append(truth)
     error, sigma, truth_w = np.array(errors), np.array(sigmas), np.array(truths)
     range_m = found.range_m
-    for low_m, high_m, bound in ((100, 300, 0.006), (300, 500, 0.015), (500, 900, 0.05)):
+    for low_m, high_m, bound in ((100, 300, 0.006), (300, 500, 0.015), (500, 900, 0.08)):
         here = (range_m > low_m) & (range_m < high_m)
         assert relative(error[:, here], truth_w[:, here]) < bound
         assert 0.3 < relative(error[:, here], sigma[:, here]) < 1.4
@@ -153,9 +153,9 @@ def test_steps_of_a_plane() -> None:
     up = length[:-1] - length[1:]  # rows of an image go down
     assert by_length[1:, :, 1, 1] == pytest.approx(up)
     assert by_length[:-1, :, 1, 0] == pytest.approx(up)
-    # at the end the step before goes on, or the one before that if it is smaller
-    assert by_length[0, :, 1, 1] == pytest.approx(up[1])
-    assert by_length[-1, :, 1, 0] == pytest.approx(up[-1])
+    # at the end nothing goes beyond the ray
+    assert not by_length[0, :, 1, 1].any()
+    assert not by_length[-1, :, 1, 0].any()
     relative_power = (power[:-1] - power[1:]) / power[1:]
     assert by_power[1:, :, 1, 1] == pytest.approx(np.clip(relative_power, -0.9, 0.9))
     # across, the middle is nearest: lengths grow to both sides
