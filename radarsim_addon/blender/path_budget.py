@@ -179,6 +179,17 @@ class ErrorBudget:
             weight[group] = importance / importance.sum() / mean[group] ** 2 / len(groups)
         return weight
 
+    def object_errors(self) -> dict[int, float]:
+        """Relative standard error of the power of each object that counts, by its number."""
+        mean, variance = self.totals()
+        first = mean.size if self.first_object is None else self.first_object
+        strong = mean > FAINTEST * mean.max(initial=0.0)
+        return {
+            int(cell) - first: float(math.sqrt(variance[cell]) / mean[cell])
+            for cell in np.flatnonzero(strong)
+            if cell > first
+        }
+
     def squared_errors(self, tiles: Iterable[int]) -> dict[int, float]:
         """What each of these tiles adds to the squared relative error."""
         weight = self._weights(self.totals()[0])

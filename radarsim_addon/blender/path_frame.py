@@ -37,6 +37,8 @@ _ROUND_SHARE = 0.8
 _SHARE_FOR_TILES = 0.5
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
+#: Objects that a warning names.
+_MOST_NAMED = 5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +55,21 @@ class PathTask:
     def exr_path(self) -> str:
         """What an error message calls this render."""
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, shift {self.shift}"
+
+
+def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) -> list[str]:
+    """Objects that the error target, a mean over all of them, leaves much more uncertain."""
+    worse = sorted((n for n, e in errors.items() if e > 2 * target), key=lambda n: -errors[n])
+    if not worse:
+        return []
+    named = ", ".join(f"{names[n - 1]!r} ({100 * errors[n]:.2g} %)" for n in worse[:_MOST_NAMED])
+    if len(worse) > _MOST_NAMED:
+        named += f" and {len(worse) - _MOST_NAMED} more"
+    text = (
+        "The error target is one over all objects. The power of these is more than twice as "
+        f"uncertain: {named}. Lower the target, or raise the shifts."
+    )
+    return [text]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -306,6 +323,10 @@ class FrameWork:
                 "measured by the rays of the frame. Raise the resolution for those."
             )
         warnings += self._motion.warnings
+        if job.options.error_target and job.options.refine_by != "ranges":
+            warnings += _uncertain(
+                self._budget.object_errors(), scene.objects, job.options.error_target
+            )
         record = contract.PathsRecord(
             frame=self._frame,
             time_s=self._instant.time_s,

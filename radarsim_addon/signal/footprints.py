@@ -59,6 +59,10 @@ class Steps:
         """Those of some rows."""
         return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
 
+    def scaled(self, factor: float) -> Steps:
+        """Those of pixels of another side."""
+        return Steps(self.length_m * factor, self.range_rate_mps * factor, self.power * factor)
+
 
 @dataclass(frozen=True)
 class Points:
@@ -146,13 +150,15 @@ def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Rea
     rough = np.maximum(abs(before), abs(after)) > _STEEPER * np.minimum(abs(before), abs(after))
     take_first, take_last = rough & ~smaller, rough & smaller
     monotonic = before * after > 0
+    goes_before, goes_after = to | (before < 0), on | (after > 0)
     found = []
     for step in steps:
         first, last = pair(step)
         before = np.where(monotonic, np.where(take_first, last, first), 0.0)
         after = np.where(monotonic, np.where(take_last, first, last), 0.0)
-        # Beyond the last ray nobody knows how far a surface goes: that half stays at the ray.
-        found.append((np.where(to, before, 0.0), np.where(on, after, 0.0)))
+        # Nobody knows how far a surface goes beyond the last ray. Where it comes nearer, that half
+        # stays at the ray; where it recedes (a limb, a horizon), the step before goes on.
+        found.append((np.where(goes_before, before, 0.0), np.where(goes_after, after, 0.0)))
     return found
 
 

@@ -6,7 +6,10 @@ shift is an estimate of profile and map; the scatter of the estimates gives the 
 mean. Shifts are spread more evenly than by chance, so the error is, if anything, too large.
 
 The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
-:mod:`.footprints`, and smeared by the point response.
+:mod:`.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the limb
+of a sphere) all shifts are wrong alike. All S of them together are a grid S times as dense, so each
+path may be spread over an S-th of its pixel instead; what that changes is part of the standard
+error.
 """
 
 from __future__ import annotations
@@ -22,11 +25,13 @@ from ..errors import ConfigError
 from ..physics.constants import SPEED_OF_LIGHT_MPS
 from .compress import expected_power_profile
 from .config import Radar
-from .footprints import spread, steps_of, views_by_shift
+from .footprints import Points, Steps, spread, steps_of, views_by_shift
 from .frames import RadarFrame
 from .link import Link
+from .nufft import smooth_size
 from .pathframes import open_frame_table, radiance_of
 from .paths import Paths, make_paths
+from .pathtable import PathRows
 from .synthesis_grid import repeat_orders
 from .waveform_lines import FmcwWaveform, LineWaveform
 from .windows import slow_time_window
@@ -48,6 +53,9 @@ class ExpectedPower:
         Power against range and its standard error, (ranges,).
     map, map_error
         Power in the range-Doppler map and its standard error, (pulses, ranges).
+    gaps_from_m
+        Range from which on most rays of all shifts are further apart than range cells: there single
+        rays leave gaps that are not in the scene; infinite where there are none [m].
     """
 
     range_m: Real
@@ -56,6 +64,19 @@ class ExpectedPower:
     profile_error: Real
     map: Real
     map_error: Real
+    gaps_from_m: float = math.inf
+
+    @property
+    def warnings(self) -> list[str]:
+        """In whole sentences."""
+        if math.isinf(self.gaps_from_m):
+            return []
+        text = (
+            f"From {self.gaps_from_m:.3g} m on a pixel covers more than a range cell: echoes and "
+            "map show single rays there, with gaps between them that are not in the scene (the "
+            "expected power has none). Raise the resolution or the shifts, or refine by ranges."
+        )
+        return [text]
 
 
 def expected_power(
@@ -101,31 +122,43 @@ def expected_power(
     record, table = open_frame_table(frame.path, frame.number)
     scale = receiver_gain * (record.carrier_hz / radar.waveform.carrier_hz) ** 2
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
+    gaps = _Gaps(window_m, radar.waveform.range_resolution_m * record.shifts)
+    finer = np.zeros(cells.pulses * cells.ranges)
+
+    def smeared(grid: Real) -> tuple[Real, Real]:
+        powers = grid.reshape(cells.pulses, cells.ranges)
+        along = _smear(_smear_doppler(powers, doppler), response)
+        return _smear(powers.sum(axis=0)[None], response)[0], along
+
     for views in views_by_shift(table, record.shifts):
-        grid = np.zeros(cells.pulses * cells.ranges)
+        grid = np.zeros(finer.size)
         for rows in views:
             gain = np.ones(rows.size)
             if link is not None:
                 gain = link.factor(rows["length_m"], rows["direction"], rows["last_m"])
-            power = scale * record.shifts * gain * rows["power_w"]
+            power = scale * gain * rows["power_w"]
             radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
             steps = steps_of(rows, record.camera, record.shifts)
+            gaps.add(rows, steps)
             for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                seen, number = cells.of(part.length_m, part.range_rate_mps)
-                shared = (power[part.row] * part.share)[seen]
-                grid += np.bincount(number, shared, minlength=grid.size)
+                grid += record.shifts * cells.sums(part, power)
                 if points_to is not None:
                     points_to(make_paths(radiance[part.row] * part.share, part.length_m))
-        powers = grid.reshape(cells.pulses, cells.ranges)
-        profile.add(_smear(powers.sum(axis=0)[None], response)[0])
-        image.add(_smear(_smear_doppler(powers, doppler), response))
+            if record.shifts > 1:
+                steps = steps.scaled(record.shifts**-0.5)
+                for part in spread(rows, steps, cells.step_m, cells.step_mps):
+                    finer += cells.sums(part, power)
+        for sums, values in zip((profile, image), smeared(grid), strict=True):
+            sums.add(values)
+    finer_profile, finer_map = smeared(finer)
     return ExpectedPower(
         range_m=np.asarray(window_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64),
         doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
         profile=profile.mean,
-        profile_error=profile.error(),
+        profile_error=np.hypot(profile.error(), profile.mean - finer_profile),
         map=image.mean,
-        map_error=image.error(),
+        map_error=np.hypot(image.error(), image.mean - finer_map),
+        gaps_from_m=gaps.start_m(),
     )
 
 
@@ -148,6 +181,33 @@ class _Replicates:
         return np.asarray(np.sqrt(self._squares / (self._count - 1) / self._count))
 
 
+class _Gaps:
+    """Where most rays are further apart than range cells, in all shifts together."""
+
+    _BINS = 200
+
+    def __init__(self, window_m: tuple[float, float], widest_m: float) -> None:
+        self._window_m, self._widest_m = window_m, widest_m
+        self._counts = np.zeros((2, self._BINS))
+
+    def add(self, rows: PathRows, steps: Steps) -> None:
+        """Rows of a view."""
+        reach_m = abs(steps.length_m).max(axis=(1, 2), initial=0.0) / 2
+        range_m = np.array(rows["length_m"]) / 2
+        wide = reach_m > self._widest_m
+        for count, ranges_m in enumerate((range_m, range_m[wide])):
+            self._counts[count] += np.histogram(ranges_m, self._BINS, self._window_m)[0]
+
+    def start_m(self) -> float:
+        """Infinite where they are few."""
+        held, sparse = self._counts[0] > 0, self._counts[1] > self._counts[0] / 2
+        if not sparse.any() or sparse.sum() < 0.05 * held.sum():
+            return math.inf
+        first = int(np.argmax(sparse))
+        low_m, high_m = self._window_m
+        return low_m + (high_m - low_m) * first / self._BINS
+
+
 class _Cells:
     """Cells of range and Doppler: a fraction of the sample spacing, and the bins of the map."""
 
@@ -159,6 +219,12 @@ class _Cells:
         self.pulses = radar.burst.pulses
         #: One Doppler bin [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
+
+    def sums(self, part: Points, power: Real) -> Real:
+        """Power in each cell of points that rows of these powers are spread over."""
+        seen, number = self.of(part.length_m, part.range_rate_mps)
+        shared = (power[part.row] * part.share)[seen]
+        return np.bincount(number, shared, minlength=self.pulses * self.ranges)
 
     def of(
         self, length_m: Real, range_rate_mps: Real
@@ -215,7 +281,10 @@ def _doppler_response(window: str, pulses: int) -> NDArray[np.complex128]:
 
 def _smear(grid: Real, response: Real) -> Real:
     """Convolve each row with a response whose peak is in its middle."""
-    size = grid.shape[1] + response.size - 1
+    # What is further from the peak than the grid is long reaches nothing.
+    middle, reach = response.size // 2, grid.shape[1] - 1
+    response = response[max(middle - reach, 0) : middle + reach + 1]
+    size = smooth_size(grid.shape[1] + response.size - 1)
     spectrum = np.fft.rfft(grid, size, axis=1) * np.fft.rfft(response, size)
     start = response.size // 2
     result = np.fft.irfft(spectrum, size, axis=1)[:, start : start + grid.shape[1]]

@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender.path_budget import CellGrid, CellPowers, ErrorBudget
+from radarsim_addon.blender.path_frame import _uncertain
 from radarsim_addon.blender.path_options import PathOptions
 from radarsim_addon.contract import CameraRecord
 from radarsim_addon.errors import ConfigError
@@ -157,3 +158,21 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
     assert powers.variance[place] == pytest.approx(2 * (1 / 6) / 10**2)
     budget = ErrorBudget(grid.first_object, "objects", {0: powers})
     assert budget.relative_error() == pytest.approx(math.sqrt(1 / 3) / 10)
+
+
+def test_objects_beyond_the_target_are_named() -> None:
+    """The target is a mean over all objects: those far from it are not passed over in silence."""
+    budget = ErrorBudget(10, "objects")
+    cells = np.array([3, 11, 12, 13])
+    budget.powers[0] = CellPowers(
+        cells, np.array([1.0, 2.0, 4.0, 1e-12]), np.array([0.0, 0.01, 0.01, 1.0])
+    )
+    errors = budget.object_errors()
+    assert errors == pytest.approx({1: 0.05, 2: 0.025})  # the third one is too faint to count
+    names = ["Strip", "Square", "Faint"]
+    assert _uncertain(errors, names, 0.03) == []
+    (said,) = _uncertain(errors, names, 0.02)
+    assert "'Strip' (5 %)" in said and "Square" not in said
+    many = {n: 0.5 + n / 100 for n in range(1, 9)}
+    (said,) = _uncertain(many, [str(n) for n in many], 0.1)
+    assert "'8' (58 %)" in said and said.count("%") == 5 and "and 3 more" in said

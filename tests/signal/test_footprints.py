@@ -104,15 +104,18 @@ def test_ground_at_grazing(tmp_path: Path, roll_deg: float) -> None:
         camera = shifted(view(roll_deg), 5.9e-3 * u, 5.9e-3 * v)
         truth = integrated(camera)
         found = expected(tmp_path / f"run{number}", rows_of(camera, 48, SHIFTS), camera)
+        # R^2 / h times the angle of a pixel is four cells of 3 m
+        assert found.gaps_from_m == pytest.approx(math.sqrt(4 * 3.0 * 20 / 5.86e-3), abs=6)
+        assert "expected power has none" in found.warnings[0]
         errors.append(found.profile - truth)
         sigmas.append(found.profile_error)
         truths.append(truth)
     error, sigma, truth_w = np.array(errors), np.array(sigmas), np.array(truths)
     range_m = found.range_m
-    for low_m, high_m, bound in ((100, 300, 0.006), (300, 500, 0.015), (500, 900, 0.08)):
+    for low_m, high_m, bound in ((100, 300, 0.006), (300, 500, 0.015), (500, 900, 0.05)):
         here = (range_m > low_m) & (range_m < high_m)
         assert relative(error[:, here], truth_w[:, here]) < bound
-        assert 0.3 < relative(error[:, here], sigma[:, here]) < 1.4
+        assert relative(error[:, here], sigma[:, here]) < 1.2
         beyond = np.abs(error[:, here]) > 3 * sigma[:, here] + 1e-3 * truth_w[:, here]
         assert np.mean(beyond) < 0.05
 
@@ -153,8 +156,8 @@ def test_steps_of_a_plane() -> None:
     up = length[:-1] - length[1:]  # rows of an image go down
     assert by_length[1:, :, 1, 1] == pytest.approx(up)
     assert by_length[:-1, :, 1, 0] == pytest.approx(up)
-    # at the end nothing goes beyond the ray
-    assert not by_length[0, :, 1, 1].any()
+    # at the ends: far away the ground recedes on, near the radar nothing lies before its ray
+    assert by_length[0, :, 1, 1] == pytest.approx(up[1])
     assert not by_length[-1, :, 1, 0].any()
     relative_power = (power[:-1] - power[1:]) / power[1:]
     assert by_power[1:, :, 1, 1] == pytest.approx(np.clip(relative_power, -0.9, 0.9))

@@ -350,7 +350,7 @@ def test_surfaces_beyond_the_model_are_named() -> None:
     assert kirchhoff_warnings(record(good), WAVELENGTH_M) == []
     found = kirchhoff_warnings(record(good, ("Gravel", 0.02, 0.03)), WAVELENGTH_M)
     assert len(found) == 1
-    assert found[0].startswith("Gravel: the Kirchhoff model does not hold.")
+    assert found[0].startswith("'Gravel': the Kirchhoff model does not hold.")
     assert "k*l = 3.33" in found[0]
     many = [(f"Stone {n}", 0.02, 0.03) for n in range(20)]
     assert kirchhoff_warnings(record(*many), WAVELENGTH_M)[-1].endswith("on 12 objects more.")
