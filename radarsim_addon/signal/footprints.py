@@ -36,7 +36,7 @@ _STEEPER = 4.0
 #: all there is.
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
-_POINTS_A_ROW, _LEAST_POINTS = 4, 1 << 20
+_POINTS_A_ROW, _LEAST_POINTS = 4, 1 << 16
 #: Most points along one side of a pixel.
 _MOST_ALONG = 4096
 #: Points that are made at a time.
@@ -97,29 +97,32 @@ def steps_of(rows: PathRows, camera: CameraRecord, count: int) -> Steps:
     depth, power = mine["transparent_depth"], mine["power_w"]
     moving = bool(np.any(mine["range_rate_mps"]))
     names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
+    # All gates in one image, one below the other, each with two empty pixels all around: nothing
+    # wraps, and every ray has two on each side.
+    height = 0
     for gate in np.unique(depth):
-        here = np.flatnonzero(depth == gate)
-        low, left = row[here].min() - 2, col[here].min() - 2
-        # two empty pixels all around: nothing wraps, and every ray has two on each side
-        shape = (int(row[here].max() - low) + 3, int(col[here].max() - left) + 3)
-        if shape[0] * shape[1] > MOST_PX:
-            continue
-        place = (row[here] - low, col[here] - left)
-        owners = np.zeros(shape, dtype=np.int64)
-        owners[place] = owner[here]
-        images = np.zeros((len(names), *shape))
-        for image, name in zip(images, names, strict=True):
-            image[place] = mine[name][here]
-        own = power[here, None]
-        for axis in (0, 1):
-            # columns are the second index of an image, and the first axis of steps
-            sides = _sides(images, owners, 1 - axis)
-            steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
-            found.length_m[kept[here], axis] = steps[0]
-            relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
-            found.power[kept[here], axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
-            if moving:
-                found.range_rate_mps[kept[here], axis] = steps[2]
+        here = depth == gate
+        row[here] += height + 2 - row[here].min()
+        col[here] += 2 - col[here].min()
+        height = int(row[here].max()) + 1
+    place, shape = (row, col), (height + 2, int(col.max()) + 3)
+    if shape[0] * shape[1] > MOST_PX:
+        return found
+    owners = np.zeros(shape, dtype=np.int64)
+    owners[place] = owner
+    images = np.zeros((len(names), *shape))
+    for image, name in zip(images, names, strict=True):
+        image[place] = mine[name]
+    own = power[:, None]
+    for axis in (0, 1):
+        # columns are the second index of an image, and the first axis of steps
+        sides = _sides(images, owners, 1 - axis)
+        steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
+        found.length_m[kept, axis] = steps[0]
+        relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
+        found.power[kept, axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
+        if moving:
+            found.range_rate_mps[kept, axis] = steps[2]
     return found
 
 
@@ -180,11 +183,10 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         abs(steps.length_m).max(axis=2) / cell_m, abs(steps.range_rate_mps).max(axis=2) / cell_mps
     )
     most = max(_POINTS_A_ROW * len(extent), _LEAST_POINTS)
-    along = _counts(extent)
-    # Many rows that reach far overlap one another: coarser points do for them.
-    while (total := int(along.prod(axis=1).sum())) > most:
-        extent = extent * min(0.7, most / total)
-        along = _counts(extent)
+    along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
+    # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
+    while int(along.prod(axis=1).sum()) > most:
+        along = np.minimum(along, max(int(0.8 * along.max()), 1))
     points = along.prod(axis=1)
     ends = np.cumsum(points)
     start = 0
@@ -194,10 +196,6 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         here = slice(start, stop)
         yield _points(rows[here], steps.part(here), along[here], start)
         start = stop
-
-
-def _counts(extent: Real) -> Places:
-    return np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
 
 
 def _points(rows: PathRows, steps: Steps, along: Places, start: int) -> Points:
