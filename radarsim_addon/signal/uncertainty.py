@@ -141,13 +141,13 @@ def expected_power(
             steps = steps_of(rows, record.camera, record.shifts)
             gaps.add(rows, steps)
             for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                grid += record.shifts * cells.sums(part, power)
+                cells.add(grid, part, record.shifts * power)
                 if points_to is not None:
                     points_to(make_paths(radiance[part.row] * part.share, part.length_m))
             if record.shifts > 1:
                 steps = steps.scaled(record.shifts**-0.5)
                 for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                    finer += cells.sums(part, power)
+                    cells.add(finer, part, power)
         for sums, values in zip((profile, image), smeared(grid), strict=True):
             sums.add(values)
     finer_profile, finer_map = smeared(finer)
@@ -220,11 +220,11 @@ class _Cells:
         #: One Doppler bin [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
 
-    def sums(self, part: Points, power: Real) -> Real:
-        """Power in each cell of points that rows of these powers are spread over."""
+    def add(self, grid: Real, part: Points, power: Real) -> None:
+        """Add the points that rows of these powers are spread over to the cells of a grid."""
         seen, number = self.of(part.length_m, part.range_rate_mps)
-        shared = (power[part.row] * part.share)[seen]
-        return np.bincount(number, shared, minlength=self.pulses * self.ranges)
+        # unbuffered: of a small tile few cells are touched
+        np.add.at(grid, number, (power[part.row] * part.share)[seen])
 
     def of(
         self, length_m: Real, range_rate_mps: Real
