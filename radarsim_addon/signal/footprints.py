@@ -7,10 +7,11 @@ in the others. Between the rays of one object the surface is taken to be straigh
 a pixel reaches half-way to those beside it, and its power, which it keeps, is spread over that as
 theirs tell. For expected powers alone: echoes with phase need points.
 
-Nothing is spread where no neighbour tells how far: beyond the last ray of an object (or a strong
-one would lend power to ranges before and behind it), at orders above 1 (which chance rules), and
-where the ranges to both sides say opposite things (the nearest point of a sphere, an edge that
-juts out). Where they differ too much (a step in the surface), the smaller one counts.
+Nothing is spread at orders above 1 (which chance rules), where the ranges to both sides say
+opposite things (the nearest point of a sphere, an edge that juts out), and beyond the last ray of
+an object where it comes nearer (a strong one would lend power to ranges before it); where it
+recedes (a limb, a horizon) it goes on for half a pixel. Where the steps to both sides differ too
+much (a step in the surface), the smaller one counts.
 """
 
 from __future__ import annotations
