@@ -323,7 +323,9 @@ class FrameWork:
                 "measured by the rays of the frame. Raise the resolution for those."
             )
         warnings += self._motion.warnings
-        if job.options.error_target and job.options.refine_by != "ranges":
+        # where it was not met, `reached` says so
+        met = self._budget.relative_error() <= job.options.error_target
+        if job.options.error_target and met and job.options.refine_by != "ranges":
             warnings += _uncertain(
                 self._budget.object_errors(), scene.objects, job.options.error_target
             )
@@ -373,8 +375,9 @@ class FrameWork:
             versions=job.versions,
         )
         job.frame_warnings.add(self._frame, record.warnings)
+        known = f"{100 * record.relative_error:.2g} %" if rows else "unknown"
         job.summary = (
-            f"{rows:,} paths, standard error {100 * record.relative_error:.2g} %, lengths known to "
+            f"{rows:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"
         )
         write_record(self._folder / contract.PATHS_FILE, record)

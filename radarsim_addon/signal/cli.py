@@ -223,9 +223,9 @@ def _print_quality(frame: RadarFrame) -> None:
         )
     print(f"  ended by         {record.reached}")
     over = {"ranges": "range bins", "objects": "objects"}
+    known = f"{100 * record.relative_error:.2g} %" if record.rows else "unknown"
     print(
-        f"  standard error   {100 * record.relative_error:.2g} % (over "
-        f"{over.get(record.error_of, 'range bins and objects')})"
+        f"  standard error   {known} (over {over.get(record.error_of, 'range bins and objects')})"
     )
     print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
     print(
