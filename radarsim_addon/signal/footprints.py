@@ -37,7 +37,7 @@ _STEEPER = 4.0
 #: all there is.
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
-_POINTS_A_ROW, _LEAST_POINTS = 4, 1 << 16
+_POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
 #: Most points along one side of a pixel.
 _MOST_ALONG = 4096
 #: Points that are made at a time.

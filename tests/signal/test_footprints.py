@@ -201,7 +201,7 @@ def test_points_are_bounded() -> None:
     steps = Steps(*np.zeros((3, count, 2, 2)))
     steps.length_m[:] = 5000.0
     parts = list(spread(rows, steps, 1e-3, np.inf))
-    assert sum(part.row.size for part in parts) <= 1 << 16
+    assert sum(part.row.size for part in parts) <= 1 << 17
     lengths = np.concatenate([part.length_m for part in parts])
     assert lengths.min() > 1000 - 5000 and lengths.max() < 1000 + 5000
     assert list(spread(rows[:0], Steps(*np.zeros((3, 0, 2, 2))), 1.0, 1.0)) == []
