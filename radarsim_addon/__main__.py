@@ -3,6 +3,6 @@
 
 import sys
 
-from .signal.cli import main
+from .signal.pipeline import main
 
 sys.exit(main())

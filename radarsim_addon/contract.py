@@ -27,7 +27,7 @@ and, instead of the rings, for the acquisition "paths"::
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 SCHEMA_VERSION = 2
 """Version of every record below. Readers refuse newer ones and name the version they know."""
@@ -107,7 +107,7 @@ class EmitterRecord:
 
 @dataclass(frozen=True)
 class AntennaRecord:
-    """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.antenna_spec`.
+    """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.radar.antennas`.
 
     The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
     """
@@ -354,3 +354,6 @@ class RunRecord:
     system: SystemRecord | None = None
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION
+
+
+Weighting = Literal["radar-equation", "paper"]

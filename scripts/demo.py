@@ -25,17 +25,19 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from radarsim_addon.atomic_files import write_json  # noqa: E402
 from radarsim_addon.contract import RUN_FILE, SCENE_FILE, SceneRecord, frame_dir  # noqa: E402
 from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
 from radarsim_addon.sidecar import read_record  # noqa: E402
-from radarsim_addon.signal import plots  # noqa: E402
-from radarsim_addon.signal.echoplot import plot_echo  # noqa: E402
-from radarsim_addon.signal.files import write_json  # noqa: E402
-from radarsim_addon.signal.frames import open_run  # noqa: E402
-from radarsim_addon.signal.mapplot import plot_range_doppler  # noqa: E402
-from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run  # noqa: E402
-from radarsim_addon.signal.profileplot import plot_matched_filter  # noqa: E402
-from radarsim_addon.signal.rangedoppler import power_unit  # noqa: E402
+from radarsim_addon.signal.maps import power_unit  # noqa: E402
+from radarsim_addon.signal.pictures import figure as plots  # noqa: E402
+from radarsim_addon.signal.pictures import (
+    plot_echo,  # noqa: E402
+    plot_matched_filter,  # noqa: E402
+    plot_range_doppler,  # noqa: E402
+)
+from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run  # noqa: E402
+from radarsim_addon.signal.runs import open_run  # noqa: E402
 
 #: An edge this far from an object's near face is of something else [range resolutions].
 EDGE_SEARCH = 3

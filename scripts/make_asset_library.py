@@ -87,7 +87,7 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))  # from a checkout, installed or not
     import bpy
 
-    from radarsim_addon.blender import asset_library
+    from radarsim_addon.blender.ui import asset_library
 
     out = options.out or asset_library.FOLDER
     out.mkdir(parents=True, exist_ok=True)

@@ -34,7 +34,7 @@ def main() -> int:
         ImageDraw.Draw(image).text((0, 0), character, font=font, fill=255)
         glyphs[index] = np.asarray(image)
     table = matplotlib.colormaps["viridis"](np.linspace(0, 1, 256))[:, :3]
-    folder = Path(__file__).resolve().parents[1] / "radarsim_addon" / "blender"
+    folder = Path(__file__).resolve().parents[1] / "radarsim_addon" / "blender" / "ui"
     np.savez_compressed(
         folder / "font_atlas.npz",
         codes=np.array([ord(character) for character in CHARACTERS], dtype=np.int32),

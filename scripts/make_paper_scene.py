@@ -73,8 +73,8 @@ def add_box(name, near_range, azimuth_deg, width, height, depth, bottom):
 
 def build() -> None:
     """Build the scene in the current, empty file."""
-    from radarsim_addon.blender import rig
     from radarsim_addon.blender.nodes import make_material
+    from radarsim_addon.blender.scene import rig
 
     scene = bpy.context.scene
     scene.unit_settings.system = "METRIC"
@@ -175,7 +175,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("output", nargs="?", type=Path, default=default)
     output = parser.parse_args(argv).output
 
-    from radarsim_addon.blender import properties
+    from radarsim_addon.blender.settings import radar as properties
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     properties.register()

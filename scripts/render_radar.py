@@ -219,9 +219,8 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
     """Everything that needs the package."""
     import bpy
 
-    from radarsim_addon.blender import command_line, properties
-    from radarsim_addon.blender.console import ProgressLine, quiet_blender
-    from radarsim_addon.blender.jobs import make_job
+    from radarsim_addon.blender.headless import ProgressLine, command_line, make_job, quiet_blender
+    from radarsim_addon.blender.settings import radar as properties
 
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
@@ -270,7 +269,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
 
 def print_warnings(warnings: list[str], stream: Any) -> None:
     """One line each; a name in it must not steer the terminal."""
-    from radarsim_addon.signal.consoletext import printable
+    from radarsim_addon.printable import printable
 
     for warning in warnings:
         print(f"radarsim: warning: {printable(warning)}", file=stream, flush=True)
@@ -279,7 +278,7 @@ def print_warnings(warnings: list[str], stream: Any) -> None:
 def process(folder: Path, stream: Any, stop: StopRequest) -> None:
     """Run the companion module over the run's folder."""
     from radarsim_addon.framewarnings import FrameWarnings
-    from radarsim_addon.signal.pipeline import FrameResult, process_run
+    from radarsim_addon.signal.pipeline.process import FrameResult, process_run
 
     warnings = FrameWarnings()
     try:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import asset_library, material_panel, operators, panels, properties, system_panel
+from .settings import radar as properties
+from .ui import asset_library, material_panel, operators, panels
+from .ui import link_budget_panel as system_panel
 
 #: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..array_types import Real
 from ..errors import ConfigError
 from .antennas import angles_from_direction
-from .checks import CsvTable, Real, read_csv, real_array
+from .checks import CsvTable, read_csv, real_array
 
 PATTERN_COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
 CUT_COLUMNS = ("cut", "angle_deg", "gain_db")

@@ -21,8 +21,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..array_types import Real
 from ..errors import ConfigError
-from .checks import Real, real_array
+from .checks import real_array
 
 
 class Antenna(Protocol):

@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..array_types import Real
 from ..errors import ConfigError, MissingDependencyError
 from .antennas import direction_from_angles, unit_directions
-from .checks import Real, real_array
+from .checks import real_array
 
 TAPERS = ("uniform", "hamming", "hann", "taylor", "chebyshev")
 """Amplitude tapers by name; the last two come from scipy."""

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..array_types import Real
 from ..errors import ConfigError
 from ..textfile import TextTooLongError, read_text
-
-Real = NDArray[np.float64]
 
 #: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
 EDGE_SLACK = 1e-6

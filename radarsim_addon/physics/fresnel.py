@@ -8,10 +8,9 @@ write n - jk; take the complex conjugate of their index).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
+from ..array_types import Complex, Real
 
 
 def _terms(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:

@@ -11,12 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..array_types import Complex, Real
 from ..errors import ConfigError
-from .checks import EDGE_SLACK, Real, real_array, require_one_shape
-
-Complex = NDArray[np.complex128]
+from .checks import EDGE_SLACK, real_array, require_one_shape
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from types import MappingProxyType
 
 from numpy.typing import ArrayLike
 
+from ..array_types import Complex
 from ..errors import ConfigError
-from .material_model import Complex, MaterialModel
+from .material_model import MaterialModel
 from .materials_general import general_models, table_model
 from .materials_itu import itu_models
 from .materials_soil import soil_models

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..array_types import Complex, Real
 from ..errors import ConfigError
-from .checks import Real, read_csv
+from .checks import read_csv
 from .constants import VACUUM_PERMITTIVITY_F_PER_M
-from .material_model import Complex, MaterialModel, Parameter
+from .material_model import MaterialModel, Parameter
 from .materials_water import debye_permittivity
 
 _ALL_HZ = ((0.0, np.inf),)

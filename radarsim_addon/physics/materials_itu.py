@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .checks import Real
+from ..array_types import Complex, Real
 from .constants import VACUUM_PERMITTIVITY_F_PER_M
-from .material_model import Complex, MaterialModel
+from .material_model import MaterialModel
 
 ITU_EDITION = "P.2040-3, 2023, Table 3"
 ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"

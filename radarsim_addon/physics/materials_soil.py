@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..array_types import Complex, Real
 from ..errors import ConfigError
-from .checks import Real
 from .constants import VACUUM_PERMITTIVITY_F_PER_M
-from .material_model import Complex, MaterialModel, Parameter
+from .material_model import MaterialModel, Parameter
 
 _SOLID_DENSITY_G_PER_CM3 = 2.664
 _SOLID_PERMITTIVITY = 4.7

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..array_types import Real
 from ..errors import ConfigError
-from .checks import Real, real_array
+from .checks import real_array
 from .constants import BOLTZMANN_J_PER_K, REFERENCE_TEMPERATURE_K
 from .radar_equation import from_db, to_db
 

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..array_types import Real
 from .checks import real_array
-
-Real = NDArray[np.float64]
 
 
 def to_db(ratio: ArrayLike) -> Real:

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import Real, direction_cosine, real_array
+from ..array_types import Real
+from .checks import direction_cosine, real_array
 
 
 def _length(name: str, value: ArrayLike) -> Real:

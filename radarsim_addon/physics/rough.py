@@ -15,8 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..array_types import Real
 from ..errors import ConfigError
-from .checks import Real, direction_cosine, passive_index, real_array, require_one_shape
+from .checks import direction_cosine, passive_index, real_array, require_one_shape
 from .fresnel import unpolarised_reflectance
 
 Masking = Literal["none", "smith", "cycles"]

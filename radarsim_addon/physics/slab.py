@@ -24,12 +24,12 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..array_types import Complex, Real
 from ..errors import ConfigError
-from .checks import Real, direction_cosine, passive_index, real_array, require_one_shape
+from .checks import direction_cosine, passive_index, real_array, require_one_shape
 
-Complex = NDArray[np.complex128]
 Model = Literal["coherent", "incoherent", "single-pass"]
 MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
 

@@ -24,7 +24,7 @@ Pixels
 Paths
     iter_paths, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
     path_amplitude;
-    FLAG_MIXED, FLAG_ONE_PASS, FLAG_TOO_FAST, FLAG_CROSSED
+    PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED, PathFlag.CROSSED_SHELL
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
     replica_spectrum, matched_filter
@@ -52,71 +52,83 @@ A whole run
     frame_statistics -> FrameStatistics
 """
 
-from .cfar import Cfar, CfarResult, cfar_threshold
-from .compress import Compressed, PowerProfile, compress, expected_power_profile
-from .config import Burst, Radar, Waveform
-from .decode import Decoded, PixelGrid, decode, pixel_grid
-from .detect import LeadingEdge, Peak, find_peaks, leading_edges, level_above
-from .detections import Detection, Detections, detect_targets
-from .doppler import (
-    FLAG_CROSSED,
-    FLAG_MIXED,
-    FLAG_ONE_PASS,
-    FLAG_TOO_FAST,
-    range_rate,
+from .decoding import Decoded, PixelGrid, decode, frame_paths, iter_paths, pixel_grid, range_rate
+from .detection import (
+    Cfar,
+    CfarResult,
+    Detection,
+    Detections,
+    FrameStatistics,
+    LeadingEdge,
+    Peak,
+    cfar_threshold,
+    detect_targets,
+    find_peaks,
+    frame_statistics,
+    leading_edges,
+    level_above,
 )
-from .echoes import Echoes, EchoOptions, EchoSynthesizer, synthesize
-from .echoplot import plot_echo
-from .exr import read_exr, write_exr
-from .frames import MissingRender, RadarFrame, Run, open_run
-from .framestats import FrameStatistics, frame_statistics
-from .mapplot import plot_range_doppler
-from .mti import cancel, mti_response
-from .noisefloor import map_noise_gain, range_noise_gain
-from .nufft import nufft1
-from .paths import (
-    PathCounts,
-    Paths,
-    frame_paths,
-    iter_paths,
-    join_paths,
-    make_paths,
-    path_amplitude,
-    path_power_w,
+from .echoes import (
+    Echoes,
+    EchoOptions,
+    EchoSynthesizer,
+    PhaseNoise,
+    Receiver,
+    Reception,
+    load_phase_noise,
+    receive,
+    synthesize,
 )
-from .phasenoise import PhaseNoise, load_phase_noise
-from .pipeline import (
-    FrameResult,
-    ProcessOptions,
-    Progress,
-    process_run,
+from .maps import (
+    Compressed,
+    ExpectedPower,
+    PowerProfile,
+    RangeDopplerMap,
+    cancel,
+    compress,
+    decibels,
+    expected_power,
+    expected_power_profile,
+    map_noise_gain,
+    mti_response,
+    range_doppler,
+    range_noise_gain,
 )
-from .plots import plot_rings, save
+from .paths import PathCounts, PathFlag, Paths, join_paths, make_paths, path_amplitude, path_power_w
+from .pictures import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
+from .pipeline import FrameResult, ProcessOptions, Progress, process_run
 from .products import write_products
-from .profileplot import plot_matched_filter
-from .rangedoppler import RangeDopplerMap, decibels, range_doppler
-from .receiver import Receiver, Reception, receive
-from .speckle import path_phasors
-from .synthesis import (
+from .radar import (
+    ArbitraryPulse,
+    Burst,
+    FmcwWaveform,
+    PhaseCodedPulse,
+    PmcwWaveform,
+    Radar,
+    SteppedWaveform,
+    Waveform,
+    load_radar,
+    matched_filter,
+    replica,
+    replica_spectrum,
+    slow_time_window,
+    waveform_from_dict,
+    waveform_to_dict,
+    window_at,
+)
+from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
+from .scattering import path_phasors
+from .spectrum import (
     FrequencyGrid,
     Listening,
     Ramp,
     Spectrum,
     SpectrumAccumulator,
     SynthesisReport,
+    nufft1,
 )
-from .uncertainty import ExpectedPower, expected_power
-from .waveform import matched_filter, replica, replica_spectrum
-from .waveform_files import load_radar, waveform_from_dict, waveform_to_dict
-from .waveform_lines import FmcwWaveform, PmcwWaveform, SteppedWaveform
-from .waveform_pulses import ArbitraryPulse, PhaseCodedPulse
-from .windows import slow_time_window, window_at
 
 __all__ = [
-    "FLAG_CROSSED",
-    "FLAG_MIXED",
-    "FLAG_ONE_PASS",
-    "FLAG_TOO_FAST",
     "ArbitraryPulse",
     "Burst",
     "Cfar",
@@ -137,6 +149,7 @@ __all__ = [
     "Listening",
     "MissingRender",
     "PathCounts",
+    "PathFlag",
     "Paths",
     "Peak",
     "PhaseCodedPulse",

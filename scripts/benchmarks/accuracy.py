@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.blender.path_budget import FAINTEST
+from radarsim_addon.blender.paths.error_budget import FAINTEST
 
 from .clock import Cost
 from .paper import PaperScene, Real, Result, decibel_error, relative_l2

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from radarsim_addon.array_types import Real
+
 Velocity = Callable[[Real], Real]
 
 #: Time between the two renders [s].
@@ -84,12 +84,11 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     import bpy
 
     from radarsim_addon import signal
-    from radarsim_addon.blender.measurement import Measurement
-    from radarsim_addon.blender.path_job import PathJob
-    from radarsim_addon.blender.path_options import PathOptions
-    from radarsim_addon.blender.render_job import RenderJob
-    from radarsim_addon.signal.config import Burst, Waveform
-    from radarsim_addon.signal.paths import frame_paths
+    from radarsim_addon.blender.paths import PathJob
+    from radarsim_addon.blender.plan import Measurement, PathOptions
+    from radarsim_addon.blender.run import RenderJob
+    from radarsim_addon.signal.decoding import frame_paths
+    from radarsim_addon.signal.radar import Burst, Waveform
 
     scene = bpy.context.scene
     measurement = Measurement(
@@ -157,7 +156,7 @@ def _new_scene(field_of_view_deg: float) -> Any:
     """A radar at the origin that looks along +Y."""
     import bpy
 
-    from radarsim_addon.blender.rig import setup_rig
+    from radarsim_addon.blender.scene import setup_rig
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -193,7 +192,7 @@ def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[list[Any], li
 def _key(item: Any, path: str, kind: str, *values: tuple[int, Any]) -> None:
     import bpy
 
-    from radarsim_addon.blender.isolation import animation_curves
+    from radarsim_addon.blender.scene.isolation import animation_curves
 
     for frame, value in values:
         setattr(item, path, value)

@@ -11,22 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
+from radarsim_addon.array_types import Real
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Paths, iter_paths, make_paths, open_run
-from radarsim_addon.signal.compress import expected_power_profile
-from radarsim_addon.signal.config import Radar
-from radarsim_addon.signal.decode import pixel_grid
-from radarsim_addon.signal.footprints import spread, steps_of, views_by_shift
-from radarsim_addon.signal.paths import path_power_w
-from radarsim_addon.signal.pathtable import open_table
+from radarsim_addon.signal.decoding import pixel_grid
+from radarsim_addon.signal.maps import expected_power_profile
+from radarsim_addon.signal.paths.paths import path_power_w, spread, steps_of, views_by_shift
+from radarsim_addon.signal.radar import Radar
 
 from .clock import Cost, peak_mib, stopwatch
-
-Real = NDArray[np.float64]
 
 #: What rings and paths are compared over: all that 21 rings of 250 m cover [m].
 WINDOW_M = (0.0, 5250.0)
@@ -87,8 +84,8 @@ class PaperScene:
     def __init__(self, blend: Path, folder: Path) -> None:
         import bpy
 
-        from radarsim_addon.blender import properties
         from radarsim_addon.blender.nodes import refresh_groups
+        from radarsim_addon.blender.settings import radar as properties
 
         if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
             properties.register()
@@ -103,7 +100,7 @@ class PaperScene:
         self, width_px: int, height_px: int, samples: int, count: int | None = None
     ) -> Result:
         """Rings of 250 m, one pass: 21 as in the scene, or so many."""
-        from radarsim_addon.blender.render_job import RenderJob
+        from radarsim_addon.blender.run import RenderJob
 
         folder = self._fresh("rings")
         measurement = self._read(
@@ -139,8 +136,8 @@ class PaperScene:
         self, width_px: int, height_px: int, *, replicates: bool = False, **options: Any
     ) -> Result:
         """Paths with the options of `PathOptions`."""
-        from radarsim_addon.blender.path_job import PathJob
-        from radarsim_addon.blender.path_options import PathOptions
+        from radarsim_addon.blender.paths import PathJob
+        from radarsim_addon.blender.plan import PathOptions
 
         folder = self._fresh("paths")
         # One pass of rings has no motion either.
@@ -206,7 +203,7 @@ class PaperScene:
 
 def drive(job: Any) -> None:
     """All renders of a job that was entered."""
-    from radarsim_addon.blender.console import quiet_blender
+    from radarsim_addon.blender.headless import quiet_blender
 
     with quiet_blender():
         for task in job.pending():

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.signal.nufft import Backend, has_finufft
-from radarsim_addon.signal.pathmotion import LinearMotion
-from radarsim_addon.signal.synthesis import FrequencyGrid, Spectrum, SpectrumAccumulator
+from radarsim_addon.signal.motion import LinearMotion
+from radarsim_addon.signal.spectrum import Backend, FrequencyGrid, Spectrum, SpectrumAccumulator
+from radarsim_addon.signal.spectrum.nufft import has_finufft
 
 from .clock import peak_mib, stopwatch
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, SystemRecord
 from radarsim_addon.signal import open_run
-from radarsim_addon.signal.budget import FrameBudget
-from radarsim_addon.signal.objects import ObjectEcho, object_echoes
+from radarsim_addon.signal.detection import FrameBudget, object_echoes
+from radarsim_addon.signal.detection.objects import ObjectEcho
 
 from .case import Bench, Case, Check, Group, power_check, worst_of
 from .closed_forms import lambert_coefficient, power_over
@@ -31,7 +31,6 @@ from .scenes import (
     wavelength,
 )
 
-Real = NDArray[np.float64]
 #: Power pattern over azimuth and elevation [rad], 1 on boresight.
 Pattern = Callable[[Real, Real], Real]
 ALBEDO = 0.6

@@ -11,11 +11,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from radarsim_addon.array_types import Real
 
 from .scenes import EIRP_W, Plate, wavelength
 
-Real = NDArray[np.float64]
 #: s0 as a function of the cosines towards transmitter and receiver.
 Coefficient = Callable[[Real, Real], Real]
 ORIGIN = np.zeros(3)

@@ -6,19 +6,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.signal import Burst, Cfar, FmcwWaveform, Radar, Receiver, cfar_threshold
-from radarsim_addon.signal.cfar import CfarKind
-from radarsim_addon.signal.families import synthesizer_for
-from radarsim_addon.signal.noisefloor import map_noise_gain
-from radarsim_addon.signal.receiver import receive
+from radarsim_addon.signal.detection import CfarKind
+from radarsim_addon.signal.echoes.pulse_synthesis import receive, synthesizer_for
+from radarsim_addon.signal.maps import map_noise_gain
 
 from . import targets
 from .case import Bench, Case, Check, Group, relative_check, worst_of
 from .points import WINDOWS, map_of, radar_of
 
-Real = NDArray[np.float64]
 _CHIRP = FmcwWaveform(77e9, 1e9, 1024, 40e6)
 #: Radar and range window [m].
 RADARS: dict[str, tuple[Radar, tuple[float, float]]] = {

@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes.materials import preset_material
 
@@ -22,7 +22,6 @@ from .fresnel import textbook_reflectance
 from .furnace import look_down, radiance, sky_scene
 from .scenes import add_plate, facing_plate, metallic
 
-Real = NDArray[np.float64]
 ANGLES_DEG = (0.0, 30.0, 60.0, 75.0)
 
 

@@ -10,13 +10,14 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon.blender import attributes, nodes
-from radarsim_addon.blender.asset_library import ASSETS, BLEND
-from radarsim_addon.blender.layers import set_layer_normals
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.materials import EXACT_FACETS, set_layer_normals, update_materials
+from radarsim_addon.blender.materials.physical_materials import Medium
+from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
 from radarsim_addon.blender.nodes.materials import lets_nothing_through
-from radarsim_addon.blender.physical_materials import EXACT_FACETS, Medium, update_materials
-from radarsim_addon.blender.recorder import Recorder
+from radarsim_addon.blender.state import Recorder
+from radarsim_addon.blender.ui.asset_library import ASSETS, BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
 from .fresnel import textbook_reflectance

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon.blender.console import quiet_blender
+from radarsim_addon.blender.headless import quiet_blender
 
 from .case import Bench
 

@@ -10,20 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, SystemRecord
-from radarsim_addon.signal import compress, iter_paths, open_run, range_doppler, synthesize
-from radarsim_addon.signal.budget import FrameBudget
-from radarsim_addon.signal.config import Burst
-from radarsim_addon.signal.objects import object_echoes
-from radarsim_addon.signal.paths import Paths
-from radarsim_addon.signal.receiver import Receiver, receive
-from radarsim_addon.signal.specklestage import FrameSpeckle
+from radarsim_addon.signal import iter_paths, open_run, range_doppler, synthesize
+from radarsim_addon.signal.detection import FrameBudget, object_echoes
+from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, receive
+from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.paths.paths import Paths
+from radarsim_addon.signal.radar import Burst
+from radarsim_addon.signal.scattering import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check, power_check
 
-Real = NDArray[np.float64]
 BLEND = Path(__file__).parents[2] / "blend_examples" / "paper_scene.blend"
 TARGET = "Target"
 #: From the scene's script: near face, edge, speed, roughness and specularity of its material.
@@ -68,11 +67,11 @@ def measured_run(bench: Bench, width_px: int, shifts: int, close: bool) -> Any:
     """
     import bpy
 
-    from radarsim_addon.blender import properties
-    from radarsim_addon.blender.console import quiet_blender
+    from radarsim_addon.blender.headless import quiet_blender
     from radarsim_addon.blender.nodes import refresh_groups
-    from radarsim_addon.blender.path_job import PathJob
-    from radarsim_addon.blender.path_options import PathOptions
+    from radarsim_addon.blender.paths import PathJob
+    from radarsim_addon.blender.plan import PathOptions
+    from radarsim_addon.blender.settings import radar as properties
 
     if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
         properties.register()

@@ -20,13 +20,12 @@ from radarsim_addon.signal import (
     SteppedWaveform,
     Waveform,
     cancel,
-    compress,
     make_paths,
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.config import AnyWaveform
-from radarsim_addon.signal.waveform_lines import LineWaveform
+from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
 
 #: Of 50 MHz each: cells of 2.5 to 3 m, whatever the kind.
 WAVEFORMS: dict[str, AnyWaveform] = {

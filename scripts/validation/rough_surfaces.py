@@ -10,9 +10,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
-from radarsim_addon.blender.physical_materials import make_physical_material
+from radarsim_addon.array_types import Real
+from radarsim_addon.blender.materials.physical_materials import make_physical_material
 
 from .case import Bench, Case, Check, Group, power_check, worst_of
 from .closed_forms import kirchhoff_coefficient, plate_power, smith_lambda
@@ -28,7 +28,6 @@ from .scenes import (
     wavelength,
 )
 
-Real = NDArray[np.float64]
 #: A material of an index and an rms slope.
 Paint = Callable[[complex, float], Any]
 #: s0 as a function of normals and unit vectors towards transmitter and receiver.

@@ -14,22 +14,21 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
+from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
-from radarsim_addon.blender.console import quiet_blender
-from radarsim_addon.blender.measurement import Measurement
-from radarsim_addon.blender.path_job import PathJob
-from radarsim_addon.blender.path_options import PathOptions
-from radarsim_addon.blender.rig import EMITTER_NAME, setup_rig
+from radarsim_addon.array_types import Real
+from radarsim_addon.blender.headless import quiet_blender
+from radarsim_addon.blender.paths import PathJob
+from radarsim_addon.blender.plan import Measurement, PathOptions
+from radarsim_addon.blender.scene import setup_rig
+from radarsim_addon.blender.scene.rig import EMITTER_NAME
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.sidecar import read_record
-from radarsim_addon.signal.config import Burst, Waveform
-from radarsim_addon.signal.pathtable import open_table
+from radarsim_addon.signal.radar import Burst, Waveform
 
 from .case import Bench
 
-Real = NDArray[np.float64]
 CARRIER_HZ = 5.3e9
 EIRP_W = 1e6
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.layers import MOST_LOSS_DB, MOST_LOSS_DB_4_5
-from radarsim_addon.blender.physical_materials import make_physical_material
+from radarsim_addon.blender.materials.layers import MOST_LOSS_DB, MOST_LOSS_DB_4_5
+from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.physics.materials import material as library_index
 from radarsim_addon.signal import open_run
 
@@ -22,7 +22,6 @@ from .fresnel import textbook_reflectance
 from .scenes import EIRP_W, Acquired, acquire, add_plate, add_wall, facing_plate, new_scene
 from .scenes import wavelength as wavelength_of
 
-Real = NDArray[np.float64]
 TARGET_M = 10.0
 WALL_M = 5.0
 FOV_DEG = 2.0

@@ -10,14 +10,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim_addon.signal import compress, expected_power_profile, iter_paths, open_run, synthesize
-from radarsim_addon.signal.paths import frame_paths, path_power_w
-from radarsim_addon.signal.specklestage import FrameSpeckle
+from radarsim_addon.array_types import Real
+from radarsim_addon.signal import expected_power_profile, iter_paths, open_run, synthesize
+from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.paths.paths import path_power_w
+from radarsim_addon.signal.scattering import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check
 from .scenes import acquire, add_plate, facing_plate, lambert, new_scene, wavelength
 
-Real = NDArray[np.float64]
 RMS_HEIGHT_M = 0.05
 #: Where speckle is asked to be fully developed, and no better than that: k h and pixels a side
 #: (40 to 50 paths in a range cell).

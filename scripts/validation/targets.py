@@ -10,10 +10,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from radarsim_addon.signal import Cfar, detect_targets, find_peaks
-from radarsim_addon.signal.cfar import CfarKind
-from radarsim_addon.signal.detect import Peak
-from radarsim_addon.signal.movers import find_movers, heard_recording
-from radarsim_addon.signal.noisefloor import map_noise_gain
+from radarsim_addon.signal.detection import CfarKind, Peak, find_movers, heard_recording
+from radarsim_addon.signal.maps import map_noise_gain
 
 from .case import Bench, Check, absolute_check, worst_of
 from .points import WAVEFORMS, WINDOWS, Point, apparent_range_m, heard, map_of, radar_of

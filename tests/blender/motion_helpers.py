@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 
 from radarsim_addon import signal
-from radarsim_addon.signal.config import Burst, Waveform
-from radarsim_addon.signal.paths import frame_paths
+from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.radar import Burst, Waveform
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

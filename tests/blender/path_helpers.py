@@ -10,15 +10,15 @@ from typing import Any
 
 import bpy
 import numpy as np
+from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.path_job import PathJob
-from radarsim_addon.blender.path_options import PathOptions
-from radarsim_addon.blender.rig import DEFAULT_EIRP_W
+from radarsim_addon.blender.paths import PathJob
+from radarsim_addon.blender.plan import PathOptions
+from radarsim_addon.blender.scene.rig import DEFAULT_EIRP_W
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
-from radarsim_addon.signal.pathtable import open_table
 from tests.blender import radar_scenes as rs
 
 C0_MPS = 299_792_458.0

@@ -9,7 +9,7 @@ import bpy
 
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
-from tests.blender.test_settings_restore import rna_values
+from tests.blender.state.test_settings_restore import rna_values
 
 
 def furnished_scene(clutter: bool) -> None:

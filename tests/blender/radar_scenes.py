@@ -12,11 +12,11 @@ import numpy as np
 
 from radarsim_addon import signal
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.isolation import animation_curves
-from radarsim_addon.blender.measurement import Measurement
-from radarsim_addon.blender.render_job import RenderJob
-from radarsim_addon.blender.rig import setup_rig
-from radarsim_addon.signal.config import Burst, Waveform
+from radarsim_addon.blender.plan import Measurement
+from radarsim_addon.blender.run import RenderJob
+from radarsim_addon.blender.scene import setup_rig
+from radarsim_addon.blender.scene.isolation import animation_curves
+from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 BURST = Burst(1000.0, 128)

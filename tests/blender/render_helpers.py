@@ -13,7 +13,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from radarsim_addon.blender import attributes, nodes
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.nodes import attributes
 
 CLIP_START = 1e-6
 """Least near clip that Blender takes, in units; it shortens the first segment."""

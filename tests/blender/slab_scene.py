@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from mathutils import Matrix
 
-from radarsim_addon.blender import attributes, nodes
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.materials import link_group
 from tests.blender import render_helpers as rh
 

@@ -60,7 +60,7 @@ def test_it_brings_what_it_says(found: dict[str, Any]):
 
 def test_a_frame_is_rendered(found: dict[str, Any], out: Path):
     """The plate at 10 m fills ring 2 (10 to 15 m: it is flat, so its edges are farther) alone."""
-    from radarsim_addon.signal import exr
+    from radarsim_addon.signal.runs import exr
 
     assert found["rendered"] == ["FINISHED"]
     run = read_record(out / contract.RUN_FILE, contract.RunRecord)

@@ -13,9 +13,9 @@ import numpy as np
 
 from radarsim_addon import contract
 from radarsim_addon.sidecar import file_sha256, write_record
-from radarsim_addon.signal.cameras import pixel_rays
-from radarsim_addon.signal.config import Burst, Waveform
-from radarsim_addon.signal.pathtable import PATH_DTYPE, PathRows, write_table
+from radarsim_addon.signal.decoding import pixel_rays
+from radarsim_addon.signal.paths.paths import PATH_DTYPE, PathRows, write_table
+from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 BURST = Burst(1000.0, 64)

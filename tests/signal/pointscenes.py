@@ -17,11 +17,11 @@ from radarsim_addon.signal import (
     SteppedWaveform,
     Waveform,
     cancel,
-    compress,
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.config import AnyWaveform
+from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 
 BURST = Burst(1000.0, 64)

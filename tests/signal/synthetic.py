@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from radarsim_addon import contract, sidecar
-from radarsim_addon.signal.config import Burst, Radar, Waveform
-from radarsim_addon.signal.exr import write_exr
-from radarsim_addon.signal.waveform_files import waveform_to_dict
+from radarsim_addon.signal.radar import Burst, Radar, Waveform, waveform_to_dict
+from radarsim_addon.signal.runs import write_exr
 
 #: The paper's radar (Table I), 128 pulses.
 PAPER_RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 128))

@@ -10,7 +10,7 @@ from radarsim_addon.signal import (
     SteppedWaveform,
     Waveform,
 )
-from radarsim_addon.signal.config import AnyWaveform
+from radarsim_addon.signal.radar import AnyWaveform
 
 FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6, adc_start_s=5e-6, idle_s=4e-6)
 STEPPED = SteppedWaveform(10e9, 2e6, 128, 50e-6)

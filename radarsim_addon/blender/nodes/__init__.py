@@ -17,7 +17,7 @@ from .materials import (
     is_radar_material,
     make_material,
 )
-from .ring_emitter import setup_emitter
+from .transmitter_light import setup_emitter
 
 __all__ = [
     "DEFINITIONS",

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .. import attributes
+from . import attributes
 from .build import TreeBuilder
 from .fresnel import is_open
 

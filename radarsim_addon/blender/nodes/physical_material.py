@@ -31,7 +31,7 @@ import math as _math
 from typing import Any
 
 from ...physics.rough_transmission import RAMP_BELOW
-from .. import attributes
+from . import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence
 from .interface import excess, interface_power, wave_inside

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math as _math
 from typing import Any
 
-from .. import attributes
+from . import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence, reflectance, transmittance
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .. import attributes
+from . import attributes
 from .build import TreeBuilder
 
 

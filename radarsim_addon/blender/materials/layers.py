@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects are plane-parallel layers, and how their faces lie.
+
+A wave that goes through a layer at an angle is refracted: absorption and delay inside follow from
+the angle to the layer's faces (see :mod:`.nodes.physical_material`). Inside an object a shader does
+not know those faces, so the object carries their normal as a custom property.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...array_types import Real
+from ..nodes import attributes
+from ..nodes.find_group import group_input, group_node
+from ..nodes.groups import KIND_PROPERTY
+from ..nodes.physical_material import EXTINCTION, KIND
+from ..state import Recorder
+from .assignments import worn_materials
+
+#: Share of an object's surface that must lie in one pair of directions for it to be a layer.
+LAYER_SHARE = 0.6
+#: Faces within this of each other count as parallel (difference of unit normals).
+_PARALLEL = 0.02
+#: Absorption both ways that Cycles carries: power and range measured right to 360 dB for an echo
+#: that shows 1 W/(m^2 sr) without the wall, and without a range from 372 dB on; Blender 4.5 and
+#: before give zero from 122 dB on.
+MOST_LOSS_DB = 350.0
+MOST_LOSS_DB_4_5 = 120.0
+#: Share of a layer's faces that must lie in the two planes furthest apart for it to be one plate.
+PLATE_SHARE = 0.9
+#: How far from these planes, relative to their distance.
+_IN_PLANE = 1e-3
+#: Directions with the most area that are tried.
+_CANDIDATES = 8
+
+
+def layer_normal(normals: Real, areas: Real) -> Real | None:
+    """Normal of the plane-parallel faces that most of a surface lies in; None where there are none.
+
+    Parameters
+    ----------
+    normals
+        Unit normals of the faces, (n, 3).
+    areas
+        Their areas, (n,).
+    """
+    total = float(areas.sum())
+    if not total > 0:
+        return None
+    # Opposite normals are one direction; rounded, equal ones fall together.
+    sign = np.where(normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)] < 0, -1.0, 1.0)
+    directions = normals * sign[:, None]
+    keys = np.round(directions / _PARALLEL).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    by_cell = np.bincount(inverse.ravel(), areas, len(first))
+    for cell in np.argsort(-by_cell)[:_CANDIDATES]:
+        near = np.abs(np.abs(directions @ directions[first[cell]]) - 1) < _PARALLEL**2 / 2
+        if areas[near].sum() >= LAYER_SHARE * total:
+            # Signs agree with the candidate: near the border of a cube of signs they may not.
+            flip = np.sign(directions[near] @ directions[first[cell]])
+            mean = (directions[near] * (flip * areas[near])[:, None]).sum(axis=0)
+            return np.asarray(mean / np.linalg.norm(mean), dtype=np.float64)
+    return None
+
+
+def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
+    """Properties of an evaluated object's faces, object space, (faces, width) each; None: no face.
+
+    Parameters
+    ----------
+    item, depsgraph
+        The object, as evaluated there.
+    **widths
+        Numbers a face of each property of `bpy.types.MeshPolygon`.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return None
+    try:
+        count = len(mesh.polygons)
+        if not count:
+            return None
+        found = {}
+        for name, width in widths.items():
+            values = np.empty(count * width, dtype=np.float32)
+            mesh.polygons.foreach_get(name, values)
+            found[name] = values.reshape(-1, width).astype(np.float64)
+        return found
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
+    """Layer normal of an object as evaluated, in its own space; None where it is no layer."""
+    faces = _faces(item, depsgraph, normal=3, area=1)
+    if faces is None:
+        return None
+    normals, areas = faces["normal"], faces["area"]
+    linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+    if abs(np.linalg.det(linear)) < 1e-30:
+        return None
+    # Area vectors under a linear map: det(A) A^-T.
+    vectors = (normals * areas) @ np.linalg.inv(linear)
+    lengths = np.linalg.norm(vectors, axis=1)
+    kept = lengths > 0
+    world = layer_normal(vectors[kept] / lengths[kept, None], lengths[kept])
+    if world is None:
+        return None
+    # Back to the object's space, so that the normal turns with it.
+    local = linear.T @ world
+    return np.asarray(local / np.linalg.norm(local), dtype=np.float64)
+
+
+def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
+    """Distance between a layer's two faces in the object's own units; None where there are others.
+
+    Parameters
+    ----------
+    item, depsgraph
+        The object, as evaluated there.
+    normal
+        Of the layer, object space, not zero.
+    """
+    faces = _faces(item, depsgraph, normal=3, center=3, area=1)
+    if faces is None:
+        return None
+    unit = normal / np.linalg.norm(normal)
+    along = np.abs(faces["normal"] @ unit) > 1 - _PARALLEL**2 / 2
+    height = (faces["center"] @ unit)[along]
+    area = faces["area"][along, 0]
+    if not area.sum() > 0:
+        return None
+    low, thickness = float(height.min()), float(np.ptp(height))
+    if not thickness > 0:
+        return None
+    outer = np.abs(2 * (height - low) / thickness - 1) > 1 - 2 * _IN_PLANE
+    return thickness if area[outer].sum() >= PLATE_SHARE * area.sum() else None
+
+
+def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
+    """Give every object with a penetrable physical material its layer's normal and thickness.
+
+    For a run; linked objects, too, whose properties are set in memory. Properties that the user
+    has set are left alone; [0, 0, 0] for the normal means: no layer.
+
+    Returns
+    -------
+    list of str
+        A warning that names the objects that are no layers.
+    """
+    others = []
+    for item, materials in worn_materials(depsgraph):
+        if not any(is_entered(material) for material in materials):
+            continue
+        given = item.get(attributes.OBJECT_LAYER_NORMAL)
+        normal = None if given is None else np.array(given, dtype=np.float64)
+        if normal is None:
+            normal = object_layer_normal(item, depsgraph)
+            if normal is None:
+                others.append(item.name)
+                continue
+            recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+        if attributes.OBJECT_LAYER_THICKNESS not in item and np.any(normal):
+            thickness = object_layer_thickness(item, depsgraph, normal)
+            if thickness is not None:
+                recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
+        item.update_tag()
+    if not others:
+        return []
+    named = ", ".join(repr(name) for name in others[:5])
+    more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+    text = (
+        f"{named}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
+        "so absorption and delay inside are taken as at normal incidence, whatever the angle. For "
+        f"a thick wall give the object the property {attributes.OBJECT_LAYER_NORMAL} (three "
+        "numbers: the wall's normal in the object's own axes)."
+    )
+    return [text]
+
+
+def is_entered(material: Any) -> bool:
+    """Whether a physical material has an interior: its Volume is connected."""
+    node = group_node(material)
+    if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
+        return False
+    return any(
+        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Volume"].is_linked
+        for node in material.node_tree.nodes
+    )
+
+
+def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
+    """Warnings about objects whose absorption leaves nothing that a render can hold.
+
+    Parameters
+    ----------
+    wavelength
+        In Blender units.
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    """
+    limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
+    deep = {}
+    for item, materials in worn_materials(depsgraph):
+        entered = [material for material in materials if is_entered(material)]
+        if item.type != "MESH" or not entered:
+            continue
+        corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
+        normal = item.get(attributes.OBJECT_LAYER_NORMAL)
+        if normal is not None and any(normal):
+            # Normals turn by the inverse transpose.
+            linear = np.array(item.matrix_world.to_3x3())
+            across = np.linalg.solve(linear.T, np.array(normal))
+            directions = (across / np.linalg.norm(across))[None]
+        else:
+            directions = np.eye(3)
+        thickness = float(np.ptp(corners @ directions.T, axis=0).min())
+        sockets = [group_input(material, EXTINCTION) for material in entered]
+        kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
+        loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
+        if loss_db > limit_db:
+            deep[item.name] = loss_db
+    if not deep:
+        return []
+    shown = ", ".join(f"{name!r} ({loss:.0f} dB)" for name, loss in list(deep.items())[:5])
+    more = f" and {len(deep) - 5} more" if len(deep) > 5 else ""
+    text = (
+        f"Absorption both ways through {shown}{more} is below what float32 carries in this "
+        f"Blender ({limit_db:.0f} dB): nothing behind will echo."
+    )
+    return [text]

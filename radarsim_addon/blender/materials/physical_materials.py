@@ -1,0 +1,384 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials by their physics: a medium of the library, a rough surface; kept in the material.
+
+What the user gives is kept as custom properties of the material, in SI and float64, so that it is
+there in every Blender, registered add-on or not, and survives saving and appending:
+
+=================================  =================================================================
+``radarsim_medium``                name of the model in `physics.materials` ("concrete", "index"...)
+``radarsim_medium_<parameter>``    its parameters, by the names the model gives them
+``radarsim_medium_path``           CSV file of the model "table"
+``radarsim_rms_height_m``          rms height h of the surface [m]
+``radarsim_correlation_length_m``  correlation length l of a Gaussian surface [m]
+``radarsim_rms_slope``             rms slope m; taken where h and l do not give it, m = sqrt(2) h/l
+``radarsim_sheet_thickness_m``     thickness of a thin pane that is modelled as one face [m]
+=================================  =================================================================
+
+The surface's three may be set on any material (also of the simple Radar Material, or none of ours)
+for what else needs them; `surface_of` reads them. The index n + jk at the carrier is derived from
+the medium by `update_material`: when the carrier changes, and when a run starts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import bpy
+
+from ...errors import ConfigError, RadarSimError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ...physics.materials import TABLE, material_model
+from ...physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
+from ...physics.rough_transmission import transmission_factors
+from ..nodes.find_group import find_group, group_input, group_node, holds_group
+from ..nodes.groups import KIND_PROPERTY, ensure_group
+from ..nodes.materials import is_conductor, link_group
+from ..nodes.physical_material import (
+    EXTINCTION,
+    GRAZING_TRANSMISSION,
+    INDEX,
+    KIND,
+    ROUGHNESS,
+    TRANSMISSION,
+)
+from ..nodes.sheet import KIND as SHEET_KIND
+from ..nodes.sheet import THICKNESS
+from ..state import Recorder
+from .assignments import slot_materials
+from .medium import Medium, Surface
+
+MEDIUM = "radarsim_medium"
+PARAMETER_PREFIX = "radarsim_medium_"
+PATH = "radarsim_medium_path"
+RMS_HEIGHT = "radarsim_rms_height_m"
+CORRELATION_LENGTH = "radarsim_correlation_length_m"
+RMS_SLOPE = "radarsim_rms_slope"
+SHEET_THICKNESS = "radarsim_sheet_thickness_m"
+
+EXACT_FACETS = bpy.app.version >= (5, 0, 0)
+"""Whether Cycles evaluates Fresnel's equations at each facet; see `ATTR_FACET_FRESNEL`."""
+
+
+# -- reading and writing ---------------------------------------------------------------------------
+
+
+def medium_of(material: Any) -> Medium | None:
+    """The medium that a material was given; None for a simple or foreign one."""
+    name = material.get(MEDIUM)
+    if not isinstance(name, str) or not name:
+        return None
+    if name == TABLE:
+        return Medium(name, {}, str(material.get(PATH, "")))
+    parameters = {}
+    for parameter in material_model(name).parameters:
+        value = material.get(PARAMETER_PREFIX + parameter.name)
+        if value is not None:
+            parameters[parameter.name] = float(value)
+    return Medium(name, parameters)
+
+
+def surface_of(material: Any) -> Surface | None:
+    """Roughness that a material was given; None where it has none of the three numbers.
+
+    The slope of a Radar Material without any is that of its Roughness.
+    """
+    keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
+    if material is None:
+        return None
+    values = [float(material.get(key, 0.0)) for key in keys]
+    if not any(value > 0 for value in values):
+        return None
+    surface = Surface(*values)
+    roughness = group_input(material, ROUGHNESS)
+    if surface.slope == 0 and roughness is not None:
+        slope = float(slope_from_roughness(roughness.default_value))
+        return Surface(surface.rms_height_m, surface.correlation_length_m, slope)
+    return surface
+
+
+def is_physical(material: Any) -> bool:
+    """Whether a material has one of the physical groups: the material's, or the sheet's."""
+    node = group_node(material)
+    return node is not None and node.node_tree.get(KIND_PROPERTY) in (KIND, SHEET_KIND)
+
+
+def is_sheet(material: Any) -> bool:
+    """Whether a material is a thin pane with interference."""
+    node = group_node(material)
+    return node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
+
+
+def make_physical_material(
+    name: str,
+    medium: str,
+    *,
+    carrier_hz: float,
+    rms_height_m: float = 0.0,
+    correlation_length_m: float = 0.0,
+    rms_slope: float = 0.0,
+    path: str | None = None,
+    penetrable: bool | None = None,
+    sheet_thickness_m: float = 0.0,
+    **parameters: float,
+) -> Any:
+    """Make a material from a medium of the library and a rough or smooth surface.
+
+    Parameters
+    ----------
+    name
+        Name of the data-block; Blender numbers it where taken.
+    medium, path, parameters
+        As `physics.materials.material` takes them.
+    carrier_hz
+        Where the medium is evaluated now; a run evaluates it at its own carrier.
+    rms_height_m, correlation_length_m, rms_slope
+        Surface. All 0: smooth.
+    penetrable
+        Link the interior. None: unless the medium is a conductor at this carrier.
+    sheet_thickness_m
+        More than 0: a thin pane of smooth faces, modelled as one face with interference.
+
+    Raises
+    ------
+    ConfigError
+        Unknown medium or parameter, carrier outside the band, slope too steep.
+    """
+    material = bpy.data.materials.new(name)
+    try:
+        write_medium(material, Medium(medium, parameters, path))
+        write_surface(material, Surface(rms_height_m, correlation_length_m, rms_slope))
+        if sheet_thickness_m:
+            if not (math.isfinite(sheet_thickness_m) and sheet_thickness_m > 0):
+                raise ConfigError(
+                    f"Thickness of the sheet is {sheet_thickness_m!r} m; expected more than 0."
+                )
+            material[SHEET_THICKNESS] = float(sheet_thickness_m)
+        index = Medium(medium, parameters, path).index(carrier_hz)
+        make_physical(material, not is_conductor(index) if penetrable is None else penetrable)
+        update_material(material, carrier_hz)
+    except BaseException:
+        bpy.data.materials.remove(material)
+        raise
+    return material
+
+
+def make_physical(material: Any, penetrable: bool = True) -> None:
+    """Put the physical group into a material in place of whatever nodes it has: the sheet's where
+    the material has a thickness."""
+    if float(material.get(SHEET_THICKNESS, 0.0)) > 0:
+        link_group(material, ensure_group(SHEET_KIND), False)
+    else:
+        link_group(material, ensure_group(KIND), penetrable)
+
+
+def write_medium(material: Any, medium: Medium) -> None:
+    """Keep a medium in a material; ConfigError for an unknown name or parameter."""
+    known = {parameter.name for parameter in medium.model.parameters}
+    unknown = sorted(set(medium.parameters) - known)
+    if unknown:
+        raise ConfigError(
+            f"Medium {medium.name!r} does not know the parameter {unknown[0]!r}; its parameters: "
+            f"{', '.join(sorted(known)) or 'none'}."
+        )
+    for key in [key for key in material.keys() if key.startswith(PARAMETER_PREFIX)]:
+        del material[key]
+    material[MEDIUM] = medium.name
+    for name, value in medium.parameters.items():
+        material[PARAMETER_PREFIX + name] = float(value)
+    if medium.path is not None:
+        material[PATH] = medium.path
+
+
+def write_surface(material: Any, surface: Surface) -> None:
+    """Keep a surface in a material; ConfigError for numbers below 0."""
+    values = {
+        RMS_HEIGHT: surface.rms_height_m,
+        CORRELATION_LENGTH: surface.correlation_length_m,
+        RMS_SLOPE: surface.rms_slope,
+    }
+    for key, value in values.items():
+        if not (math.isfinite(value) and value >= 0):
+            raise ConfigError(f"{key} is {value!r}; expected a number from 0 up.")
+        if value > 0:
+            material[key] = float(value)
+        elif key in material:
+            del material[key]
+
+
+# -- what follows at a carrier ---------------------------------------------------------------------
+
+
+def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
+    """Values of the group's inputs at a carrier, by socket name.
+
+    Raises
+    ------
+    ConfigError
+        Names the material: carrier outside the band, parameter missing, slope too steep.
+    """
+    medium = medium_of(material)
+    if medium is None:
+        return {}
+    try:
+        index = medium.index(carrier_hz)
+        if is_sheet(material):
+            wavelengths = float(material.get(SHEET_THICKNESS, 0.0)) * carrier_hz
+            thickness = wavelengths / SPEED_OF_LIGHT_MPS
+            return {INDEX: index.real, EXTINCTION: index.imag, THICKNESS: thickness}
+        slope = (surface_of(material) or Surface()).slope
+        roughness = float(cycles_roughness(slope))
+        through, through_grazing = 1.0, 1.0
+        if not is_conductor(index):
+            through, through_grazing = transmission_factors(index, slope, EXACT_FACETS)
+    except RadarSimError as error:
+        raise ConfigError(f"Material {material.name!r}: {error}") from error
+    return {
+        INDEX: index.real,
+        EXTINCTION: index.imag,
+        ROUGHNESS: roughness,
+        TRANSMISSION: through,
+        GRAZING_TRANSMISSION: through_grazing,
+    }
+
+
+def update_material(material: Any, carrier_hz: float, recorder: Recorder | None = None) -> None:
+    """Set a physical material's inputs for a carrier; sockets that the user linked are left.
+
+    Raises
+    ------
+    ConfigError
+        As `inputs_at`; or a linked file holds a node group of an older radarsim.
+    """
+    for socket, value in _inputs_to_set(material, carrier_hz):
+        _put(socket, value, recorder)
+
+
+def _put(socket: Any, value: float, recorder: Recorder | None) -> None:
+    if recorder is not None:
+        recorder.set(socket, "default_value", value)
+    elif socket.default_value != value:
+        socket.default_value = value
+
+
+def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
+    """Sockets of a physical material, and their values at a carrier."""
+    node = group_node(material)
+    if node is None or not is_physical(material):
+        return []
+    found = []
+    for name, value in inputs_at(material, carrier_hz).items():
+        if node.inputs.get(name) is None:
+            library = material.library
+            where = "this file" if library is None else repr(library.filepath)
+            raise ConfigError(
+                f"Material {material.name!r}: its node group {node.node_tree.name!r} was made by "
+                f"another radarsim and has no input {name!r}. Open {where} with this radarsim and "
+                "save it, or append the material in place of linking it."
+            )
+        socket = group_input(material, name)
+        if socket is not None:
+            found.append((socket, value))
+    return found
+
+
+def update_materials(
+    carrier_hz: float, recorder: Recorder | None = None, worn: Collection[Any] | None = None
+) -> list[str]:
+    """Evaluate every physical material of the file at a carrier, linked ones too.
+
+    What is linked from another file is set in memory: that file is not changed.
+
+    Parameters
+    ----------
+    carrier_hz, recorder
+        At what, and who takes it back.
+    worn
+        Materials of rendered objects; None: those in the slots of all objects of the file.
+
+    Returns
+    -------
+    list of str
+        What could not be evaluated, of materials that no rendered object wears; and worn materials
+        with a medium whose group is not at their output, which keep their numbers.
+
+    Raises
+    ------
+    ConfigError
+        A material that an object in the render wears cannot be evaluated, or two of them share a
+        node group with one set of numbers.
+    """
+    if worn is None:
+        worn = _in_slots(bpy.data.objects)
+    failures = []
+    owners: dict[int, tuple[Any, float]] = {}
+    # Those that are worn come first: they are the ones that count where numbers are shared.
+    for material in sorted(bpy.data.materials, key=lambda m: (m not in worn, m.name_full)):
+        try:
+            for socket, value in _inputs_to_set(material, carrier_hz):
+                other, before = owners.setdefault(socket.as_pointer(), (material, value))
+                if value != before:
+                    raise ConfigError(_shared(other, material))
+                _put(socket, value, recorder)
+        except ConfigError as error:
+            if material in worn:
+                raise
+            failures.append(str(error))
+        if material in worn and _keeps_numbers(material):
+            failures.append(
+                f"Material {material.name!r} has a medium, but its Radar Material does not feed "
+                "the output's Surface alone: its numbers do not follow the carrier. Connect the "
+                "group to Surface directly (groups of your own and reroutes may be between)."
+            )
+    return failures
+
+
+def _shared(first: Any, second: Any) -> str:
+    found = find_group(second)
+    nested = found is not None and bool(found.enclosing)
+    tree = found.enclosing[-1].node_tree if found and nested else second.node_tree
+    return (
+        f"Materials {first.name!r} and {second.name!r} need different numbers in the node group "
+        f"{tree.name!r}, which both use. Make it a single-user copy in one of them, or lead the "
+        "inputs of the Radar Material out of the group."
+    )
+
+
+def _keeps_numbers(material: Any) -> bool:
+    """Whether a material with a medium holds our group where it is not found."""
+    return (
+        material.node_tree is not None
+        and medium_of(material) is not None
+        and find_group(material) is None
+        and holds_group(material.node_tree)
+    )
+
+
+def refresh_materials(carrier_hz: float) -> None:
+    """As `update_materials`; a material that cannot be evaluated keeps its numbers."""
+    for material in bpy.data.materials:
+        try:
+            update_material(material, carrier_hz)
+        except ConfigError:
+            continue
+
+
+def limits_of(material: Any, carrier_hz: float) -> tuple[str, ...]:
+    """Why the model of a material's rough surface does not hold there; empty where it does."""
+    surface = surface_of(material)
+    if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
+        return ()
+    return kirchhoff_limits(
+        surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
+    )
+
+
+def _in_slots(objects: Iterable[Any]) -> set[Any]:
+    return {
+        material
+        for item in objects
+        if not item.hide_render
+        for material in slot_materials(item)
+        if material is not None
+    }

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion of what paths touch, sampled from Blender's animation over the burst and fitted.
+
+The scene is shown at subframes, so constraints, parents, armatures, drivers and modifiers all
+take part. Blender's time is float32: each sample's abscissa is the time that was really shown.
+The number of samples is doubled until the fit is good enough for the carrier, or a limit is met.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import contract
+from ...sidecar import file_sha256, write_record
+from ...signal.motion import (
+    BodyMotion,
+    FrameMotion,
+    KinematicMotion,
+    Tracks,
+    body_record,
+    write_tracks,
+)
+from ...signal.paths import PathRows, motion_of_rows
+from ..plan import Instant
+from ..scene import Poses, instance_name, pose_in_metres, shown_poses
+from .bodies import Bodies, Part
+from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
+from .fits import Fits
+from .samples import Sampler, SamplingPlan
+
+_FIRST_SAMPLES = 17
+#: No more samples than were taken in this time are added to them [s].
+_PATIENCE_S = 20.0
+#: Parts of the burst at which fits are checked, off any grid of samples.
+_CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
+#: Bound above which phases cannot be trusted [wavelengths]: 0.13 rad two-way.
+_WARN_WAVELENGTHS = 0.01
+
+
+class BurstMotion:
+    """Motion of one radar frame.
+
+    Parameters
+    ----------
+    show
+        Brings the scene to a moment and returns its depsgraph.
+    rig : Rig
+        Antennas.
+    names
+        Objects in the order of their numbers, from 1.
+    plan
+        What is sampled.
+    receiver_kind
+        As `contract.CameraRecord` names it.
+    frozen
+        Take everything to stand still as it is at the frame's time.
+    render
+        Which of the burst's renders this is, from 0.
+    """
+
+    def __init__(
+        self,
+        show: Callable[[Instant], Any],
+        rig: Any,
+        names: Sequence[str],
+        plan: SamplingPlan,
+        receiver_kind: str,
+        frozen: bool = False,
+        render: int = 0,
+    ) -> None:
+        self.render = render
+        self._show, self._rig, self._plan = show, rig, plan
+        self._frozen = frozen
+        self._kind = receiver_kind
+        self._names = names
+        self._units = plan.metres_per_unit
+        self.warnings: list[str] = []
+        #: What of moving power is approximated, and what has no body.
+        self._approximated_w = self._unknown_w = self._power_w = 0.0
+        self._scene: FrameMotion | None = None
+        self._seen: set[int] = set()
+        self._touched: list[Part] = []
+        self._samples, self._bound_m = 0, 0.0
+
+    # -- before the renders ------------------------------------------------------------------------
+
+    def begin(self) -> Any:
+        """Look for deforming surfaces; returns the depsgraph at the frame's time."""
+        candidates = self._candidates(self._show(self._plan.shown[1]))
+        deforming: dict[str, Any] = {}
+        if candidates and not self._frozen:
+            deforming = self._find_deforming(candidates)
+        depsgraph = self._show(self._plan.shown[1])
+        surfaces = {
+            name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
+        }
+        self._deformations = Deformations(surfaces, self._units)
+        self.poses: Poses = shown_poses(depsgraph, self._units)
+        self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
+        return depsgraph
+
+    def _candidates(self, depsgraph: Any) -> dict[str, Any]:
+        wanted = set(self._names)
+        found = {}
+        for item in depsgraph.object_instances:
+            original = item.object.original
+            if original.name in wanted and may_deform(original) and not original.hide_render:
+                found[original.name] = original
+        return found
+
+    def _find_deforming(self, candidates: dict[str, Any]) -> dict[str, Any]:
+        deforming: dict[str, Any] = {}
+        changing: list[str] = []
+        depsgraph = self._show(self._plan.shown[1])
+        before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
+        for share in (*_CHECKS, 1.0):
+            depsgraph = self._show(self._plan.at(share)[1])
+            for name, item in list(candidates.items()):
+                now = vertex_positions(item, depsgraph)
+                if now.shape != before[name].shape:
+                    changing.append(name)
+                    deforming.pop(name, None)
+                    del candidates[name]
+                elif not np.array_equal(now, before[name]):
+                    deforming[name] = item
+        if changing:
+            self.warnings.append(
+                f"The mesh of {', '.join(map(repr, changing))} changes its vertices during the "
+                "burst (their number): it is moved by the object's matrix alone. Use modifiers "
+                "that keep vertices, or a shorter burst."
+            )
+        return deforming
+
+    # -- rows --------------------------------------------------------------------------------------
+
+    def label(self, rows: PathRows) -> None:
+        """Fill in objects and bodies of rows, numbered over all that is shown."""
+        self.bodies.label(rows)
+
+    def collect(self, rows: PathRows) -> None:
+        """Note what labelled rows touch; for all rows before `sample`."""
+        for column in ("body", "first_body"):
+            self._seen.update(np.unique(rows[column]).tolist())
+        if self._deformations.any:
+            self._deformations.attach(rows, self.bodies.parts)
+
+    def complete(self, rows: PathRows) -> PathRows:
+        """Labelled rows with their rates, their tracks, and bodies numbered as in the file.
+
+        After `sample`, for the same rows in the same order as `collect`.
+        """
+        assert self._scene is not None
+        if self._deformations.any:
+            self._deformations.number(rows, self.bodies.parts)
+        for column in ("body", "first_body"):
+            rows[column] = self._file_number[rows[column]]
+        motion: KinematicMotion = motion_of_rows(rows, self._scene)
+        rows["range_rate_mps"] = motion.range_rates_mps()
+        power = rows["power_w"]
+        self._power_w += float(power.sum())
+        self._approximated_w += float(power[motion.approximated].sum())
+        self._unknown_w += float(power[motion.unknown].sum())
+        return rows
+
+    # -- sampling ----------------------------------------------------------------------------------
+
+    def sample(self) -> FrameMotion:
+        """Sample and fit all bodies that were touched; the scene is left at the frame's time."""
+        plan = self._plan
+        self._touched = [self.bodies.parts[n - 1] for n in sorted(self._seen - {0})]
+        self._file_number = np.zeros(len(self.bodies.parts) + 1, dtype=np.int32)
+        for number, shown in enumerate(sorted(self._seen - {0}), start=1):
+            self._file_number[shown] = number
+        if self._frozen:
+            return self._stand_still()
+        sampler = Sampler(
+            self._show, self._rig, self._touched, self.bodies, self._deformations, self._units
+        )
+        start_s = time.monotonic()
+        checks = [plan.at(share) for share in _CHECKS]
+        for at_s, instant in checks:
+            sampler.take(at_s, instant)
+        grid: set[float] = set()
+        for share in [*plan.corners, plan.reference]:
+            at_s, instant = plan.at(share)
+            grid.add(at_s)
+            sampler.take(at_s, instant)
+        count = _FIRST_SAMPLES
+        fits = Fits(plan, sampler, [at_s for at_s, _ in checks])
+        while True:
+            for number in range(count):
+                at_s, instant = plan.at(number / (count - 1))
+                grid.add(at_s)
+                sampler.take(at_s, instant)
+            fits.fit(sorted(grid))
+            more = fits.more_samples(count)
+            if not more or count >= plan.most_samples:
+                break
+            elapsed_s = time.monotonic() - start_s
+            if elapsed_s > _PATIENCE_S:
+                self.warnings.append(
+                    f"Motion was sampled {len(grid)} times only, as that took {elapsed_s:.0f} s. "
+                    f"Displacements are known to {fits.bound_m:.2g} m."
+                )
+                break
+            while count < min(more, plan.most_samples):
+                count = 2 * count - 1
+        self._show(plan.shown[1])
+        self._samples = len(grid)
+        self.warnings += fits.warnings()
+        tracks = None
+        if self._deformations.body:
+            tracks = Tracks(
+                self._file_number[np.concatenate(self._deformations.body)],
+                np.concatenate(self._deformations.vertices),
+                np.concatenate(self._deformations.weights),
+                fits.series(),
+            )
+        receiver, emitter, *bodies = fits.motions
+        self._scene = FrameMotion(
+            plan.span_s,
+            receiver,
+            emitter,
+            self._kind == "orthographic",
+            bodies,
+            tracks,
+            plan.shown[0],
+        )
+        self._bound_m = fits.bound_m
+        return self._scene
+
+    def _stand_still(self) -> FrameMotion:
+        depsgraph = self._show(self._plan.shown[1])
+        receiver, emitter = (
+            BodyMotion(
+                pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units),
+                reference_s=self._plan.shown[0],
+            )
+            for item in (self._rig.camera, self._rig.emitter)
+        )
+        at_s = self._plan.shown[0]
+        bodies = [BodyMotion(part.shown.pose, reference_s=at_s) for part in self._touched]
+        self._samples, self._bound_m = 1, 0.0
+        self._scene = FrameMotion(
+            self._plan.span_s,
+            receiver,
+            emitter,
+            self._kind == "orthographic",
+            bodies,
+            reference_s=at_s,
+        )
+        return self._scene
+
+    def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
+        """Write the motion file (and the tracks) of this frame; after all rows had their rates."""
+        assert self._scene is not None
+        scene, tracks_file, digest = self._scene, "", ""
+        if scene.tracks is not None:
+            path = write_tracks(folder, scene.tracks)
+            tracks_file, digest = path.name, file_sha256(path)
+        antennas = [
+            body_record(item.name, "", motion, False)
+            for item, motion in (
+                (self._rig.camera, scene.receiver),
+                (self._rig.emitter, scene.emitter),
+            )
+        ]
+        bodies = [
+            body_record(
+                part.name,
+                instance_name(part.key),
+                motion,
+                part.name in self._deformations.surfaces,
+            )
+            for part, motion in zip(self._touched, scene.bodies, strict=True)
+        ]
+        total = self._power_w or 1.0
+        wavelengths = self._bound_m / self._plan.wavelength_m
+        if self._approximated_w > 1e-3 * total:
+            self.warnings.append(
+                f"{100 * self._approximated_w / total:.2g} % of the power moves in paths of three "
+                "and more reflections: the way between their first and last scatterer is taken "
+                "for a straight line that changes with both."
+            )
+        if wavelengths > _WARN_WAVELENGTHS:
+            self.warnings.append(
+                f"Displacements during the burst are known to {self._bound_m:.2g} m, "
+                f"{wavelengths:.2g} wavelengths, from Blender's float32. Bring the scene nearer to "
+                "the world's origin, or allow more motion samples."
+            )
+        record = contract.MotionRecord(
+            frame=self._plan.frame,
+            time_s=time_s,
+            span_s=self._plan.span_s,
+            samples=self._samples,
+            receiver_kind=self._kind,
+            antennas=antennas,
+            bodies=bodies,
+            bound_m=self._bound_m,
+            bound_wavelengths=wavelengths,
+            approximated_share=self._approximated_w / total,
+            unknown_share=self._unknown_w / total,
+            tracks_file=tracks_file,
+            tracks_sha256=digest,
+            reference_s=self._plan.shown[0],
+            warnings=list(self.warnings),
+            versions=versions,
+        )
+        path = folder / contract.MOTION_FILE
+        write_record(path, record)
+        return path

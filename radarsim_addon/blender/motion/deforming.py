@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Surfaces that deform during a burst: points on them are tied to faces of the evaluated mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from mathutils.bvhtree import BVHTree
+from numpy.typing import NDArray
+
+from ...array_types import Real, Single
+from ...signal.paths import PathRows
+from ..materials import SURFACE_TYPES
+from ..scene import beside_box
+from .bodies import Part
+
+#: Kinds of parents that deform what hangs from them.
+_DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
+
+
+#: By the column of points: those of their bodies and tracks.
+_COLUMNS = {"last_m": ("body", "track"), "first_m": ("first_body", "first_track")}
+
+
+def may_deform(item: Any) -> bool:
+    """Whether an object's surface can change otherwise than by its matrix."""
+    if item.type not in SURFACE_TYPES:
+        return False
+    if item.type != "MESH" or item.modifiers or item.parent_type in _DEFORMING_PARENTS:
+        return True
+    return item.data is not None and item.data.shape_keys is not None
+
+
+def vertex_positions(item: Any, depsgraph: Any) -> Single:
+    """Vertices of the evaluated mesh in the object's own axes, (vertices, 3), Blender units."""
+    evaluated = item.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return np.empty((0, 3), dtype=np.float32)
+    try:
+        positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+        mesh.vertices.foreach_get("co", positions)
+    finally:
+        evaluated.to_mesh_clear()
+    return positions.reshape(-1, 3)
+
+
+class DeformingSurface:
+    """One object's mesh at the frame's time, and the vertices of it that paths need.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+    depsgraph : bpy.types.Depsgraph
+        At the frame's time.
+    metres_per_unit
+        Scale.
+    """
+
+    def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
+        self.item = item
+        self._units = metres_per_unit
+        evaluated = item.evaluated_get(depsgraph)
+        mesh = evaluated.to_mesh()
+        try:
+            positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+            mesh.vertices.foreach_get("co", positions)
+            mesh.calc_loop_triangles()
+            triangles = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
+            mesh.loop_triangles.foreach_get("vertices", triangles)
+        finally:
+            evaluated.to_mesh_clear()
+        self._vertices = positions.astype(np.float64).reshape(-1, 3)
+        self.triangles = triangles.reshape(-1, 3)
+        self._tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
+        self.count = len(self._vertices)
+        #: Vertices that tracks use, in the order of their place in the series.
+        self.needed: dict[int, int] = {}
+
+    def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
+        """Vertices (n, 3) and weights (n, 3) of the points of the surface nearest to these."""
+        faces = np.zeros(len(local_m), dtype=np.intp)
+        places = local_m / self._units
+        for row, place in enumerate(places):
+            face = self._tree.find_nearest(tuple(place))[2]
+            faces[row] = 0 if face is None else face
+        corners = self.triangles[faces]
+        weights = barycentric(places, self._vertices[corners])
+        places_in_series = [
+            [self.needed.setdefault(vertex, len(self.needed)) for vertex in face]
+            for face in corners.tolist()
+        ]
+        return np.array(places_in_series, dtype=np.int32).reshape(-1, 3), weights
+
+    def sample(self, depsgraph: Any) -> Single | None:
+        """Needed vertices at the depsgraph's time [m]; None where the mesh has others."""
+        positions = vertex_positions(self.item, depsgraph)
+        if len(positions) != self.count:
+            return None
+        needed = np.fromiter(self.needed, dtype=np.intp, count=len(self.needed))
+        return positions[needed] * np.float32(self._units)
+
+
+def barycentric(points: Real, corners: Real) -> Real:
+    """Weights of the feet of points on triangles, (n, 3); they add up to 1.
+
+    Parameters
+    ----------
+    points
+        (n, 3).
+    corners
+        (n, 3, 3).
+    """
+    edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    arm = points - corners[:, 0]
+    d11 = np.sum(edge_1 * edge_1, axis=-1)
+    d12 = np.sum(edge_1 * edge_2, axis=-1)
+    d22 = np.sum(edge_2 * edge_2, axis=-1)
+    d1, d2 = np.sum(arm * edge_1, axis=-1), np.sum(arm * edge_2, axis=-1)
+    area = d11 * d22 - d12**2
+    safe = np.where(area > 0, area, 1.0)
+    second = np.where(area > 0, (d22 * d1 - d12 * d2) / safe, 0.0)
+    third = np.where(area > 0, (d11 * d2 - d12 * d1) / safe, 0.0)
+    return np.stack([1 - second - third, second, third], axis=-1)
+
+
+class Deformations:
+    """All deforming surfaces of a frame, and the tracks of points on them."""
+
+    def __init__(self, surfaces: dict[str, DeformingSurface], metres_per_unit: float) -> None:
+        self.surfaces = surfaces
+        self._units = metres_per_unit
+        self.body: list[NDArray[np.int32]] = []
+        self.vertices: list[NDArray[np.int32]] = []
+        self.weights: list[Real] = []
+        self._numbered = 0
+
+    @property
+    def any(self) -> bool:
+        """Whether anything deforms."""
+        return bool(self.surfaces)
+
+    def attach(self, rows: PathRows, bodies: Sequence[Part]) -> None:
+        """Tie points of rows to faces; to be called for all rows before `number`."""
+        for points, mine, part in self._ends(rows, bodies):
+            local, _ = beside_box(part.shown, np.array(rows[points][mine]))
+            vertices, weights = self.surfaces[part.name].attach(local)
+            self.body.append(np.full(mine.size, rows[_COLUMNS[points][0]][mine[0]]))
+            self.vertices.append(vertices)
+            self.weights.append(weights)
+
+    def number(self, rows: PathRows, bodies: Sequence[Part]) -> None:
+        """Fill in the numbers of tracks, for the same rows in the same order as `attach`."""
+        for points, mine, _ in self._ends(rows, bodies):
+            rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
+            self._numbered += mine.size
+        one = rows["order"] == 1
+        rows["first_track"][one] = rows["track"][one]
+
+    def _ends(
+        self, rows: PathRows, bodies: Sequence[Part]
+    ) -> Iterator[tuple[str, NDArray[np.intp], Part]]:
+        """Rows on deforming surfaces, by end and body."""
+        for points, (column, _) in _COLUMNS.items():
+            wanted = np.arange(rows.size)
+            if points == "first_m":  # at order 1 both ends are one
+                wanted = np.flatnonzero(rows["order"] > 1)
+            numbers = rows[column][wanted]
+            for number in np.unique(numbers).tolist():
+                if number and bodies[number - 1].name in self.surfaces:
+                    yield points, wanted[numbers == number], bodies[number - 1]

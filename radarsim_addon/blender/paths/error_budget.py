@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which tiles the error of a frame comes from. No bpy.
+
+Each tile is measured with several sub-pixel shifts of its grid; they are replicates, so their
+scatter is the tile's own error. One shift alone tells the error of objects, not of range bins. What
+counts is the *relative* error of each range bin and of each object's power: a faint far target
+matters as much as strong near ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import contract
+from ...array_types import Real
+from ...signal.paths import (
+    PathFlag,
+    PathRows,
+    Points,
+    edge_variances,
+    lone_variances,
+    spread,
+    steps_of,
+)
+
+#: Variance of the number of grid points in a convex shape of n of them on average, over sqrt(n): a
+#: randomly shifted grid misses or gains points along the edge alone, whose length goes as sqrt(n)
+#: (Kendall 1948: 0.0728 of the perimeter in grid steps, 4 sqrt(n) for a square).
+_EDGE_VARIANCE = 0.29
+#: Cells this far below the strongest one do not drive refinement [power ratio].
+FAINTEST = 1e-8
+
+
+@dataclass
+class CellPowers:
+    """Powers of one tile by cell (range bins, then objects): mean over the shifts and its variance.
+
+    `cells` are the numbers of those that hold power; `variance` is of the mean.
+    """
+
+    cells: NDArray[np.int64]
+    mean: Real
+    variance: Real
+
+
+@dataclass(frozen=True)
+class ShiftPowers:
+    """One shift of a tile: power of its cells that are not zero, the pixels on each object as a
+    share of one of all shifts, and the least variance of its mean power by its edges, likewise;
+    where there is one shift alone, all of the variance."""
+
+    cells: NDArray[np.int64]
+    power: Real
+    hits: Real
+    edges: Real
+
+
+@dataclass
+class CellGrid:
+    """Numbers cells: range bins first, then objects. Without `ranges` the bins stay empty."""
+
+    bin_m: float
+    bins: int
+    ranges: bool = True
+
+    @property
+    def first_object(self) -> int:
+        """Number of object 0, the unknown one; the cell before it is all beyond the bins."""
+        return self.bins + 1
+
+    def shift_powers(
+        self, rows: PathRows, count: int, camera: contract.CameraRecord | None = None
+    ) -> ShiftPowers:
+        """Cell powers of one of `count` shifts of a tile (each row's power is its share); without
+        a camera nothing is known of edges along the grid."""
+        size = self.first_object
+        power = rows["power_w"] * count
+        by_bin = self._by_bin(rows, count, camera) if self.ranges else np.zeros(1)
+        by_object = np.bincount(rows["object"], power, minlength=1)
+        bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
+        hits = np.bincount(rows["object"], minlength=1) / count
+        edges = np.zeros(hits.size)
+        if camera is not None:
+            number = rows["object"].astype(np.int64)
+            if count > 1:
+                edges = edge_variances(rows, number, power, camera, count) / count
+            else:
+                edges = lone_variances(rows, number, power, camera)
+        return ShiftPowers(
+            np.concatenate([bins, objects + size]),
+            np.concatenate([by_bin[bins], by_object[objects]]),
+            hits,
+            edges,
+        )
+
+    def _by_bin(self, rows: PathRows, count: int, camera: contract.CameraRecord | None) -> Real:
+        """Power of range bins, each row spread over what its pixel covers, as in the profile."""
+        rows = rows[rows["flags"] & PathFlag.NO_RANGE == 0]
+        parts: Iterable[Points]
+        if camera is None:
+            whole = np.arange(rows.size)
+            parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
+        else:
+            parts = spread(rows, steps_of(rows, camera, count), self.bin_m, math.inf)
+        total = np.zeros(self.bins + 1)
+        for part in parts:
+            place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)
+            share = part.share * rows["power_w"][part.row] * count
+            total += np.bincount(place, share, minlength=total.size)
+        return total
+
+    def powers(self, shifts: Sequence[ShiftPowers]) -> CellPowers:
+        """Means and variances of a tile's cells over its shifts."""
+        count = len(shifts)
+        cells = np.unique(np.concatenate([shift.cells for shift in shifts]))
+        total = np.zeros((count, cells.size))
+        hits = np.zeros(max(shift.hits.size for shift in shifts))
+        edges = np.zeros(hits.size)
+        for number, shift in enumerate(shifts):
+            total[number, np.searchsorted(cells, shift.cells)] = shift.power
+            hits[: shift.hits.size] += shift.hits
+            edges[: shift.edges.size] += shift.edges
+        mean = total.mean(axis=0)
+        # One shift has no scatter; what is known of objects comes below.
+        variance = total.var(axis=0, ddof=1) / count if count > 1 else np.zeros_like(mean)
+        known_object = cells > self.first_object
+        place = cells[known_object] - self.first_object
+        hits = hits[place]
+        # A few shifts may happen to agree on an object of a few pixels, or with edges along them.
+        least = (mean[known_object] / hits) ** 2 * _EDGE_VARIANCE * np.sqrt(hits) / count
+        least = np.maximum(least, edges[place])
+        variance[known_object] = np.maximum(variance[known_object], least)
+        return CellPowers(cells, mean, variance)
+
+
+@dataclass
+class ErrorBudget:
+    """Sums the cells of all tiles, and says which tiles the error comes from.
+
+    first_object is the number of the first cell that is an object; None where all are range bins.
+    by says which of them count: "both", "ranges" or "objects".
+    """
+
+    first_object: int | None = None
+    by: str = "both"
+    powers: dict[int, CellPowers] = field(default_factory=dict)
+
+    def totals(self) -> tuple[Real, Real]:
+        """Mean and variance of every cell over all tiles."""
+        size = 1 + max((int(p.cells.max(initial=0)) for p in self.powers.values()), default=0)
+        mean, variance = np.zeros(size), np.zeros(size)
+        for part in self.powers.values():
+            mean[part.cells] += part.mean
+            variance[part.cells] += part.variance
+        return mean, variance
+
+    def relative_error(self) -> float:
+        """Relative standard error of the cells: half of it from range bins, half from objects.
+
+        Range bins weigh by the root of their power: between all alike (noise in empty ranges
+        would rule) and by power (only the strongest would count). All objects weigh the same, so
+        that a small target counts as much as the ground it stands on.
+        """
+        mean, variance = self.totals()
+        return math.sqrt(float(np.sum(variance * self._weights(mean))))
+
+    def _weights(self, mean: Real) -> Real:
+        """Weight of each cell's variance in the squared relative error."""
+        number = np.arange(mean.size)
+        first = mean.size if self.first_object is None else self.first_object
+        strong = mean > FAINTEST * mean.max(initial=0.0)
+        # The first object is the unknown one.
+        bins, objects = strong & (number < first), strong & (number > first)
+        weight = np.zeros_like(mean)
+        counted = {"ranges": (bins,), "objects": (objects,)}.get(self.by, (bins, objects))
+        groups = [group for group in counted if group.any()]
+        for group in groups:
+            importance = np.sqrt(mean[group]) if group is bins else np.ones(int(group.sum()))
+            weight[group] = importance / importance.sum() / mean[group] ** 2 / len(groups)
+        return weight
+
+    def object_errors(self) -> dict[int, float]:
+        """Relative standard error of the power of each object that counts, by its number."""
+        mean, variance = self.totals()
+        first = mean.size if self.first_object is None else self.first_object
+        strong = mean > FAINTEST * mean.max(initial=0.0)
+        return {
+            int(cell) - first: float(math.sqrt(variance[cell]) / mean[cell])
+            for cell in np.flatnonzero(strong)
+            if cell > first
+        }
+
+    def squared_errors(self, tiles: Iterable[int]) -> dict[int, float]:
+        """What each of these tiles adds to the squared relative error."""
+        weight = self._weights(self.totals()[0])
+        return {
+            tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
+            for tile in tiles
+            if tile in self.powers
+        }
+
+    def worst(self, tiles: Iterable[int], share: float) -> list[int]:
+        """Tiles that carry `share` of the squared error, worst first."""
+        score = self.squared_errors(tiles)
+        total = sum(score.values())
+        chosen, carried = [], 0.0
+        for tile in sorted(score, key=lambda t: (-score[t], t)):
+            if carried >= share * total or score[tile] <= 0:
+                break
+            chosen.append(tile)
+            carried += score[tile]
+        return chosen

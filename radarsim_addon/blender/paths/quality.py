@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How good a table of paths is: what was left out, what is mixed, how exact lengths are. No bpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ...signal.paths import PathFlag, PathRows
+from ..views import TracedView
+
+#: Share of the power that may be in flawed rows before the run warns.
+_WARN_SHARE = 1e-3
+#: A length known worse than this share of a wavelength spoils coherent sums: 2 pi / 20 of phase.
+_WARN_WAVELENGTHS = 0.05
+_NAMES_SHOWN = 5
+
+
+class QualitySums:
+    """Sums over views and rows; sums of tiles add up to those of the frame."""
+
+    def __init__(self) -> None:
+        self.total_w = self.left_order_w = self.left_depth_w = 0.0
+        self.left_order_variance_w2 = 0.0
+        self.mixed_w = self.no_code_w = self._row_w = 0.0
+        self._bias_wm = self._sigma2_wm2 = 0.0
+        self.coloured = False
+        self.seen: set[int] = set()
+        self.echoing: set[int] = set()
+
+    def add_view(self, traced: TracedView, watts_per_unit: float) -> None:
+        """Add what a view found; `watts_per_unit` turns its powers into watts."""
+        self.total_w += traced.total * watts_per_unit
+        self.left_order_w += traced.left_order * watts_per_unit
+        self.left_depth_w += traced.left_depth * watts_per_unit
+        self.coloured |= traced.coloured
+        if traced.open_view is not None and traced.open_view.object_index is not None:
+            self.seen.update(np.unique(traced.open_view.object_index).tolist())
+
+    def add_beyond(self, traced: TracedView, watts_per_unit: float) -> None:
+        """Add what a view found beyond the last order, as far as it was asked for."""
+        beyond_w = traced.beyond * watts_per_unit
+        self.total_w += beyond_w
+        self.left_order_w += beyond_w
+        self.left_order_variance_w2 += traced.beyond_variance * watts_per_unit**2
+
+    def add_rows(self, rows: PathRows) -> None:
+        """Add the rows of a view."""
+        power = rows["power_w"]
+        for name in ("object", "first_object"):
+            self.echoing.update(np.unique(rows[name]).tolist())
+        flags = rows["flags"]
+        mixed = flags & PathFlag.MIXED != 0
+        self._row_w += float(power.sum())
+        self.mixed_w += float(power[mixed].sum())
+        self.no_code_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
+        # A mixture's range lies between those mixed: it is off by less than the path's own length.
+        self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
+        sigma = rows["length_sigma_m"].astype(np.float64)
+        self._sigma2_wm2 += float(np.sum(power * sigma**2))
+
+    def numbers(self) -> dict[str, float]:
+        """The sums by name; sets left out."""
+        return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
+
+    @classmethod
+    def from_numbers(
+        cls, numbers: Mapping[str, float], seen: Iterable[int] = (), echoing: Iterable[int] = ()
+    ) -> QualitySums:
+        """What `numbers` gave, and the sets."""
+        found = cls()
+        for name, value in numbers.items():
+            setattr(found, name, value)
+        found.coloured = bool(found.coloured)
+        found.seen.update(seen)
+        found.echoing.update(echoing)
+        return found
+
+    @classmethod
+    def joined(cls, parts: Iterable[QualitySums]) -> QualitySums:
+        """Sums of several tiles."""
+        total = cls()
+        for part in parts:
+            for name, value in vars(part).items():
+                if isinstance(value, set):
+                    getattr(total, name).update(value)
+                else:
+                    setattr(total, name, getattr(total, name) + value)
+        total.coloured = bool(total.coloured)
+        return total
+
+    def share(self, watts: float) -> float:
+        """Part of the total power, 0 where there is none."""
+        return watts / self.total_w if self.total_w > 0 else 0.0
+
+    @property
+    def left_order_sigma(self) -> float:
+        """Standard error of the share of power in orders that were not followed."""
+        return self.share(float(np.sqrt(self.left_order_variance_w2)))
+
+    @property
+    def length_sigma_m(self) -> float:
+        """Power-weighted rms of the standard deviation of a path's length [m]."""
+        return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
+
+    @property
+    def mixed_bias_bound_m(self) -> float:
+        """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
+        return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
+
+    def warnings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[str]:
+        """What a user should know of this frame; `objects` names the numbers from 1."""
+        found = []
+        left = self.share(self.left_order_w)
+        if max(left, self.left_order_sigma) > _WARN_SHARE:
+            found.append(
+                f"{100 * left:.2g} % (standard error {100 * self.left_order_sigma:.1g} %) of the "
+                "power is in more reflections than were followed. Raise the order."
+            )
+        for share, text in (
+            (
+                self.share(self.left_depth_w),
+                "of the power is behind more transparent surfaces, or below the residual.",
+            ),
+            (
+                self.share(self.mixed_w),
+                "of the power is in pixels that hold several paths even so (subsurface, volumes).",
+            ),
+            (
+                self.share(self.no_code_w),
+                "of the power carries no range code; it is in the table without a length.",
+            ),
+        ):
+            if share > _WARN_SHARE:
+                found.append(f"{100 * share:.2g} % {text}")
+        if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
+            found.append(
+                f"Path lengths are known to {self.length_sigma_m:.2g} m, "
+                f"{self.length_sigma_m / wavelength_m:.2g} wavelengths: phase cannot be trusted at "
+                "this carrier, powers and ranges can."
+            )
+        silent = [objects[n - 1] for n in sorted(self.seen - self.echoing) if 0 < n <= len(objects)]
+        if silent and self.total_w > 0:
+            shown = ", ".join(map(repr, silent[:_NAMES_SHOWN]))
+            more = f" and {len(silent) - _NAMES_SHOWN} more" if len(silent) > _NAMES_SHOWN else ""
+            found.append(
+                f"Seen, but without any echo: {shown}{more}. A point lamp is not found in mirrors "
+                "(roughness 0): give them some roughness. Black, wholly transparent or shadowed "
+                "objects give no echo either."
+            )
+        if self.total_w == 0:
+            found.append(
+                "Nothing echoes. A mirror that faces the radar returns nothing either: a point "
+                "lamp is found by scattering surfaces only. Give it some roughness. Other causes: "
+                "the emitter is inside a closed mesh; objects are scaled to 0, or have in Object > "
+                "Visibility Ray Visibility > Camera off, or Holdout or Shadow Catcher on."
+            )
+        return found

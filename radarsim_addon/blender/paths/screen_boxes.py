@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the boxes of objects lie in a view of any kind. No bpy."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import contract
+from ...array_types import Indices, Real
+from ..scene import Poses, Shown
+from ..views import ViewWindow
+from .tiles import Area
+
+#: Boxes that are looked at at once; each takes some kilobytes.
+_CHUNK = 1 << 14
+#: Least cosine of a latitude that stretches are told from: a microradian off the pole.
+_LEAST_STRETCH = 1e-6
+_PAIRS = np.array(list(itertools.combinations(range(8), 2))).T
+
+
+@dataclass(frozen=True)
+class ViewBoxes:
+    """Areas around n boxes that are in view.
+
+    Attributes
+    ----------
+    number
+        Number of the object, from 1, (n,).
+    left, right, bottom, top
+        Edges in the camera's coordinates (`contract.CameraRecord`), (n,). Longitudes may lie
+        beyond pi where a box straddles the seam: see :meth:`areas`.
+    stretch
+        Most true length per unit of the first coordinate, (n,): the cosine of the latitude in an
+        equirectangular view, else 1.
+    centre_m
+        Middle of the box in the camera's axes, (n, 3).
+    distance_m, radius_m
+        Distance of the middle (orthographic: its depth), and half the box's diagonal, (n,).
+    """
+
+    number: NDArray[np.intp]
+    left: Real
+    right: Real
+    bottom: Real
+    top: Real
+    stretch: Real
+    centre_m: Real
+    distance_m: Real
+    radius_m: Real
+
+    def __len__(self) -> int:
+        return int(self.number.size)
+
+    def take(self, chosen: NDArray[np.bool_] | Indices) -> ViewBoxes:
+        """These of the boxes."""
+        return ViewBoxes(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+    def pixels(self, window: ViewWindow) -> tuple[Real, Real]:
+        """Pixels of a window across each box, and down."""
+        return (self.right - self.left) / window.step_u, (self.top - self.bottom) / window.step_v
+
+    def areas(self, window: ViewWindow) -> list[Area]:
+        """Areas in the window; two of a box that its edges cut where longitudes begin anew."""
+        turns = (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,)
+        return [
+            Area(
+                float(self.left[i] + turn),
+                float(self.right[i] + turn),
+                float(self.bottom[i]),
+                float(self.top[i]),
+                float(self.stretch[i]),
+            )
+            for i in range(len(self))
+            for turn in turns
+            if self.right[i] + turn > window.left and self.left[i] + turn < window.right
+        ]
+
+
+def view_boxes(
+    poses: Poses,
+    names: Sequence[str],
+    camera: contract.CameraRecord,
+    left_out: Collection[int] = (),
+) -> ViewBoxes:
+    """Areas around the boxes of all that is in view.
+
+    Left out is what is out of sight, around the receiver, or partly behind a perspective one; all
+    of these are near or not small.
+
+    Parameters
+    ----------
+    poses
+        What is shown.
+    names
+        Names of the object numbers, from 1.
+    camera
+        The frame.
+    left_out
+        Numbers that are not asked for.
+    """
+    found = [
+        (number, shown)
+        for number, name in enumerate(names, start=1)
+        if number not in left_out
+        for shown in poses.objects.get(name, {}).values()
+    ]
+    starts = range(0, len(found), _CHUNK) or (0,)
+    parts = [_boxes_in_view(found[start : start + _CHUNK], camera) for start in starts]
+    return ViewBoxes(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ViewBoxes)}
+    )
+
+
+def _boxes_in_view(found: Sequence[tuple[int, Shown]], camera: contract.CameraRecord) -> ViewBoxes:
+    count = len(found)
+    number = np.fromiter((number for number, _ in found), dtype=np.intp, count=count)
+    local = _corners(found, np.array(camera.matrix_world, dtype=np.float64))
+    depth = -local[..., 2]
+    centre = (local.min(axis=1) + local.max(axis=1)) / 2
+    distance = np.linalg.norm(centre, axis=1)
+    stretch = np.ones(count)
+    if camera.kind == "equirectangular":
+        left, right, bottom, top, known = _on_sphere(local)
+        nearest = np.clip(0.0, bottom, top)  # to the equator
+        stretch = np.maximum(np.cos(nearest), _LEAST_STRETCH)
+        known &= _meets_turned(left, right, camera)
+    else:
+        u, v = local[..., 0], local[..., 1]
+        if camera.kind == "perspective":
+            known = depth.min(axis=1) > 0
+            safe = np.where(known[:, None], depth, 1.0)
+            u, v = u / safe, v / safe
+        else:
+            known = depth.max(axis=1) > 0
+            distance = -centre[:, 2]
+        left, right = u.min(axis=1), u.max(axis=1)
+        bottom, top = v.min(axis=1), v.max(axis=1)
+        known &= (right > camera.left) & (left < camera.right)
+    known &= (top > camera.bottom) & (bottom < camera.top)
+    radius = np.linalg.norm(local.max(axis=1) - local.min(axis=1), axis=1) / 2
+    boxes = ViewBoxes(number, left, right, bottom, top, stretch, centre, distance, radius)
+    return boxes.take(known)
+
+
+def _corners(found: Sequence[tuple[int, Shown]], pose: Real) -> Real:
+    """Corners of the boxes in the camera's axes, (n, 8, 3) [m]."""
+    box = np.array([shown.box for _, shown in found]).reshape(-1, 2, 3)
+    own = np.array([shown.pose for _, shown in found]).reshape(-1, 4, 4)
+    which = np.array(list(itertools.product((0, 1), repeat=3)))
+    corners = box[:, which, np.arange(3)]
+    world = corners @ own[:, :3, :3].transpose(0, 2, 1) + own[:, None, :3, 3]
+    return np.asarray((world - pose[:3, 3]) @ pose[:3, :3], dtype=np.float64)
+
+
+def _on_sphere(local: Real) -> tuple[Real, Real, Real, Real, NDArray[np.bool_]]:
+    """Longitudes from and to, latitudes from and to, and whether these are known, each (n,).
+
+    A convex body's edges are great circles. Longitudes have no extreme within one, latitudes do.
+    Diagonals lie within the body, so all pairs of corners are taken. A body on the axis has all
+    longitudes, and the pole where it is on one side of the horizon; else it is as good as around
+    the receiver.
+    """
+    angle = np.sort(np.arctan2(local[..., 0], -local[..., 2]), axis=1)
+    gap = np.diff(angle, axis=1, append=angle[:, :1] + 2 * math.pi)
+    last = np.argmax(gap, axis=1)  # the body ends there, and begins after the gap
+    rows = np.arange(len(local))
+    widest = gap[rows, last]
+    left = angle[rows, (last + 1) % 8]
+    right = left + (2 * math.pi - widest)
+    latitude = np.arctan2(local[..., 1], np.hypot(local[..., 0], local[..., 2]))
+    bottom, top = latitude.min(axis=1), latitude.max(axis=1)
+    inner = _latitudes_within(local[:, _PAIRS[0]], local[:, _PAIRS[1]])
+    bottom, top = np.minimum(bottom, inner.min(axis=1)), np.maximum(top, inner.max(axis=1))
+    on_axis = widest <= math.pi * (1 + 1e-12)
+    above, below = (local[..., 1] > 0).all(axis=1), (local[..., 1] < 0).all(axis=1)
+    left, right = np.where(on_axis, -math.pi, left), np.where(on_axis, math.pi, right)
+    top = np.where(on_axis & above, math.pi / 2, top)
+    bottom = np.where(on_axis & below, -math.pi / 2, bottom)
+    return left, right, bottom, top, ~on_axis | above | below
+
+
+def _latitudes_within(a: Real, b: Real) -> Real:
+    """Latitude where it is stationary along the edges from a to b, or at an end; (n, edges).
+
+    With p = a + t d, y/|p| is stationary where d_y p.p = y p.d, of which the squares of t cancel.
+    """
+    d = b - a
+    squared, along, length = ((x * y).sum(axis=-1) for x, y in ((a, a), (a, d), (d, d)))
+    above = a[..., 1] * along - d[..., 1] * squared
+    below = d[..., 1] * along - a[..., 1] * length
+    t = np.zeros_like(above)
+    np.divide(above, below, out=t, where=below != 0)
+    point = a + np.clip(t, 0.0, 1.0)[..., None] * d
+    return np.asarray(np.arctan2(point[..., 1], np.hypot(point[..., 0], point[..., 2])))
+
+
+def _meets_turned(left: Real, right: Real, camera: contract.CameraRecord) -> NDArray[np.bool_]:
+    met = np.zeros(left.shape, dtype=bool)
+    for turn in (-2 * math.pi, 0.0, 2 * math.pi):
+        met |= (right + turn > camera.left) & (left + turn < camera.right)
+    return met

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which small objects get tiles of their own where there are more of them than that is good for.
+
+Each such tile costs renders of some milliseconds whatever it holds. So they go to those whose echo
+counts, that are not hidden, and whose error would be largest: those of fewest pixels. No bpy.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import contract
+from ...array_types import Mask, Real
+from ..views import View, ViewWindow
+from .error_budget import FAINTEST
+from .inset_tiles import SMALL_PX
+from .screen_boxes import ViewBoxes
+
+#: So many small objects get tiles of their own at most.
+MOST_TILED = 256
+#: Pixels on each side of an object's own that are looked at, and the most across or down.
+_BESIDE, _MOST_LOOKED = 1, 16
+
+
+def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
+    """Those that are small in the frame; a box of no extent has no echo."""
+    across, down = boxes.pixels(frame)
+    least = np.minimum(across, down)
+    return boxes.take((least > 0) & (least < SMALL_PX))
+
+
+def in_sight(
+    boxes: ViewBoxes,
+    camera: contract.CameraRecord,
+    window: ViewWindow,
+    view: View,
+    opaque: frozenset[int],
+    metres_per_unit: float,
+) -> Mask:
+    """Whether something of each box may be seen in a part of the frame, (n,).
+
+    Told from the surfaces that its rays met first on and around the box: none of them may be nearer
+    and hide it. Where a box has many pixels, some of them are looked at.
+
+    Parameters
+    ----------
+    boxes
+        Small ones.
+    camera, window, view
+        Camera of the part, its pixels, and their first surfaces.
+    opaque
+        Numbers of the objects that nothing passes through.
+    metres_per_unit
+        Scale of the positions.
+    """
+    seen = np.zeros(len(boxes), dtype=bool)
+    if view.position is None or view.object_index is None:
+        return ~seen
+    pose = np.array(camera.matrix_world, dtype=np.float64)
+    local = (view.position * metres_per_unit - pose[:3, 3]) @ pose[:3, :3]
+    ortho = camera.kind == "orthographic"
+    reach = -local[..., 2] if ortho else np.linalg.norm(local, axis=-1)
+    # What light passes, and the sky, hide nothing.
+    hides = np.isin(view.object_index, sorted(opaque)) & np.isfinite(reach)
+    reach = np.where(hides, reach, np.inf)
+    nearest = boxes.distance_m - boxes.radius_m
+    for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
+        left = np.floor((boxes.left + turn - window.left) / window.step_u) - _BESIDE
+        right = np.ceil((boxes.right + turn - window.left) / window.step_u) + _BESIDE
+        top = np.floor((window.top - boxes.top) / window.step_v) - _BESIDE
+        bottom = np.ceil((window.top - boxes.bottom) / window.step_v) + _BESIDE
+        met = (right > 0) & (left < window.width_px) & (bottom > 0) & (top < window.height_px)
+        for i in np.flatnonzero(met & ~seen):
+            rows = _pixels(top[i], bottom[i], window.height_px)
+            cols = _pixels(left[i], right[i], window.width_px)
+            index = np.ix_(rows, cols)
+            own = view.object_index[index] == boxes.number[i]
+            seen[i] = bool(np.any(own | (reach[index] >= nearest[i])))
+    return seen
+
+
+def _pixels(first: float, last: float, count: int) -> NDArray[np.intp]:
+    """Pixels from first to last, within the view; some of them where they are many."""
+    low, high = max(int(first), 0), min(int(last), count)
+    return np.unique(np.linspace(low, high - 1, min(high - low, _MOST_LOOKED)).astype(np.intp))
+
+
+def most_needy(
+    small: ViewBoxes,
+    seen: Mask,
+    boxes: ViewBoxes,
+    frame: ViewWindow,
+    camera: contract.CameraRecord,
+    emitter_m: Real,
+    most: int,
+) -> ViewBoxes:
+    """The boxes that get tiles: at most so many of those in sight.
+
+    An object that covers n pixels on average is met by n rays give or take: its relative error
+    goes as 1/sqrt(n), and all objects count alike in the error (`ErrorBudget.relative_error`). So
+    those of fewest pixels come first, but after them what is so far below the strongest echo that
+    it does not drive refinement.
+
+    Parameters
+    ----------
+    small
+        The small ones.
+    seen
+        Whether something of each may be seen.
+    boxes
+        All in view.
+    frame, camera
+        All of the view.
+    emitter_m
+        Place of the emitter in world space, (3,) [m].
+    most
+        Number of boxes that get tiles.
+    """
+    strongest = _echo(boxes, frame, camera, emitter_m).max(initial=0.0)
+    faint = _echo(small, frame, camera, emitter_m) <= FAINTEST * strongest
+    across, down = small.pixels(frame)
+    order = np.lexsort((across * down, faint))
+    return small.take(np.sort(order[seen[order]][:most]))
+
+
+def _echo(
+    boxes: ViewBoxes, frame: ViewWindow, camera: contract.CameraRecord, emitter_m: Real
+) -> Real:
+    """Echo of each box up to a factor: solid angle over squared distance from the emitter."""
+    across, down = boxes.pixels(frame)
+    pose = np.array(camera.matrix_world, dtype=np.float64)
+    away = np.linalg.norm(boxes.centre_m - (emitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
+    return np.asarray(across * down * boxes.stretch / np.maximum(away, boxes.radius_m) ** 2)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measured tiles of a frame that is not whole yet, on disk: they bound the memory that a frame
+takes, and a run that was stopped goes on from them. No bpy.
+
+A tile is its rows, as they are in memory, and a record beside them, written last: a tile with a
+record is whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from ... import contract
+from ...atomic_files import replace_file
+from ...errors import OutputError, RadarSimError
+from ...sidecar import file_sha256, read_record, write_record
+from ...signal.paths import PATH_DTYPE, PathRows
+from .quality import QualitySums
+
+#: Rows read at a time.
+_CHUNK = 1 << 17
+
+
+@dataclass(frozen=True)
+class TileRecord:
+    """What is known of a measured tile besides its rows.
+
+    rows counts them shift by shift; quality and further are the sums of `QualitySums` (of the rows,
+    and of what lies beyond the last order); renders and seconds are what it cost.
+    """
+
+    rows: list[int]
+    sha256: str
+    quality: dict[str, float]
+    further: dict[str, float]
+    seen: list[int] = field(default_factory=list)
+    echoing: list[int] = field(default_factory=list)
+    renders: int = 0
+    seconds: float = 0.0
+    schema: str = "radarsim/tile"
+    schema_version: int = contract.SCHEMA_VERSION
+
+    def sums(self) -> tuple[QualitySums, QualitySums]:
+        """Quality of the rows, and what lies beyond the last order."""
+        quality = QualitySums.from_numbers(self.quality, self.seen, self.echoing)
+        return quality, QualitySums.from_numbers(self.further)
+
+
+class TileParts:
+    """Folder of the tiles of one frame.
+
+    Parameters
+    ----------
+    frame_folder
+        The radar frame's.
+    stamp
+        All that rows depend on besides the scene (which the run's fingerprint is of) and the tile.
+    """
+
+    def __init__(self, frame_folder: Path, stamp: str) -> None:
+        self._folder = frame_folder / contract.TILES_DIR
+        self._stamp = f"{stamp} {PATH_DTYPE.descr}"
+
+    def key(self, *numbers: Any) -> str:
+        """Name of a tile by what determines its rows."""
+        text = f"{self._stamp} {numbers!r}".encode()
+        return hashlib.blake2b(text, digest_size=12).hexdigest()
+
+    def find(self, key: str) -> TileRecord | None:
+        """Record of a tile that is there and whole, byte for byte."""
+        try:
+            record = read_record(self._folder / f"{key}.json", TileRecord)
+            whole = file_sha256(self.rows_file(key)) == record.sha256
+        except (RadarSimError, OSError):
+            return None
+        return record if whole else None
+
+    def rows_file(self, key: str) -> Path:
+        """Where a tile's rows are."""
+        return self._folder / f"{key}.rows"
+
+    def writer(self, key: str) -> PartWriter:
+        """To write a tile's rows with, shift by shift."""
+        try:
+            self._folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise _cannot_write(self._folder, error) from error
+        return PartWriter(self.rows_file(key))
+
+    def keep(self, key: str, record: TileRecord) -> None:
+        """Say that a tile is whole."""
+        write_record(self._folder / f"{key}.json", record)
+
+    def shifts(self, key: str, record: TileRecord) -> Iterator[PathRows]:
+        """Rows of a tile, one shift after the other."""
+        with open(self.rows_file(key), "rb") as stream:
+            for count in record.rows:
+                yield np.fromfile(stream, dtype=PATH_DTYPE, count=count)
+
+    def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
+        """Rows of a tile in pieces, with the number that it has in this run."""
+        with open(self.rows_file(key), "rb") as stream:
+            while (rows := np.fromfile(stream, dtype=PATH_DTYPE, count=_CHUNK)).size:
+                rows["tile"] = tile
+                yield rows
+
+    def remove(self) -> None:
+        """Remove all tiles: the frame is whole, or not wanted any more."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+class PartWriter:
+    """Writes rows under a temporary name; leaving it without `finish` removes them."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._temporary = path.with_name(path.name + ".part")
+        self._digest = hashlib.sha256()
+        try:
+            self._stream = open(self._temporary, "wb")  # noqa: SIM115 (closed in __exit__)
+        except OSError as error:
+            raise _cannot_write(self._temporary, error) from error
+
+    def __enter__(self) -> PartWriter:
+        return self
+
+    def add(self, rows: PathRows) -> None:
+        """Append the rows of a shift."""
+        data = np.ascontiguousarray(rows).view(np.uint8)
+        self._digest.update(data)
+        try:
+            self._stream.write(data.data)
+        except OSError as error:
+            raise _cannot_write(self._temporary, error) from error
+
+    def finish(self) -> str:
+        """All rows are there; returns their SHA-256."""
+        try:
+            self._stream.close()
+        except OSError as error:
+            raise _cannot_write(self._temporary, error) from error
+        replace_file(self._temporary, self._path)
+        return self._digest.hexdigest()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(OSError):  # a full disk refuses to close, too
+            self._stream.close()
+        with contextlib.suppress(OSError):
+            self._temporary.unlink(missing_ok=True)
+
+
+def _cannot_write(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"Cannot write {path}: {error.strerror or error}. "
+        "Choose an output folder that exists, is writable and has room."
+    )

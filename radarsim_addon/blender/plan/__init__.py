@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .config_warnings import derive, warnings_for
+from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames, typed
+from .path_options import FINEST_PITCH, PathOptions
+from .run_plan import (
+    Extent,
+    Instant,
+    Plan,
+    Task,
+    automatic_rings,
+    check_frame_rate,
+    check_unit_scale,
+    fingerprint,
+    instant_at,
+    make_plan,
+    run_record,
+)
+
+__all__ = [
+    "FINEST_PITCH",
+    "MAX_RINGS",
+    "POLARISATIONS",
+    "Extent",
+    "Instant",
+    "Measurement",
+    "PathOptions",
+    "Plan",
+    "Task",
+    "automatic_rings",
+    "check_frame_rate",
+    "check_unit_scale",
+    "derive",
+    "fingerprint",
+    "instant_at",
+    "make_plan",
+    "parse_frames",
+    "run_record",
+    "typed",
+    "warnings_for",
+]

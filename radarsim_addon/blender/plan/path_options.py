@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user asks of the acquisition "paths". Standard library only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ...errors import ConfigError
+
+#: Cameras finer than this see float32 of their own directions [rad per pixel].
+FINEST_PITCH = 5e-7
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """How paths are followed, and when it is enough.
+
+    Parameters
+    ----------
+    max_order
+        Most reflections.
+    max_depth
+        Most transparent surfaces on the receiver's side.
+    residual
+        Share of the total power that may stay unfollowed.
+    shifts
+        Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
+        One alone tells that of objects, by their edges and by what neighbouring pixels differ.
+    error_target
+        Relative standard error (over range bins and objects) at which refinement ends; 0: no
+        refinement.
+    refine_by
+        What the relative error is of: "both", "ranges" (range bins) or "objects".
+    time_budget_s
+        Time per radar frame after which no further tile is refined [s]; 0: no limit.
+    max_level
+        Most halvings of the pixel pitch.
+    tile_px
+        Side of a tile.
+    motion
+        "kinematic": every path's length at every pulse, from the motion of what it touches; "off":
+        all stands still during a burst.
+    motion_samples
+        Most samples of the animation in a burst.
+    renders_per_burst
+        How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
+        at its end and evenly between. Echoes fade from one to the next.
+    code
+        "auto", "materials" or "world": what carries the range code.
+    amplitude
+        Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
+    """
+
+    max_order: int = 1
+    max_depth: int = 64
+    residual: float = 1e-4
+    shifts: int = 4
+    error_target: float = 0.0
+    refine_by: str = "both"
+    time_budget_s: float = 0.0
+    max_level: int = 12
+    tile_px: int = 256
+    motion: str = "kinematic"
+    motion_samples: int = 4097
+    renders_per_burst: int = 1
+    code: str = "auto"
+    amplitude: str = "mean"
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("Reflections", self.max_order, 1, 64),
+            ("Transparent surfaces", self.max_depth, 0, 1000),
+            ("Shifts", self.shifts, 1, 10_000),
+            ("Refinement levels", self.max_level, 0, 40),
+            ("Tile size", self.tile_px, 4, 4096),
+            ("Motion samples", self.motion_samples, 17, 65_537),
+            ("Renders per burst", self.renders_per_burst, 1, 1000),
+        ):
+            if not (isinstance(value, int) and low <= value <= high):
+                raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
+        for name, number, top in (
+            ("Residual", self.residual, 1.0),
+            ("Error target", self.error_target, 10.0),
+            ("Time budget", self.time_budget_s, 1e9),
+        ):
+            if not (math.isfinite(number) and 0 <= number <= top):
+                raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
+        if self.motion not in ("kinematic", "off"):
+            raise ConfigError(f"Motion {self.motion!r}; expected 'kinematic' or 'off'.")
+        if self.code not in ("auto", "materials", "world"):
+            raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
+        if self.amplitude not in ("mean", "R", "G", "B"):
+            raise ConfigError(f"Amplitude {self.amplitude!r}; expected 'mean', 'R', 'G' or 'B'.")
+        if self.refine_by not in ("both", "ranges", "objects"):
+            raise ConfigError(
+                f"Refinement by {self.refine_by!r}; expected 'both', 'ranges' or 'objects'."
+            )
+        if self.refines and self.shifts < 2 and self.refine_by != "objects":
+            raise ConfigError(
+                f"One shift a tile gives no standard error of range bins, and the error is of "
+                f"{self.refine_by!r}; expected at least 2 shifts with an error target or a time "
+                "budget, or an error of 'objects'."
+            )
+
+    @property
+    def error_of(self) -> str:
+        """What the error that is reported is of: one shift knows that of objects alone."""
+        return "objects" if self.shifts == 1 else self.refine_by
+
+    @property
+    def refines(self) -> bool:
+        """Whether tiles are refined at all."""
+        return self.error_target > 0 or self.time_budget_s > 0

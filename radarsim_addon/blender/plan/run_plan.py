@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The acquisition plan: which renders make up a run, at which times, with which code. No bpy."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ... import contract
+from ...errors import ConfigError
+from ...signal.radar import waveform_to_dict
+from .measurement import MAX_RINGS, Measurement
+
+#: Path lengths per code length. exp(-2*8) in G leaves 20 decades of float32 for the radiance, and
+#: float32 noise of the range is lowest at a few code lengths (4e-8 to 7e-8 of the range).
+LENGTHS_PER_CODE = 8.0
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How far the scene reaches, in metres, over all frames of the run.
+
+    from_emitter_m and from_receiver_m are the distances of the farthest point that can echo,
+    baseline_m the distance between the antennas, diameter_m the size of all that can echo.
+    All zero for an empty scene.
+    """
+
+    from_emitter_m: float = 0.0
+    from_receiver_m: float = 0.0
+    baseline_m: float = 0.0
+    diameter_m: float = 0.0
+
+    def union(self, other: Extent) -> Extent:
+        """Extent that covers both."""
+        return Extent(
+            *(
+                max(a, b)
+                for a, b in zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A moment of the animation: whole frame and fraction as Blender takes them, and its time."""
+
+    frame: int
+    subframe: float
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """One Cycles render: one ring in one pass of one radar frame."""
+
+    frame: int
+    pass_index: int
+    ring: int
+    instant: Instant
+    ring_min_m: float
+    ring_max_m: float
+
+    @property
+    def exr_path(self) -> str:
+        """EXR file, relative to the run's folder."""
+        return (
+            f"{contract.frame_dir(self.frame)}/"
+            f"{contract.render_stem(self.ring, self.pass_index)}.exr"
+        )
+
+    @property
+    def sidecar_path(self) -> str:
+        """JSON sidecar, relative to the run's folder."""
+        return self.exr_path.removesuffix(".exr") + ".json"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All renders of a run and the numbers they share. Lengths in metres."""
+
+    measurement: Measurement
+    rings: int
+    metres_per_unit: float
+    fps: float
+    code_length_m: float
+    extinction_length_m: float
+    extent: Extent
+    acquisition: str = "rings"
+    options: str = ""
+    renders_per_burst: int = 1
+
+    @property
+    def total(self) -> int:
+        """Number of renders."""
+        return self.measurement.renders(self.rings)
+
+    def tasks(self) -> Iterator[Task]:
+        """All renders: frame by frame, pass by pass, ring by ring.
+
+        Rings come last because changing a ring costs Cycles nothing, changing the time a new scene.
+        """
+        step_m = self.measurement.ring_step_m
+        for frame in self.measurement.frames:
+            for pass_index, instant in enumerate(self.instants(frame)):
+                for ring in range(self.rings):
+                    yield Task(frame, pass_index, ring, instant, ring * step_m, (ring + 1) * step_m)
+
+    def instants(self, frame: int) -> list[Instant]:
+        """Moments of the passes of a radar frame: t, and t + delta t where there are two."""
+        moments = [instant_at(float(frame), self.fps)]
+        if self.measurement.passes == 2:
+            moments.append(instant_at(frame + self.measurement.delta_t_s * self.fps, self.fps))
+        return moments
+
+
+def instant_at(frame: float, fps: float) -> Instant:
+    """The moment Blender really shows when asked for a fractional frame.
+
+    Blender adds frame and subframe in float32, so at frame 250 time moves in steps of
+    1.5e-5 frames; the time that is recorded is the one the animation is evaluated at.
+    """
+    whole = math.floor(frame)
+    subframe = float(np.float32(frame - whole))
+    if subframe >= 1.0:
+        whole, subframe = whole + 1, 0.0
+    return Instant(whole, subframe, float(np.float32(whole) + np.float32(subframe)) / fps)
+
+
+def code_length_m(measurement: Measurement, rings: int, extent: Extent) -> float:
+    """Code length k such that neither R nor G can underflow: an eighth of the longest path.
+
+    The longest path goes from the receiver over the bounces to the emitter; the last segment ends
+    within the outermost ring, the others within the scene.
+    """
+    outermost_m = rings * measurement.ring_step_m
+    longest_m = (
+        2 * outermost_m + extent.baseline_m + measurement.max_bounces * max(extent.diameter_m, 0.0)
+    )
+    if measurement.max_bounces:
+        # With more reflections the first segment is not tied to the ring of the last one.
+        longest_m += extent.from_receiver_m
+    return longest_m / LENGTHS_PER_CODE
+
+
+def make_plan(
+    measurement: Measurement,
+    metres_per_unit: float,
+    fps: float,
+    extent: Extent,
+    acquisition: str = "rings",
+    options: str = "",
+    renders_per_burst: int = 1,
+) -> Plan:
+    """Plan of a run.
+
+    Raises
+    ------
+    ConfigError
+        Automatic rings would be more than `MAX_RINGS`, scale or frame rate are not positive, or
+        there are more renders in a burst than pulses.
+    """
+    if renders_per_burst > measurement.burst.pulses:
+        raise ConfigError(
+            f"Renders per burst: {renders_per_burst}, more than the {measurement.burst.pulses} "
+            "pulses of the burst; expected at most one a pulse. Lower it, or send more pulses."
+        )
+    check_unit_scale(metres_per_unit)
+    check_frame_rate(fps)
+    rings = measurement.rings or automatic_rings(measurement.ring_step_m, extent)
+    inverse_k = np.float32(metres_per_unit / code_length_m(measurement, rings, extent))
+    if not (np.isfinite(inverse_k) and inverse_k > 0):
+        raise ConfigError(
+            f"Rings of {measurement.ring_step_m:g} m do not fit a scene with "
+            f"{metres_per_unit:g} m per Blender unit. Check Scene > Units > Unit Scale."
+        )
+    return Plan(
+        measurement=measurement,
+        rings=rings,
+        metres_per_unit=metres_per_unit,
+        fps=fps,
+        # What the shader sees is 1/k in float32; k is recorded as the inverse of exactly that.
+        code_length_m=metres_per_unit / float(inverse_k),
+        extinction_length_m=measurement.extinction_length_m or metres_per_unit,
+        extent=extent,
+        acquisition=acquisition,
+        options=options,
+        renders_per_burst=renders_per_burst,
+    )
+
+
+def check_unit_scale(metres_per_unit: float) -> float:
+    """Metres in a Blender unit as they are, or a ConfigError: Blender itself lets NaN in."""
+    if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
+        raise ConfigError(
+            f"Unit Scale of the scene is {metres_per_unit!r}; expected a positive number, the "
+            "metres in one Blender unit. Set it in Scene > Units, to 1 where in doubt."
+        )
+    return metres_per_unit
+
+
+def check_frame_rate(fps: float) -> float:
+    """Frames a second as they are, or a ConfigError."""
+    if not (math.isfinite(fps) and fps > 0):
+        raise ConfigError(
+            f"Frame rate of the scene is {fps!r}; expected a positive number. Set it and its base "
+            "in Output > Format."
+        )
+    return fps
+
+
+def automatic_rings(ring_step_m: float, extent: Extent) -> int:
+    """Number of rings that reaches the scene's farthest point; 1 for an empty scene.
+
+    Raises
+    ------
+    ConfigError
+        More than `MAX_RINGS` would be needed.
+    """
+    rings = max(1, math.floor(extent.from_emitter_m / ring_step_m) + 1)
+    if rings > MAX_RINGS:
+        raise ConfigError(
+            f"The scene reaches {extent.from_emitter_m:.6g} m, which takes {rings} rings of "
+            f"{ring_step_m:g} m; expected at most {MAX_RINGS}. Widen the ring step, give the "
+            "number of rings, or take distant objects out of the render."
+        )
+    return rings
+
+
+def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
+    """Hash of everything that changes the pixels of a render.
+
+    Waveform, burst and system are not in it (they come in after rendering), nor are the frames: a
+    run may be continued with more of them.
+    """
+    measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
+    for key in ("waveform", "burst", "system", "frames", "rings"):
+        del measurement[key]
+    parts = {
+        "measurement": measurement,
+        "metres_per_unit": plan.metres_per_unit,
+        "fps": plan.fps,
+        "code_length_m": plan.code_length_m,
+        "extinction_length_m": plan.extinction_length_m,
+        "acquisition": plan.acquisition,
+        "options": plan.options,
+        "scene": scene_digest,
+        "versions": versions,
+    }
+    if plan.acquisition == "paths":
+        # These follow from how far the scene reaches in the frames asked for; each table has its
+        # own code length beside it.
+        del measurement["ring_step_m"], parts["code_length_m"]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def run_record(
+    plan: Plan,
+    scene_digest: str,
+    blend_file: str,
+    warnings: list[str],
+    versions: dict[str, str],
+) -> contract.RunRecord:
+    """The record that ``run.json`` holds."""
+    measurement = plan.measurement
+    return contract.RunRecord(
+        acquisition=plan.acquisition,
+        frames=list(measurement.frames),
+        frame_times_s=[plan.instants(frame)[0].time_s for frame in measurement.frames],
+        rings=plan.rings,
+        ring_step_m=measurement.ring_step_m,
+        passes=measurement.passes,
+        delta_t_s=measurement.delta_t_s if measurement.passes == 2 else 0.0,
+        width_px=measurement.width_px,
+        height_px=measurement.height_px,
+        renders_per_burst=plan.renders_per_burst,
+        samples=measurement.samples,
+        seed=measurement.seed,
+        max_bounces=measurement.max_bounces,
+        metres_per_unit=plan.metres_per_unit,
+        code_length_m=plan.code_length_m,
+        extinction_length_m=plan.extinction_length_m,
+        waveform=waveform_to_dict(measurement.waveform),
+        burst=dataclasses.asdict(measurement.burst),
+        blend_file=blend_file,
+        fingerprint=fingerprint(plan, scene_digest, versions),
+        warnings=warnings,
+        versions=versions,
+        system=measurement.system,
+    )

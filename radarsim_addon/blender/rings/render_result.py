@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's render result, written to a file of any name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import OutputError, RenderError
+
+
+def save_render(scene: Any, path: Path) -> None:
+    """Write what was rendered last, in the scene's format.
+
+    Raises
+    ------
+    RenderError
+        Nothing was rendered.
+    OutputError
+        The file cannot be written.
+    """
+    path.unlink(missing_ok=True)
+    result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
+    if result is None:
+        raise RenderError("Blender has no render result. Start the run again.")
+    try:
+        # Takes the path as it is; write_still would expand # and {} in folder names.
+        result.save_render(str(path), scene=scene)
+    except RuntimeError as error:
+        raise OutputError(
+            f"Blender cannot write {path}: {str(error).strip()} "
+            "Choose an output folder that is writable and has room."
+        ) from error

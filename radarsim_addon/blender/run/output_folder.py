@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The run's folder: made, checked, compared with what an earlier run left, tidied up. No bpy."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from ... import contract
+from ...errors import OutputError, RadarSimError
+from ...sidecar import file_sha256, read_record
+from ..plan import Task
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the output folder if its parent exists, and try whether it can be written to.
+
+    Raises
+    ------
+    OutputError
+        The parent is missing, something else is in the way, or the folder is read-only or full.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError:
+        raise OutputError(
+            f"The output folder {folder} cannot be made: {folder.parent} does not exist. "
+            "Create it, or choose a folder whose parent exists."
+        ) from None
+    except FileExistsError:
+        raise OutputError(
+            f"The output folder {folder} is a file. Choose another name or remove the file."
+        ) from None
+    except OSError as error:
+        raise OutputError(
+            f"The output folder {folder} cannot be made: {error.strerror or error}. "
+            "Choose a folder that you may write to."
+        ) from error
+    probe = folder / ".radarsim_write_test.part"
+    try:
+        probe.write_bytes(b"\0" * 4096)
+    except OSError as error:
+        raise OutputError(
+            f"The output folder {folder} cannot be written to: {error.strerror or error}. "
+            "Choose a folder that is writable and has room."
+        ) from error
+    finally:
+        _remove(probe)
+
+
+def check_there(folder: Path, frame: int | None = None) -> None:
+    """See that the folder of a run that is going on, and that of a frame, are still there.
+
+    Raises
+    ------
+    OutputError
+        One has vanished. Whoever made it anew would make a run without its plan.
+    """
+    if not (folder / contract.RUN_FILE).is_file():
+        what = f"was emptied ({contract.RUN_FILE} is gone)" if folder.is_dir() else "has vanished"
+        raise OutputError(
+            f"The output folder {folder} {what} while the run was going on: it was removed or "
+            "renamed, or its drive is gone. Put it back to go on where the run stopped, or start "
+            "anew."
+        )
+    if frame is not None and not (folder / contract.frame_dir(frame)).is_dir():
+        raise OutputError(
+            f"The folder {folder / contract.frame_dir(frame)} has vanished while the run was going "
+            "on: it was removed or renamed. Start again; the other frames are kept."
+        )
+
+
+def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
+    """Make the folder of a radar frame, or of one of the renders of its burst.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made, or the run's folder has vanished.
+    """
+    check_there(folder)
+    target = folder / contract.burst_dir(frame, render)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"The folder {target} cannot be made: {error.strerror or error}. "
+            "Choose an output folder that is writable and has room."
+        ) from error
+
+
+def earlier_run(folder: Path) -> contract.RunRecord | None:
+    """The run whose files are in the folder; None for a folder without frames.
+
+    Raises
+    ------
+    OutputError
+        There are frames, but no readable ``run.json`` that says of which run.
+    """
+    run_file = folder / contract.RUN_FILE
+    try:
+        return read_record(run_file, contract.RunRecord)
+    except RadarSimError as error:
+        if not run_file.exists() and not any(_own_files(folder)):
+            return None
+        raise OutputError(
+            f"The output folder {folder} holds frames of an unknown run ({error}) "
+            "Choose another folder, or overwrite (Radar > Render, or --overwrite)."
+        ) from error
+
+
+def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> None:
+    """See that the folder is empty or holds frames of this run; tidy up after a killed one.
+
+    Parameters
+    ----------
+    folder
+        Output folder.
+    fingerprints
+        Of this run, by the saved file (if it is saved as it is) and, last, by what is in it.
+    overwrite
+        Remove the frames of another run.
+
+    Raises
+    ------
+    OutputError
+        It holds frames of another run, or of an unknown one.
+    """
+    earlier = None
+    try:
+        earlier = earlier_run(folder)
+    except OutputError:
+        if not overwrite:
+            raise
+        clear_run(folder)
+    if earlier is not None and not _continues(earlier, fingerprints):
+        if not overwrite:
+            raise OutputError(
+                f"The output folder {folder} holds frames of another run (scene, "
+                "acquisition, ring step, passes, resolution, samples, seed or software "
+                "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
+            )
+        clear_run(folder)
+    clear_partial(folder)
+
+
+def _continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
+    """Whether an earlier run's frames are frames of this one.
+
+    A saved file is compared as a file. Where one of the two runs was made with unsaved
+    changes only geometry and animation can be compared; that is not enough where both are
+    files, because it looks at two frames alone and at no simulation.
+    """
+    if earlier.fingerprint == mine[0]:
+        return True
+    unsaved = len(mine) == 1 or earlier.extra.get("unsaved_changes") is True
+    return unsaved and earlier.extra.get("geometry_fingerprint") == mine[-1]
+
+
+def clear_run(folder: Path) -> None:
+    """Remove the files of an earlier run: frames, sidecars and plan; nothing that is not ours.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be removed.
+    """
+    # The plan goes first: a clearing that is interrupted leaves frames of an unknown run, which
+    # nobody mistakes for a whole one.
+    for path in [folder / contract.RUN_FILE, *_own_files(folder)]:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path} of the earlier run cannot be removed: {error.strerror or error}. "
+                "Choose another output folder."
+            ) from error
+
+
+def clear_partial(folder: Path) -> None:
+    """Remove what a killed run left half written."""
+    halves = [
+        *_frame_files(folder, "*.part"),
+        *_frame_files(folder, f"{contract.TILES_DIR}/*.part"),
+    ]
+    for path in [*folder.glob("*.part"), *halves]:
+        _remove(path)
+
+
+def is_done(folder: Path, task: Task) -> bool:
+    """Whether a render is there: sidecar readable, EXR as the sidecar says, byte for byte."""
+    try:
+        record = read_record(folder / task.sidecar_path, contract.RenderRecord)
+        exr = folder / task.exr_path
+        return record.exr_file == exr.name and file_sha256(exr) == record.exr_sha256
+    except (RadarSimError, OSError):
+        return False
+
+
+def _own_files(folder: Path) -> list[Path]:
+    names = (
+        "ring_*_t[01].exr",
+        "ring_*_t[01].json",
+        contract.PATHS_TABLE,
+        contract.PATHS_FILE,
+        contract.MOTION_FILE,
+        contract.MOTION_TRACKS,
+        "burst_*/*",
+        f"burst_*/{contract.TILES_DIR}/*",
+        contract.SCENE_FILE,
+        f"{contract.TILES_DIR}/*",
+        "*.part",
+    )
+    return [path for name in names for path in _frame_files(folder, name)]
+
+
+def _frame_files(folder: Path, pattern: str) -> list[Path]:
+    return list((folder / contract.FRAMES_DIR).glob(f"frame_*/{pattern}"))
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
+        path.unlink(missing_ok=True)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The JSON files that a run leaves beside its renders: plan, labels of a frame, sidecars."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ... import contract
+from ...errors import RadarSimError
+from ...sidecar import file_sha256, read_record, write_record
+from ..plan import Instant, Plan, Task, fingerprint, run_record
+from ..scene import Rig
+from ..scene import ground_truth as scene_truth
+
+
+def write_run(
+    folder: Path,
+    plan: Plan,
+    digests: Sequence[str],
+    warnings: list[str],
+    versions: dict[str, str],
+) -> None:
+    """Write ``run.json``.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    plan
+        What is measured.
+    digests
+        Of the scene: of its file where nothing has changed since, and last of its geometry.
+    warnings
+        What the user was told before the run.
+    versions
+        Of the programs, by name.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    file_name = Path(bpy.data.filepath).name
+    record = run_record(plan, digests[0], file_name, warnings, versions)
+    record.extra["geometry_fingerprint"] = fingerprint(plan, digests[-1], versions)
+    record.extra["unsaved_changes"] = len(digests) == 1
+    record.extra["polarisation"] = plan.measurement.polarisation
+    write_record(folder / contract.RUN_FILE, record)
+
+
+def write_scene(
+    folder: Path, frame: int, plan: Plan, rig: Rig, show: Callable[[Instant], Any]
+) -> None:
+    """Write the labels of a radar frame, unless they are there.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    frame
+        Number of the radar frame.
+    plan
+        What is measured.
+    rig
+        The antennas.
+    show
+        Brings the scene to a moment and returns the depsgraph at it.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    path = folder / contract.frame_dir(frame) / contract.SCENE_FILE
+    try:
+        read_record(path, contract.SceneRecord)
+        return
+    except RadarSimError:
+        pass
+    instants = plan.instants(frame)
+    units = plan.metres_per_unit
+    later, interval_s = None, 0.0
+    if len(instants) > 1:
+        later = scene_truth.origin_positions(show(instants[1]), rig, units)
+        interval_s = instants[1].time_s - instants[0].time_s
+    objects = scene_truth.object_records(show(instants[0]), rig, units, later, interval_s)
+    write_record(path, contract.SceneRecord(frame, instants[0].time_s, objects))
+
+
+def render_record(
+    plan: Plan,
+    task: Task,
+    camera: contract.CameraRecord,
+    emitter: contract.EmitterRecord,
+    exr: Path,
+    versions: dict[str, str],
+) -> contract.RenderRecord:
+    """The sidecar of a finished render of a ring.
+
+    Parameters
+    ----------
+    plan
+        What is measured.
+    task
+        Which render of it.
+    camera, emitter
+        The antennas at that time.
+    exr
+        The file that was written.
+    versions
+        Of the programs, by name.
+    """
+    measurement = plan.measurement
+    return contract.RenderRecord(
+        acquisition="rings",
+        frame=task.frame,
+        pass_index=task.pass_index,
+        time_s=task.instant.time_s,
+        ring=task.ring,
+        ring_min_m=task.ring_min_m,
+        ring_max_m=task.ring_max_m,
+        width_px=measurement.width_px,
+        height_px=measurement.height_px,
+        metres_per_unit=plan.metres_per_unit,
+        code_length_m=plan.code_length_m,
+        extinction_length_m=plan.extinction_length_m,
+        camera=camera,
+        emitter=emitter,
+        samples=measurement.samples,
+        seed=measurement.seed,
+        max_bounces=measurement.max_bounces,
+        exr_file=exr.name,
+        exr_sha256=file_sha256(exr),
+        versions=versions,
+    )

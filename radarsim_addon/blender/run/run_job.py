@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run as a plain object that is driven from outside: by a loop headless, by a timer in the UI.
+
+::
+
+    with RenderJob(scene, view_layer, measurement, folder) as job:
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+
+Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
+moment a run is killed at, a file with a sidecar is whole, and the next run goes on from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import bpy
+
+from ... import __version__, contract
+from ...errors import RadarSimError, RenderError
+from ...framewarnings import FrameWarnings
+from ...sidecar import write_record
+from ..materials import is_physical
+from ..nodes import refresh_groups
+from ..plan import (
+    Extent,
+    Instant,
+    Measurement,
+    Plan,
+    Task,
+    check_frame_rate,
+    check_unit_scale,
+    fingerprint,
+    instant_at,
+    make_plan,
+    typed,
+    warnings_for,
+)
+from ..rings import save_render, verify_exr
+from ..scene import Rig, camera_record, emitter_record, find_rig, show_what_renders
+from ..scene import ground_truth as scene_truth
+from ..state import Recorder
+from . import output_folder, run_files
+from .folder_lock import FolderLock
+from .scene_state import MeasurementSettings
+
+
+class RenderJob:
+    """One run of a scene.
+
+    Class attributes say how it is driven: `unit` is what `done` and `total` count, and renders of
+    a `blocking` job are so short that the user interface does them between two looks at events.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    view_layer : bpy.types.ViewLayer
+        The one that is measured.
+    measurement
+        What is asked for.
+    folder
+        Output folder; made if its parent exists.
+    overwrite
+        Remove the files of another run from the folder instead of refusing it.
+    camera, emitter : bpy.types.Object, optional
+        Antennas, where the scene has several.
+    """
+
+    unit = "renders"
+    any_projection = False
+    blocking = False
+    #: Whether objects of any material echo.
+    code_world = False
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        measurement: Measurement,
+        folder: Path,
+        *,
+        overwrite: bool = False,
+        camera: Any = None,
+        emitter: Any = None,
+    ) -> None:
+        self._scene = scene
+        self._view_layer = view_layer
+        self._measurement = measurement
+        self._overwrite = overwrite
+        self._antennas = (camera, emitter)
+        self._settings: MeasurementSettings | None = None
+        self._shown_for_run = Recorder()
+        self._lock = FolderLock(folder)
+        self._scene_written: int | None = None
+        self._records: tuple[contract.CameraRecord, contract.EmitterRecord] | None = None
+        self._shown: Instant | None = None
+        self._started_s = 0.0
+        self._rendered = 0
+        self._pending: list[Task] = []
+        self.folder = folder
+        #: Set by who has just opened the file, so that nobody can have changed it since.
+        self.file_just_opened = False
+        self.frame_warnings = FrameWarnings()
+        self._run_warnings: list[str] = []
+        self.summary = ""
+        self.unrestored: list[str] = []
+        self.versions = {
+            "blender": bpy.app.version_string,
+            "radarsim": __version__,
+        }
+
+    def __enter__(self) -> RenderJob:
+        self.prepare()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.restore()
+
+    # -- before the first render -------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """Check everything, plan, and put the scene into its measuring state.
+
+        Raises
+        ------
+        SceneError, ConfigError, OutputError
+            What is wrong; the scene is as it was.
+        """
+        self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
+        fresh = not self.folder.exists()
+        output_folder.prepare_folder(self.folder)
+        self._lock.acquire()
+        try:
+            self._prepare()
+        except BaseException:
+            self.restore()
+            if fresh:
+                with contextlib.suppress(OSError):  # a plan was written: it stays
+                    self.folder.rmdir()
+            raise
+
+    def _prepare(self) -> None:
+        # Before anything is touched: afterwards the file would count as changed.
+        file_digest = scene_truth.file_digest(self.file_just_opened)
+        # A file of an older radarsim holds older node groups, which know less of the measurement.
+        refresh_groups()
+        survey = Recorder()
+        try:
+            self._remember_view(survey)
+            extent, geometry_digest = self._survey()
+        finally:
+            self.unrestored += self._shown_for_run.restore() + survey.restore()
+        self.plan: Plan = self._make_plan(extent)
+        digests = [file_digest] if file_digest else []
+        digests.append(geometry_digest)
+        # The carrier changes what a physical material reflects; the others render alike at any.
+        if any(is_physical(material) for material in bpy.data.materials):
+            at = f"+{self._measurement.waveform.carrier_hz!r} Hz"
+            digests = [digest + at for digest in digests]
+        output_folder.open_folder(
+            self.folder,
+            [fingerprint(self.plan, digest, self.versions) for digest in digests],
+            self._overwrite,
+        )
+        self._settings = self._make_settings()
+        self._settings.apply()
+        self._write_plan(digests)
+        self._pending = [
+            task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
+        ]
+        self.total = self.plan.total
+        self.done = self.total - len(self._pending)
+        self._started_s = time.monotonic()
+
+    def _make_plan(self, extent: Extent) -> Plan:
+        return make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
+
+    def _make_settings(self) -> MeasurementSettings:
+        return MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
+
+    def _metres_per_unit(self) -> float:
+        return check_unit_scale(typed(self._scene.unit_settings.scale_length))
+
+    def _fps(self) -> float:
+        render = self._scene.render
+        return check_frame_rate(float(render.fps) / typed(render.fps_base))
+
+    def _remember_view(self, recorder: Recorder) -> None:
+        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
+        recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
+
+    def _surveyed(self, frame: int) -> tuple[float, ...]:
+        """Moments of a radar frame, in Blender frames, at which the scene's extent is taken."""
+        return (float(frame),)
+
+    def _survey(self) -> tuple[Extent, str]:
+        """Extent over all frames, and a digest of the scene that does not depend on them."""
+        extent = Extent()
+        measurement = self._measurement
+        later = measurement.delta_t_s * self._fps() if measurement.passes == 2 else None
+        for frame in measurement.frames:
+            if later is not None:
+                self._refuse_what_is_no_number(instant_at(frame + later, self._fps()))
+            for at in self._surveyed(frame):
+                depsgraph = self._refuse_what_is_no_number(instant_at(at, self._fps()))
+                extent = extent.union(
+                    scene_truth.scene_extent(
+                        depsgraph, self.rig, self._metres_per_unit(), self.code_world
+                    )
+                )
+        digests = [scene_truth.animation_digest()]
+        for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
+            depsgraph = self._show(instant_at(float(frame), self._fps()))
+            digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
+        self._shown = None
+        return extent, "+".join(digests)
+
+    def _refuse_what_is_no_number(self, instant: Instant) -> Any:
+        """See that all can be recorded at a moment, before anything is written; its depsgraph."""
+        depsgraph = self._show(instant)
+        self._antenna_records(depsgraph, self._metres_per_unit())
+        scene_truth.check_surfaces(depsgraph)
+        return depsgraph
+
+    def _write_plan(self, digests: list[str]) -> None:
+        assert self._settings is not None
+        interval_s = None
+        frames = self._measurement.frames
+        if len(frames) > 1:
+            interval_s = min(abs(b - a) for a, b in itertools.pairwise(frames)) / self.plan.fps
+        self._run_warnings = self._settings.warnings + warnings_for(
+            self._measurement,
+            self.plan.rings,
+            self.plan.extent.from_emitter_m or None,
+            interval_s,
+            self.plan.acquisition,
+            (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
+        )
+        run_files.write_run(self.folder, self.plan, digests, self._run_warnings, self.versions)
+
+    # -- renders -----------------------------------------------------------------------------------
+
+    def pending(self) -> Iterator[Task]:
+        """Renders that are still to be made, in order."""
+        yield from self._pending
+
+    def start(self, task: Task) -> None:
+        """Set time and ring for a render, and note where the antennas are.
+
+        Raises
+        ------
+        OutputError, SceneError
+            The frame's folder cannot be written; an antenna is scaled at this time.
+        """
+        assert self._settings is not None
+        if self._scene_written != task.frame:
+            output_folder.make_frame_folder(self.folder, task.frame)
+            self._write_scene(task.frame)
+            self._scene_written = task.frame
+        if self._records is None or not self._shows(task.instant):
+            depsgraph = self._show(task.instant)
+            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
+        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+
+    def _antenna_records(
+        self, depsgraph: Any, metres_per_unit: float
+    ) -> tuple[contract.CameraRecord, contract.EmitterRecord]:
+        """Both antennas at the depsgraph's time."""
+        size_px = self._measurement.width_px, self._measurement.height_px
+        return (
+            camera_record(self.rig, depsgraph, metres_per_unit, *size_px),
+            emitter_record(self.rig, depsgraph, metres_per_unit),
+        )
+
+    def render(self, task: Task) -> None:
+        """Render and wait for the end (not for use in the UI).
+
+        Raises
+        ------
+        RenderError
+            Cycles failed.
+        """
+        try:
+            result = bpy.ops.render.render(scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
+
+    def finish(self, task: Task) -> None:
+        """Write, check and rename the EXR that was rendered; then its sidecar.
+
+        Raises
+        ------
+        OutputError, RenderError
+            The file could not be written whole; nothing half-written is left.
+        """
+        assert self._records is not None
+        final = self.folder / task.exr_path
+        temporary = final.with_name(final.name + ".part")
+        # Blender would make the folder anew, without the rest of the run.
+        output_folder.check_there(self.folder, task.frame)
+        try:
+            save_render(self._scene, temporary)
+            verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
+            output_folder.replace_file(temporary, final)
+            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
+            write_record(self.folder / task.sidecar_path, record)
+        except RadarSimError:
+            output_folder.check_there(self.folder, task.frame)
+            temporary.unlink(missing_ok=True)
+            raise
+        self._rendered += 1
+        self.done += 1
+
+    def _write_scene(self, frame: int) -> None:
+        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
+
+    def _show(self, instant: Instant) -> Any:
+        """Bring the scene to a moment; returns the depsgraph at it."""
+        # Before the time is set: what appears later would keep the place of another time.
+        show_what_renders(self._shown_for_run, self._view_layer)
+        self._scene.frame_set(instant.frame, subframe=instant.subframe)
+        self._shown = instant
+        self._records = None
+        return scene_truth.evaluated_depsgraph(self._view_layer)
+
+    def _shows(self, instant: Instant) -> bool:
+        # The user may have scrubbed the timeline since.
+        return (
+            self._shown == instant
+            and self._scene.frame_current == instant.frame
+            and self._scene.frame_subframe == instant.subframe
+        )
+
+    # -- afterwards --------------------------------------------------------------------------------
+
+    def touch(self) -> None:
+        """Set one of the scene's values to what it is.
+
+        Raises
+        ------
+        AttributeError
+            Blender does not let scripts change the scene at this moment.
+        """
+        self._scene.frame_step = self._scene.frame_step
+
+    @property
+    def warnings(self) -> list[str]:
+        """Those of the run, known before the first render, then those of its frames so far."""
+        return self._run_warnings + self.frame_warnings.lines()
+
+    @property
+    def scene_name(self) -> str:
+        """Name of the scene that is rendered."""
+        return str(self._scene.name)
+
+    @property
+    def fraction(self) -> float:
+        """Share of the run that is done, 0 to 1."""
+        return self.done / self.total if self.total else 1.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Estimate from the renders of this session; None before the first one."""
+        if not self._rendered:
+            return None
+        per_render_s = (time.monotonic() - self._started_s) / self._rendered
+        return per_render_s * (self.total - self.done)
+
+    def restore(self) -> None:
+        """Give the user's scene back; what failed is in `unrestored`. May be called again."""
+        if self._settings is not None:
+            self.unrestored += self._settings.restore()
+        self.unrestored += self._shown_for_run.restore()
+        self._lock.release()

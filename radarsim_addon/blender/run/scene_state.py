@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that a measurement needs of the user's scene, set for a run and restored after it.
+
+Each setting here spoils the measurement without a word when it is wrong: see the reasons beside
+them. What is not ours to change (device, threads, geometry) stays as the user has it.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+import bpy
+
+from ...errors import SceneError
+from ..materials import (
+    EXACT_FACETS,
+    beyond_float32,
+    set_layer_normals,
+    update_materials,
+    worn_materials,
+)
+from ..nodes import attributes
+from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
+from ..plan import POLARISATIONS, Plan
+from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, evaluated_depsgraph, isolate
+from ..state import Recorder
+
+#: Surfaces that may lie in line; transparent ones count.
+TRANSPARENT_BOUNCES = 1024
+
+
+class MeasurementSettings:
+    """Context manager: a scene that measures, and the user's scene again afterwards.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    view_layer : bpy.types.ViewLayer
+        The one that is rendered.
+    rig
+        Receiver and transmitter.
+    plan
+        What is measured.
+    any_material
+        Materials of other kinds than Radar Material echo too (a world volume carries the code).
+
+    Raises
+    ------
+    SceneError
+        Cycles is not available. Nothing is changed then.
+    """
+
+    def __init__(
+        self, scene: Any, view_layer: Any, rig: Rig, plan: Plan, any_material: bool = False
+    ) -> None:
+        self._scene = scene
+        self._view_layer = view_layer
+        self._rig = rig
+        self._plan = plan
+        self._any_material = any_material
+        self._recorder = Recorder()
+        self.warnings: list[str] = []
+
+    def __enter__(self) -> MeasurementSettings:
+        self.apply()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.restore()
+
+    def apply(self) -> None:
+        """Set everything; on failure what was set is restored before the error goes on."""
+        if not hasattr(self._scene, "cycles"):
+            raise SceneError(
+                "Cycles is not enabled in this Blender; the radar is rendered with it. "
+                "Enable Edit > Preferences > Add-ons > Cycles Render Engine."
+            )
+        try:
+            self._remember_time()
+            self._set_render()
+            self._set_cycles()
+            self._set_image_format()
+            self._set_view_layers()
+            self._set_antennas()
+            self._set_code()
+            self.warnings = self._set_materials()
+            depsgraph = evaluated_depsgraph(self._view_layer)
+            self.warnings += isolate(
+                self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
+            )
+        except BaseException:
+            self.restore()
+            raise
+
+    def restore(self) -> list[str]:
+        """Give the user's scene back. Returns what could not be restored; may be called again."""
+        return self._recorder.restore()
+
+    def set_ring(self, ring_min_m: float, ring_max_m: float) -> None:
+        """Gate the emitter to ``ring_min_m <= r < ring_max_m`` (Eq. 5)."""
+        # Neighbouring rings divide the same number of metres, so their shared edge is the same
+        # float32 in both and no path is lost or counted twice.
+        self._scene[attributes.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
+        self._scene[attributes.ATTR_RING_MAX] = ring_max_m / self._plan.metres_per_unit
+        # Writing a custom property from Python does not tell Cycles; an update tag does.
+        self._scene.update_tag()
+
+    # -- the groups of settings --------------------------------------------------------------------
+
+    def _remember_time(self) -> None:
+        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
+        self._recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
+
+    def _set_render(self) -> None:
+        render, put = self._scene.render, self._recorder.set
+        measurement = self._plan.measurement
+        put(render, "engine", "CYCLES")
+        put(render, "resolution_x", measurement.width_px)
+        put(render, "resolution_y", measurement.height_px)
+        put(render, "resolution_percentage", 100)
+        # Other aspects would stretch the angles between pixels (and 5.0 cannot write them).
+        put(render, "pixel_aspect_x", 1.0)
+        put(render, "pixel_aspect_y", 1.0)
+        put(render, "use_border", False)
+        put(render, "use_crop_to_border", False)
+        put(render, "use_motion_blur", False)
+        put(render, "use_multiview", False)
+        put(render, "use_freestyle", False)
+        put(render, "film_transparent", False)
+        put(render, "dither_intensity", 0.0)
+        # The frame would be post-processed.
+        put(render, "use_compositing", False)
+        put(render, "use_sequencer", False)
+        put(render, "use_single_layer", False)
+        put(render, "use_stamp", False)
+        # The scene stays in Cycles between rings: milliseconds instead of a new build each time.
+        put(render, "use_persistent_data", True)
+        for name in render.bl_rna.properties.keys():
+            # Date, host and paths do not belong into every EXR file.
+            if name.startswith("use_stamp_") and name != "use_stamp_labels":
+                put(render, name, False)
+
+    def _set_cycles(self) -> None:
+        cycles, put, put_some = (
+            self._scene.cycles,
+            self._recorder.set,
+            self._recorder.set_if_present,
+        )
+        measurement = self._plan.measurement
+        put(cycles, "samples", measurement.samples)
+        put(cycles, "seed", measurement.seed)
+        put(cycles, "use_animated_seed", False)  # the passes must see the same paths
+        put_some(cycles, "sample_offset", 0)
+        put_some(cycles, "use_sample_subset", False)
+        put(cycles, "use_layer_samples", "IGNORE")
+        put(cycles, "time_limit", 0.0)
+        put(cycles, "sampling_pattern", "TABULATED_SOBOL")  # AUTOMATIC changes paths with samples
+        put(cycles, "scrambling_distance", 1.0)
+        put(cycles, "auto_scrambling_distance", False)
+        put(cycles, "use_denoising", False)  # some builds raise with it on
+        put(cycles, "use_adaptive_sampling", False)
+        put_some(cycles, "use_guiding", False)
+        # Russian roulette makes amplitudes of single pixels random by tens of percent.
+        put(cycles, "min_light_bounces", 1024)
+        put(cycles, "min_transparent_bounces", 1024)
+        put(cycles, "light_sampling_threshold", 0.0)  # weak echoes would be dropped at random
+        put(cycles, "sample_clamp_direct", 0.0)  # strong echoes would be cut
+        put(cycles, "sample_clamp_indirect", 0.0)
+        put(cycles, "blur_glossy", 0.0)
+        put(cycles, "caustics_reflective", True)
+        put(cycles, "caustics_refractive", True)
+        put(cycles, "use_fast_gi", False)
+        put(cycles, "max_bounces", measurement.max_bounces)
+        put(cycles, "diffuse_bounces", measurement.max_bounces)
+        put(cycles, "glossy_bounces", measurement.max_bounces)
+        put(cycles, "transmission_bounces", measurement.max_bounces)
+        put(cycles, "volume_bounces", 0)
+        put(cycles, "transparent_max_bounces", TRANSPARENT_BOUNCES)
+        put(cycles, "use_light_tree", False)
+        put(cycles, "film_exposure", 1.0)
+        put(cycles, "film_transparent_glass", False)
+        put(cycles, "rolling_shutter_type", "NONE")
+        put(cycles, "use_auto_tile", False)
+        # 5.x tracks densities that depend on position or direction at random unless told not to.
+        put_some(cycles, "volume_biased", True)
+        # It moves the grid of pixels by another amount in each render.
+        put_some(cycles, "use_pixel_jitter", False)
+        if measurement.samples == 1:
+            # One path through the pixel's centre.
+            put(cycles, "pixel_filter_type", "BLACKMAN_HARRIS")
+            put(cycles, "filter_width", 0.01)
+        else:
+            put(cycles, "pixel_filter_type", "BOX")
+            put(cycles, "filter_width", 1.0)
+        # Culling takes objects out of the scene by what the camera sees of them.
+        put(cycles, "use_camera_cull", False)
+        put(cycles, "use_distance_cull", False)
+
+    def _set_image_format(self) -> None:
+        image, put = self._scene.render.image_settings, self._recorder.set
+        # From 5.0 on the media type limits the formats; in any version the format limits depth and
+        # codec. The recorder takes them back in the opposite order, which needs the format first:
+        # so the user's depth, mode and codec are remembered before the format changes them.
+        self._remember_image_format(image)
+        if hasattr(image, "media_type"):
+            image.media_type = "IMAGE"
+        image.file_format = "OPEN_EXR"
+        image.color_mode = "RGB"
+        image.color_depth = "32"
+        image.exr_codec = "ZIP"
+        put(image, "use_preview", False)
+        put(image, "color_management", "FOLLOW_SCENE")
+
+    def _remember_image_format(self, image: Any) -> None:
+        names = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec")
+        before = {name: getattr(image, name) for name in names if hasattr(image, name)}
+
+        def undo() -> None:
+            # The codec enumeration depends on the depth that is set while it is written.
+            image.exr_codec = before.pop("exr_codec")
+            for name, value in before.items():
+                setattr(image, name, value)
+
+        self._recorder.on_restore("image format", undo)
+
+    def _set_view_layers(self) -> None:
+        put, put_some = self._recorder.set, self._recorder.set_if_present
+        for layer in self._scene.view_layers:
+            put(layer, "use", layer == self._view_layer)
+        layer = self._view_layer
+        put(layer, "samples", 0)
+        put(layer, "material_override", None)
+        put_some(layer, "world_override", None)
+        put(layer, "use_pass_combined", True)
+        for name in ("use_solid", "use_strand", "use_volumes"):
+            put_some(layer, name, True)
+        put_some(layer, "use_motion_blur", False)
+        if hasattr(layer, "cycles"):
+            put_some(layer.cycles, "use_denoising", False)
+        put(self._scene, "world", None)  # black
+
+    def _set_antennas(self) -> None:
+        put, put_some = self._recorder.set, self._recorder.set_if_present
+        camera, emitter = self._rig.camera, self._rig.emitter
+        put(self._scene, "camera", camera)
+        put(camera.data, "clip_start", NEAR_CLIP_UNITS)
+        put(camera.data, "clip_end", 1e12)
+        put(camera.data.dof, "use_dof", False)
+        put(emitter, "hide_render", False)
+        for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+            put(emitter, f"visible_{kind}", True)
+        light = emitter.data
+        put(light, "shadow_soft_size", 0.0)
+        put(light, "use_shadow", True)
+        put(light, "color", (1.0, 1.0, 1.0))  # colour would enter R/B as range
+        put_some(light, "use_temperature", False)
+        put_some(light, "normalize", True)
+        put_some(light, "use_soft_falloff", False)
+        put(light.cycles, "max_bounces", 1024)
+        put(light.cycles, "is_portal", False)
+        put(light.cycles, "is_caustics_light", False)
+        linking = getattr(emitter, "light_linking", None)
+        if linking is not None:
+            put(linking, "receiver_collection", None)
+            put(linking, "blocker_collection", None)
+
+    def _set_materials(self) -> list[str]:
+        """Physical materials at the run's carrier, and the layers that waves go through."""
+        for material in bpy.data.materials:
+            if is_radar_material(material):
+                self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
+        depsgraph = evaluated_depsgraph(self._view_layer)
+        worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+        carrier_hz = self._plan.measurement.waveform.carrier_hz
+        failures = update_materials(carrier_hz, self._recorder, worn)
+        depsgraph = evaluated_depsgraph(self._view_layer)
+        no_layers = set_layer_normals(self._recorder, depsgraph)
+        wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
+        return [
+            *failures,
+            *check_meshes(depsgraph),
+            *no_layers,
+            *beyond_float32(wavelength, depsgraph),
+        ]
+
+    def _set_code(self) -> None:
+        put = self._recorder.set_item
+        units, measurement = self._plan.metres_per_unit, self._plan.measurement
+        put(self._scene, attributes.ATTR_INVERSE_CODE_LENGTH, units / self._plan.code_length_m)
+        put(self._scene, attributes.ATTR_EXTINCTION_LENGTH, self._plan.extinction_length_m / units)
+        waveform, name = measurement.waveform, measurement.polarisation
+        put(self._scene, attributes.ATTR_WAVELENGTH, waveform.wavelength_m / units)
+        put(self._scene, attributes.ATTR_POLARISATION, float(POLARISATIONS.index(name)))
+        put(self._scene, attributes.ATTR_FACET_FRESNEL, 1.0 if EXACT_FACETS else 0.0)
+        put(self._scene, attributes.ATTR_RING_MIN, 0.0)
+        put(self._scene, attributes.ATTR_RING_MAX, 0.0)

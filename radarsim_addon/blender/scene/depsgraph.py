@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""DOCSTRING."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def evaluated_depsgraph(view_layer: Any) -> Any:
+    """The view layer's depsgraph, brought up to date."""
+    view_layer.update()
+    return view_layer.depsgraph

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keeps out of a measurement what does not carry the range code: other lamps, other materials.
+
+Light of another lamp has no code at the emitter, light reflected by another material none at that
+surface: both would read as wrong ranges. Other lamps are hidden; objects without Radar Material
+absorb, so they still cast a radar shadow but give no echo. Everything goes through a `Recorder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from ..materials import SURFACE_TYPES, Worn, slot_materials, worn_materials
+from ..nodes import is_radar_material
+from ..state import Recorder
+
+#: Object types that Cycles renders and that have no radar model.
+UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
+ABSORBER_NAME = "radarsim absorber (temporary)"
+_NAMES_SHOWN = 5
+
+
+def isolate(
+    recorder: Recorder, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
+) -> list[str]:
+    """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
+
+    With `any_material` a world volume carries the code: surfaces of any kind echo, and only what
+    scatters inside a volume is left out (its paths have no vertex on a surface).
+
+    Returns
+    -------
+    list of str
+        Warnings about objects that give no echo.
+    """
+    _hide_other_lamps(recorder, emitter)
+    if any_material:
+        return _isolate_any_material(recorder, scene)
+    worn = worn_materials(depsgraph)
+    silent = [one.item.name for one in worn if _is_silent(one)]
+    rendered = _rendered(scene)
+    unsupported = [
+        item.name for item in rendered if item.type in UNSUPPORTED_TYPES and not item.hide_render
+    ]
+    _absorb_other_materials(recorder)
+    _absorb_bare_objects(recorder, worn)
+    for item in rendered:
+        if item.type in UNSUPPORTED_TYPES:
+            _hide(recorder, item)
+    warnings = []
+    if silent:
+        warnings.append(
+            f"No Radar Material on {_names(silent)}: no echo, but a radar shadow. "
+            "Select and press Radar > Material > Assign."
+        )
+    if unsupported:
+        warnings.append(
+            f"Left out of the measurement: {_names(unsupported)} (volumes and grease pencil have "
+            "no radar model). Convert to a mesh to measure it."
+        )
+    return warnings
+
+
+def _isolate_any_material(recorder: Recorder, scene: Any) -> list[str]:
+    fog = [
+        item
+        for item in _rendered(scene)
+        if not item.hide_render
+        and (
+            item.type in UNSUPPORTED_TYPES
+            or (item.material_slots and all(_is_fog(s.material) for s in item.material_slots))
+        )
+    ]
+    for item in fog:
+        _hide(recorder, item)
+    scattering = []
+    for material in bpy.data.materials:
+        if material.is_grease_pencil or material.node_tree is None:
+            continue
+        # Emissive surfaces are sampled like lamps and would take samples from ours.
+        recorder.set(material.cycles, "emission_sampling", "NONE")
+        if not is_radar_material(material) and _scatters_inside(material):
+            scattering.append(material.name)
+    warnings = []
+    if fog:
+        warnings.append(
+            f"Left out of the measurement: {_names([item.name for item in fog])} (fog, volumes and "
+            "grease pencil have no single point of reflection)."
+        )
+    if scattering:
+        warnings.append(
+            f"Materials {_names(scattering)} scatter below their surface: ranges of these echoes "
+            "are smeared. Set Subsurface to 0 to be rid of it."
+        )
+    return warnings
+
+
+def _is_fog(material: Any) -> bool:
+    """Whether a material has a volume and no surface."""
+    if material is None or material.node_tree is None:
+        return False
+    output = material.node_tree.get_output_node("CYCLES")
+    return output is not None and (
+        output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
+    )
+
+
+def _scatters_inside(material: Any) -> bool:
+    for node in material.node_tree.nodes:
+        if node.bl_idname in {"ShaderNodeSubsurfaceScattering", "ShaderNodeVolumeScatter"}:
+            return True
+        if node.bl_idname == "ShaderNodeVolumePrincipled":
+            return True
+        weight = node.inputs.get("Subsurface Weight")
+        if weight is not None and (weight.is_linked or weight.default_value > 0):
+            return True
+    return False
+
+
+def echoes(item: Any) -> bool:
+    """Whether an object can echo: a Radar Material in a slot, or one set by geometry nodes."""
+    if item.type not in SURFACE_TYPES:
+        return False
+    if any(is_radar_material(material) for material in slot_materials(item)):
+        return True
+    return any(modifier.type == "NODES" for modifier in item.modifiers)
+
+
+def _is_silent(worn: Worn) -> bool:
+    return not any(is_radar_material(material) for material in worn.materials)
+
+
+def _rendered(scene: Any) -> list[Any]:
+    """Objects of a scene, and of the collections that it instances."""
+    found: dict[Any, None] = {}
+    waiting = list(scene.objects)
+    while waiting:
+        item = waiting.pop()
+        if item in found:
+            continue
+        found[item] = None
+        if item.instance_type == "COLLECTION" and item.instance_collection is not None:
+            waiting += item.instance_collection.all_objects
+    return sorted(found, key=lambda item: item.name_full)
+
+
+def _names(names: list[str]) -> str:
+    shown = ", ".join(repr(name) for name in names[:_NAMES_SHOWN])
+    more = len(names) - _NAMES_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _hide_other_lamps(recorder: Recorder, emitter: Any) -> None:
+    # Any other lamp takes samples from ours, however weak it is; lamps inside instanced
+    # collections are not among scene.objects, so all lamps of the file are asked.
+    for item in bpy.data.objects:
+        if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
+            _hide(recorder, item)
+    _mute_animation(recorder, emitter, "hide_render")
+
+
+def _hide(recorder: Recorder, item: Any) -> None:
+    _mute_animation(recorder, item, "hide_render")
+    recorder.set(item, "hide_render", True)
+
+
+def _mute_animation(recorder: Recorder, item: Any, data_path: str) -> None:
+    """Keep animation from overriding a setting at the next frame."""
+    for curve in animation_curves(item.animation_data):
+        if curve.data_path == data_path:
+            recorder.set(curve, "mute", True)
+
+
+def animation_curves(animation: Any) -> Iterator[Any]:
+    """F-curves and drivers of a data-block: layered actions (4.4 and later) and older ones."""
+    if animation is None:
+        return
+    yield from animation.drivers
+    action = animation.action
+    if action is None:
+        return
+    if not hasattr(action, "layers"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                if bag.slot == animation.action_slot:
+                    yield from bag.fcurves
+
+
+def _absorb_other_materials(recorder: Recorder) -> None:
+    for material in bpy.data.materials:
+        if material.is_grease_pencil or is_radar_material(material):
+            continue
+        if bpy.app.version < (5, 0, 0):  # always on later
+            recorder.set(material, "use_nodes", True)
+        if material.node_tree is not None:
+            _absorb(recorder, material)
+
+
+def _absorb(recorder: Recorder, material: Any) -> None:
+    """Give a material a second output that absorbs, and make it the active one."""
+    nodes = material.node_tree.nodes
+    outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
+    active = material.node_tree.get_output_node("CYCLES")
+    volume_only = active is not None and (
+        active.inputs["Volume"].is_linked and not active.inputs["Surface"].is_linked
+    )
+    output = nodes.new("ShaderNodeOutputMaterial")
+    output.name = ABSORBER_NAME
+    added = [output]
+    recorder.on_restore(material.name, lambda: _remove(nodes, added))
+    if volume_only:
+        # Fog has no surface; without its volume nothing of it may remain.
+        clear = nodes.new("ShaderNodeBsdfTransparent")
+        added.append(clear)
+        material.node_tree.links.new(clear.outputs[0], output.inputs["Surface"])
+    else:
+        # An unconnected output would do, but versions differ in what it shades.
+        black = nodes.new("ShaderNodeEmission")
+        black.inputs["Strength"].default_value = 0.0
+        added.append(black)
+        material.node_tree.links.new(black.outputs[0], output.inputs["Surface"])
+    for other in outputs:
+        recorder.set(other, "is_active_output", False)
+    output.is_active_output = True
+    # Meshes that emit are sampled like lamps.
+    recorder.set(material.cycles, "emission_sampling", "NONE")
+
+
+def _remove(nodes: Any, added: list[Any]) -> None:
+    for node in added:
+        nodes.remove(node)
+
+
+def _absorb_bare_objects(recorder: Recorder, worn: list[Worn]) -> None:
+    """Objects without any material get Blender's grey default, which carries no code."""
+    bare = [
+        one.item.data
+        for one in worn
+        if not any(one.materials)
+        and not any(modifier.type == "NODES" for modifier in one.item.modifiers)
+    ]
+    if not bare:
+        return
+    absorber = bpy.data.materials.new(ABSORBER_NAME)
+    recorder.on_restore(ABSORBER_NAME, lambda: bpy.data.materials.remove(absorber))
+    if absorber.node_tree is None:
+        absorber.use_nodes = True
+    tree = absorber.node_tree
+    tree.nodes.clear()
+    black = tree.nodes.new("ShaderNodeEmission")
+    black.inputs["Strength"].default_value = 0.0
+    tree.links.new(black.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    for data in dict.fromkeys(bare):
+        if len(data.materials) == 0:
+            data.materials.append(absorber)
+            # pop() would leave the object with an empty slot.
+            recorder.on_restore(data.name, data.materials.clear)
+        else:
+            for index in range(len(data.materials)):
+                _fill_slot(recorder, data, index, absorber)
+
+
+def _fill_slot(recorder: Recorder, data: Any, index: int, absorber: Any) -> None:
+    data.materials[index] = absorber
+
+    def undo() -> None:
+        data.materials[index] = None
+
+    recorder.on_restore(data.name, undo)

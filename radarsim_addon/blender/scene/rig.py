@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The radar in the scene: a camera that receives and a point lamp that transmits, on one empty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...errors import SceneError
+from ..nodes import setup_emitter
+from ..nodes.groups import KIND_PROPERTY
+from .finite_checks import check_pose
+
+RIG_NAME = "Radar"
+RECEIVER_NAME = "Radar Receiver"
+EMITTER_NAME = "Radar Emitter"
+#: EIRP of a new emitter [W]: 1 kW into an antenna of 30 dB.
+DEFAULT_EIRP_W = 1e6
+#: How far an axis of an antenna may be from length 1; float32 matrices are within 1e-6.
+SCALE_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Receiver (``bpy.types.Object`` of type CAMERA) and transmitter (of type LIGHT)."""
+
+    camera: Any
+    emitter: Any
+
+
+def is_ring_emitter(light: Any) -> bool:
+    """Whether a lamp's active node tree holds the Ring Emitter group."""
+    if light is None or light.type != "POINT" or light.node_tree is None:
+        return False
+    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # lamps without nodes are of the past
+        return False
+    return any(
+        node.bl_idname == "ShaderNodeGroup"
+        and node.node_tree is not None
+        and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
+        for node in light.node_tree.nodes
+    )
+
+
+def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+    """Add a radar to a scene: an empty with camera and emitter at its origin.
+
+    The empty moves both and can be animated; like every camera it looks along its own -Z, with its
+    +Y up, and starts out level, looking along the world's +Y. The camera becomes
+    the scene's one where there is none yet.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    location
+        Where the radar stands, in Blender units.
+
+    Returns
+    -------
+    bpy.types.Object
+        The empty.
+
+    Raises
+    ------
+    SceneError
+        The scene has an emitter already.
+    """
+    present = [item.name for item in scene.objects if _is_emitter(item)]
+    if present:
+        raise SceneError(
+            f"The scene has a radar emitter already ({', '.join(map(repr, present))}); "
+            "this version measures with one. Move that one, or delete it first."
+        )
+    empty = bpy.data.objects.new(RIG_NAME, None)
+    camera = bpy.data.objects.new(RECEIVER_NAME, bpy.data.cameras.new(RECEIVER_NAME))
+    emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
+    try:
+        emitter.data.energy = DEFAULT_EIRP_W
+        setup_emitter(emitter.data)
+    except BaseException:
+        bpy.data.lights.remove(emitter.data)
+        bpy.data.cameras.remove(camera.data)
+        bpy.data.objects.remove(empty)
+        raise
+    empty.empty_display_type = "ARROWS"
+    for item in (empty, camera, emitter):
+        scene.collection.objects.link(item)
+    for child in (camera, emitter):
+        child.parent = empty
+    empty.rotation_euler = (math.pi / 2, 0.0, 0.0)
+    empty.location = location
+    if scene.camera is None:
+        scene.camera = camera
+    return empty
+
+
+def find_rig(
+    scene: Any, camera: Any = None, emitter: Any = None, any_projection: bool = False
+) -> Rig:
+    """The radar of a scene.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    camera, emitter
+        Objects chosen by the user; None: the one lamp with a Ring Emitter, and the camera on the
+        same parent, else the scene's camera.
+    any_projection
+        Orthographic and panoramic cameras will do.
+
+    Raises
+    ------
+    SceneError
+        No emitter, several of them, no camera, a camera that is not a perspective one, or scaled
+        antennas.
+    """
+    emitter = emitter or _only_emitter(scene)
+    if not _is_emitter(emitter) or emitter.name not in scene.objects:
+        raise SceneError(
+            f"{emitter.name!r} is not an emitter of this scene; expected a point lamp with the "
+            "Ring Emitter node group. Press Radar > Set Up Radar."
+        )
+    if not emitter.data.energy > 0:
+        raise SceneError(
+            f"The emitter {emitter.name!r} has a power of {emitter.data.energy:g} W: nothing would "
+            "echo. Set EIRP in Radar > Rig to a positive number of watts."
+        )
+    camera = camera or _receiver(scene, emitter)
+    if camera is None or camera.type != "CAMERA" or camera.name not in scene.objects:
+        raise SceneError(
+            "The scene has no camera to receive with. Press Radar > Set Up Radar, or set "
+            "Scene > Camera."
+        )
+    if camera.data.type != "PERSP" and not any_projection:
+        raise SceneError(
+            f"Camera {camera.name!r} is of type {camera.data.type}; rings are measured with a "
+            "perspective camera. Set Camera > Lens > Type to Perspective, or the acquisition to "
+            "Paths."
+        )
+    return Rig(camera, emitter)
+
+
+def check_scale(item: Any, matrix_world: Any) -> None:
+    """Refuse a scaled, mirrored or sheared antenna, or one that is nowhere.
+
+    Raises
+    ------
+    SceneError
+        Its place is not finite; or it is scaled: Cycles bends angles (camera) or power (lamp) with
+        the scale, which no antenna does.
+    """
+    check_pose(item.name, matrix_world)
+    axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > SCALE_TOLERANCE or np.linalg.det(axes) < 0:
+        lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))
+        raise SceneError(
+            f"{item.name!r} is scaled by ({lengths}), mirrored or sheared; an antenna has scale "
+            "1. Apply or clear the scale of it and of its parents (Object > Apply > Scale)."
+        )
+
+
+def _is_emitter(item: Any) -> bool:
+    return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
+
+
+def _only_emitter(scene: Any) -> Any:
+    found = [item for item in scene.objects if _is_emitter(item) and not item.hide_render]
+    if not found:
+        hidden = [item.name for item in scene.objects if _is_emitter(item)]
+        if hidden:
+            raise SceneError(
+                f"The radar emitter {hidden[0]!r} is hidden from renders. "
+                "Enable it in the outliner (camera icon)."
+            )
+        raise SceneError(
+            "The scene has no radar emitter: no point lamp holds the Ring Emitter node group. "
+            "Press Radar > Set Up Radar."
+        )
+    if len(found) > 1:
+        names = ", ".join(repr(item.name) for item in found)
+        raise SceneError(
+            f"The scene has {len(found)} radar emitters ({names}); a measurement has one. "
+            "Hide the others from renders, or choose one in Radar > Rig."
+        )
+    return found[0]
+
+
+def _receiver(scene: Any, emitter: Any) -> Any:
+    """The camera on the emitter's parent, else the scene's camera."""
+    if emitter.parent is not None:
+        siblings = [
+            item
+            for item in scene.objects
+            if item.type == "CAMERA" and item.parent == emitter.parent
+        ]
+        if len(siblings) == 1:
+            return siblings[0]
+    return scene.camera

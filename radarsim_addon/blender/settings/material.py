@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``material.radarsim``: the panel's view of what :mod:`.physical_materials` keeps in a material.
+
+Nothing is stored here: every property reads and writes the material's custom properties, so that a
+script, another version and the panel see the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from ...errors import RadarSimError
+from ...physics.material_model import Parameter
+from ...physics.materials import TABLE, models
+from ..materials import physical_materials as pm
+from ..plan import typed
+
+MATERIAL_PROPERTY = "radarsim"
+
+#: Where a parameter without default starts.
+_START = {
+    "eps_real": 4.0,
+    "n": 2.0,
+    "static_permittivity": 80.0,
+    "infinite_permittivity": 5.0,
+    "relaxation_frequency_hz": 17e9,
+    "conductivity_s_per_m": 1e7,
+    "moisture": 0.2,
+}
+_MEDIA: tuple[tuple[str, str, str], ...] = (
+    *(
+        (name, model.title[:1].upper() + model.title[1:], f"{model.source}; {model.band_text}")
+        for name, model in models().items()
+    ),
+    (TABLE, "Table", "A CSV file over frequency: frequency_ghz, eps_real, eps_imag (or n, k)"),
+)
+_NAMES = [item[0] for item in _MEDIA]
+
+
+def carrier_hz(scene: Any) -> float:
+    """The carrier that a scene's settings ask for."""
+    return typed(scene.radarsim.carrier_ghz, 9)
+
+
+def _refresh(material: Any) -> None:
+    try:
+        pm.update_material(material, carrier_hz(bpy.context.scene))
+    except RadarSimError:
+        return  # the panel tells it
+
+
+def choose_medium(material: Any, name: str) -> None:
+    """Give a material another medium; parameters without a default get a value to start from."""
+    for key in [key for key in material.keys() if key.startswith(pm.PARAMETER_PREFIX)]:
+        if key != pm.PATH:
+            del material[key]
+    material[pm.MEDIUM] = name
+    for parameter in () if name == TABLE else models()[name].parameters:
+        if parameter.default is None:
+            material[pm.PARAMETER_PREFIX + parameter.name] = _START.get(parameter.name, 1.0)
+
+
+def _get_medium(settings: Any) -> int:
+    name = settings.id_data.get(pm.MEDIUM, _NAMES[0])
+    return _NAMES.index(name) if name in _NAMES else 0
+
+
+def _set_medium(settings: Any, number: int) -> None:
+    choose_medium(settings.id_data, _NAMES[number])
+    _refresh(settings.id_data)
+
+
+def _get_path(settings: Any) -> str:
+    return str(settings.id_data.get(pm.PATH, ""))
+
+
+def _set_path(settings: Any, value: str) -> None:
+    settings.id_data[pm.PATH] = value
+    _refresh(settings.id_data)
+
+
+def _getter(key: str, default: float, scale: float = 1.0) -> Callable[[Any], float]:
+    return lambda settings: float(settings.id_data.get(key, default)) * scale
+
+
+def _setter(key: str, exponent: int = 0) -> Callable[[Any, float], None]:
+    def write(settings: Any, value: float) -> None:
+        settings.id_data[key] = typed(value, exponent)
+        _refresh(settings.id_data)
+
+    return write
+
+
+class MaterialSettings(bpy.types.PropertyGroup):
+    """Medium and surface of a material."""
+
+    medium: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Medium",
+        items=_MEDIA,
+        get=_get_medium,
+        set=_set_medium,
+        description="What the object is made of; its index at the carrier comes from the library",
+    )
+    path: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Table",
+        subtype="FILE_PATH",
+        get=_get_path,
+        set=_set_path,
+        description="CSV file: frequency_ghz and eps_real, eps_imag (or n, k)",
+    )
+    rms_height_mm: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Rms Height [mm]",
+        min=0.0,
+        precision=3,
+        get=_getter(pm.RMS_HEIGHT, 0.0, 1e3),
+        set=_setter(pm.RMS_HEIGHT, -3),
+        description="Root mean square of the surface's height; 0: not given",
+    )
+    correlation_length_mm: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Correlation Length [mm]",
+        min=0.0,
+        precision=3,
+        get=_getter(pm.CORRELATION_LENGTH, 0.0, 1e3),
+        set=_setter(pm.CORRELATION_LENGTH, -3),
+        description="Of a Gaussian surface; with the height it gives the slope sqrt(2) h / l",
+    )
+    rms_slope: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Rms Slope",
+        min=0.0,
+        max=0.7071,
+        precision=4,
+        get=_getter(pm.RMS_SLOPE, 0.0),
+        set=_setter(pm.RMS_SLOPE),
+        description="Rms slope of the surface, where height and correlation length do not give it",
+    )
+
+
+def _set_thickness(settings: Any, value: float) -> None:
+    material = settings.id_data
+    material[pm.SHEET_THICKNESS] = typed(value, -3)
+    if pm.is_physical(material) and pm.is_sheet(material) != (value > 0):
+        pm.make_physical(material)
+    _refresh(material)
+
+
+MaterialSettings.__annotations__["sheet_thickness_mm"] = bpy.props.FloatProperty(
+    name="Thin Sheet [mm]",
+    min=0.0,
+    precision=3,
+    get=_getter(pm.SHEET_THICKNESS, 0.0, 1e3),
+    set=_set_thickness,
+    description=(
+        "Thickness of a pane that is modelled as one face: the echoes of its two sides interfere. "
+        "0: a surface, with an interior where Volume is connected"
+    ),
+)
+
+
+def _parameter_property(parameter: Parameter) -> Any:
+    default = parameter.default if parameter.default is not None else 0.0
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    key = pm.PARAMETER_PREFIX + parameter.name
+    return bpy.props.FloatProperty(
+        name=parameter.name.replace("_", " ").capitalize() + unit,
+        description=parameter.meaning,
+        precision=4,
+        get=_getter(key, default),
+        set=_setter(key),
+    )
+
+
+for _model in models().values():
+    for _parameter in _model.parameters:
+        MaterialSettings.__annotations__.setdefault(
+            _parameter.name, _parameter_property(_parameter)
+        )

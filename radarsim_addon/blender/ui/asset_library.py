@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Radar materials in Blender's Asset Browser: what is in the library, and how it is registered.
+
+The library is a .blend with previews, made by ``scripts/make_asset_library.py`` from `ASSETS`;
+it lies in the package. Materials are appended on use, and follow the scene's carrier from then on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import SceneError
+from ..materials import physical_materials as pm
+from ..settings import carrier_hz
+
+FOLDER = Path(__file__).resolve().parents[1] / "assets"
+BLEND = FOLDER / "radar_materials.blend"
+CATALOGUES = FOLDER / "blender_assets.cats.txt"
+LIBRARY_NAME = "Radar Materials"
+
+#: Catalogue identifiers, fixed: users' files refer to them.
+CATALOGUE_IDS = {
+    "Radar/Building": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a01",
+    "Radar/Ground": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a02",
+    "Radar/Water": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a03",
+    "Radar/Metal": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a04",
+}
+#: Carrier at which the library's materials are evaluated when it is made.
+MADE_AT_HZ = 5.3e9
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A material of the library: a medium, and a surface by rms height and correlation length [m].
+
+    The surfaces are typical choices, not measurements.
+    """
+
+    name: str
+    catalogue: str
+    medium: str
+    rms_height_m: float = 0.0
+    correlation_length_m: float = 0.0
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def description(self) -> str:
+        """Tooltip in the Asset Browser: source, band, surface."""
+        model = pm.Medium(self.medium).model
+        surface = "Smooth"
+        if self.rms_height_m:
+            surface = (
+                f"Rms height {self.rms_height_m * 1e3:g} mm, correlation length "
+                f"{self.correlation_length_m * 1e3:g} mm"
+            )
+        given = "".join(f"{key} {value:g}. " for key, value in self.parameters.items())
+        return f"{model.source} ({model.edition}), {model.band_text}. {given}{surface}"
+
+
+ASSETS: tuple[Asset, ...] = (
+    Asset("Concrete, smooth", "Radar/Building", "concrete"),
+    Asset("Concrete, rough", "Radar/Building", "concrete", 2e-3, 2e-2),
+    Asset("Brick", "Radar/Building", "brick", 2e-3, 1.5e-2),
+    Asset("Plasterboard", "Radar/Building", "plasterboard"),
+    Asset("Wood", "Radar/Building", "wood", 0.5e-3, 1e-2),
+    Asset("Chipboard", "Radar/Building", "chipboard"),
+    Asset("Glass", "Radar/Building", "glass"),
+    Asset("Marble", "Radar/Building", "marble"),
+    Asset("Asphalt", "Radar/Ground", "asphalt_concrete", 1.5e-3, 8e-3),
+    Asset("Very dry ground", "Radar/Ground", "very_dry_ground", 1e-2, 8e-2),
+    Asset("Medium dry ground", "Radar/Ground", "medium_dry_ground", 1e-2, 8e-2),
+    Asset("Wet ground", "Radar/Ground", "wet_ground", 1e-2, 8e-2),
+    Asset("Soil, 20 % moisture", "Radar/Ground", "soil", 1e-2, 8e-2, {"moisture": 0.2}),
+    Asset("Ice", "Radar/Water", "ice", 2e-3, 5e-2),
+    Asset("Fresh water", "Radar/Water", "water", 5e-3, 1e-1),
+    Asset("Sea water", "Radar/Water", "sea_water", 1e-2, 1e-1),
+    Asset("Steel", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 1.45e6}),
+    Asset("Aluminium", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 3.8e7}),
+    Asset("Metal, rough", "Radar/Metal", "metal", 2e-3, 1e-2),
+)
+
+
+def make_assets() -> list[Any]:
+    """The library's materials in the present file, marked as assets, without previews."""
+    made = []
+    for asset in ASSETS:
+        material = pm.make_physical_material(
+            asset.name,
+            asset.medium,
+            carrier_hz=MADE_AT_HZ,
+            rms_height_m=asset.rms_height_m,
+            correlation_length_m=asset.correlation_length_m,
+            **asset.parameters,
+        )
+        material.asset_mark()
+        data = material.asset_data
+        data.catalog_id = CATALOGUE_IDS[asset.catalogue]
+        data.description = asset.description
+        data.author = "radarsim"
+        data.license = "GPL-3.0-or-later"
+        for tag in ("radar", asset.medium):
+            data.tags.new(tag)
+        made.append(material)
+    return made
+
+
+def catalogue_text() -> str:
+    """Contents of Blender's catalogue file."""
+    lines = [
+        "# This is an Asset Catalog Definition file for Blender.",
+        "#",
+        "# Other comments will be ignored; empty lines too.",
+        "",
+        "VERSION 1",
+        "",
+    ]
+    for path, identifier in CATALOGUE_IDS.items():
+        lines.append(f"{identifier}:{path}:{path.replace('/', '-')}")
+    return "\n".join(lines) + "\n"
+
+
+def add_library(preferences: Any) -> Any:
+    """Register the library in Blender's preferences; returns its entry. A second call changes
+    nothing.
+
+    Raises
+    ------
+    SceneError
+        The library's file is missing from the installation.
+    """
+    if not BLEND.is_file():
+        raise SceneError(
+            f"{BLEND} is missing: the installation is not complete. Install radarsim again, or "
+            "make it with scripts/make_asset_library.py."
+        )
+    libraries = preferences.filepaths.asset_libraries
+    for library in libraries:
+        if Path(bpy.path.abspath(library.path)) == FOLDER:
+            return library
+    # An update of the extension may have moved it: the entry of ours goes along.
+    for library in libraries:
+        if library.name == LIBRARY_NAME:
+            library.path = str(FOLDER)
+            return library
+    library = libraries.new(name=LIBRARY_NAME, directory=str(FOLDER))
+    if library is None:  # some versions return nothing
+        library = libraries[len(libraries) - 1]
+    # Appended, a material is the user's to edit; a linked one follows the carrier, too.
+    try:
+        library.import_method = "APPEND_REUSE"
+    except TypeError:  # Blender 5 offers to link, append or pack
+        library.import_method = "APPEND"
+    return library
+
+
+class RADARSIM_OT_add_asset_library(bpy.types.Operator):
+    """Show radarsim's materials in the Asset Browser, as the library Radar Materials"""
+
+    bl_idname = "radarsim.add_asset_library"
+    bl_label = "Add Radar Materials Library"
+    bl_options = {"REGISTER"}
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            library = add_library(context.preferences)
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        # Materials that are there already may have been dropped in at another carrier.
+        pm.refresh_materials(carrier_hz(context.scene))
+        self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
+        return {"FINISHED"}
+
+
+CLASSES: tuple[type, ...] = (RADARSIM_OT_add_asset_library,)

@@ -1,0 +1,373 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators: they turn named errors into reports and leave the work to others."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import bpy
+
+from ...errors import RadarSimError
+from ..headless import ProgressLine, make_job, progress_text, quiet_blender
+from ..nodes import assign_radar_material
+from ..run import RenderJob
+from ..scene import setup_rig
+from ..settings import PROGRESS_PROPERTY, SCENE_PROPERTY
+from ..settings import radar as properties
+from .interactive import InteractiveRender
+from .results import ProcessingJob, show_images
+
+#: Seconds between two looks at a running job.
+TICK_S = 0.01
+#: Events that pass through while a job runs: looking around. Others could change what is measured.
+_HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD", "NDOF", "TIMER")
+
+
+class RADARSIM_OT_setup_rig(bpy.types.Operator):
+    """Add a radar: camera and emitter under one empty, at the 3D cursor"""
+
+    bl_idname = "radarsim.setup_rig"
+    bl_label = "Set Up Radar"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for item in context.selected_objects:
+            item.select_set(False)
+        empty.select_set(True)
+        context.view_layer.objects.active = empty
+        return {"FINISHED"}
+
+
+class RADARSIM_OT_assign_material(bpy.types.Operator):
+    """Give the selected objects the Radar Material of the chosen preset"""
+
+    bl_idname = "radarsim.assign_material"
+    bl_label = "Assign to Selected"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return bool(context.selected_objects)
+
+    def execute(self, context: Any) -> set[str]:
+        preset = getattr(context.scene, SCENE_PROPERTY).preset
+        try:
+            assign_radar_material(context.selected_objects, preset)
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class _TimedOperator:
+    """What the two long operators share: a timer, the panel's progress, Esc, and a clean end."""
+
+    _timer: Any = None
+
+    def _begin(self, context: Any, warnings: list[str]) -> set[str]:
+        self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        progress.running = True
+        progress.warnings = "\n".join(warnings)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _show(self, context: Any, fraction: float, text: str) -> None:
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        if progress.text != text:
+            progress.fraction, progress.text = fraction, text
+            context.workspace.status_text_set(f"{text}  (Esc stops)")
+            redraw_panels(context)
+
+    def _end(self, context: Any, text: str) -> None:
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        progress.running = False
+        progress.text = text
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        redraw_panels(context)
+
+
+class RADARSIM_OT_watch_escape(bpy.types.Operator):
+    """Hear Esc while Blender's own render job runs"""
+
+    # Blender's render operator swallows Esc for as long as its job exists, and the job heeds it
+    # only until Cycles has looked for the last time: between the two an Esc would be lost. The
+    # newest handler is asked first, so each render gets one of these on top of Blender's.
+
+    bl_idname = "radarsim.watch_escape"
+    bl_label = "Watch for Esc"
+    bl_options = {"INTERNAL"}
+
+    run: ClassVar[InteractiveRender | None] = None
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        self._run = type(self).run
+        self._task = self._run.rendering if self._run else None
+        if self._task is None:
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        assert self._run is not None
+        if self._run.closed or self._run.rendering is not self._task:
+            return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS":
+            self._run.request_stop("stopped by Esc")
+        return {"PASS_THROUGH"}
+
+
+class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
+    """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
+
+    bl_idname = "radarsim.render_frames"
+    bl_label = "Render Radar Frames"
+    bl_options = {"REGISTER"}
+
+    _run: InteractiveRender | None = None
+    _watched: object | None = None
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        if bpy.app.is_job_running("RENDER"):
+            self.report({"ERROR"}, "Another render is running. Wait for its end, or stop it.")
+            return {"CANCELLED"}
+        try:
+            job = job_of(context)
+            job.prepare()
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        try:
+            self._run = InteractiveRender(job, context.preferences)
+            return self._begin(context, job.warnings)
+        except BaseException:
+            job.restore()
+            raise
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        run = self._run
+        assert run is not None
+        if event.type == "ESC" and event.value == "PRESS":
+            run.request_stop("stopped by Esc")
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return pass_harmless(event)
+        try:
+            ended = run.tick()
+        except RadarSimError as error:
+            self._finish(context, f"Failed: {error}")
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except BaseException:
+            self._finish(context, "Failed")
+            raise
+        if not ended:
+            job = run.job
+            self._watch_escape(run)
+            text = progress_text(job.done, job.total, job.seconds_left, job.unit)
+            self._show(context, job.fraction, text)
+            return {"PASS_THROUGH"}
+        return self._conclude(context, run)
+
+    def _watch_escape(self, run: InteractiveRender) -> None:
+        """Put a watcher on top of the handler of a render that has just begun."""
+        if run.rendering is not None and run.rendering is not self._watched:
+            RADARSIM_OT_watch_escape.run = run
+            bpy.ops.radarsim.watch_escape("INVOKE_DEFAULT")
+            RADARSIM_OT_watch_escape.run = None
+            self._watched = run.rendering
+
+    def _conclude(self, context: Any, run: InteractiveRender) -> set[str]:
+        job = run.job
+        if run.stop_reason:
+            text = (
+                f"{job.done} of {job.total} {job.unit} done, {run.stop_reason}; "
+                "start again to go on"
+            )
+            self._finish(context, text)
+            self.report({"WARNING"}, text)
+            return {"CANCELLED"}
+        text = f"{job.total} {job.unit} in {job.folder}"
+        if job.summary:
+            text = f"{job.summary}. {text}"
+        # Some is known only at the end: what was left out, what was not met by any ray.
+        getattr(context.window_manager, PROGRESS_PROPERTY).warnings = "\n".join(job.warnings)
+        self._finish(context, text)
+        self.report({"INFO"}, text)
+        return {"FINISHED"}
+
+    def _finish(self, context: Any, text: str) -> None:
+        if self._run is not None:
+            self._run.close()
+            for failure in self._run.job.unrestored:
+                self.report({"WARNING"}, f"Not restored: {failure}")
+        self._end(context, text)
+
+    def cancel(self, context: Any) -> None:
+        """Blender closes the window or loads another file."""
+        self._finish(context, "Stopped; start again to go on")
+
+    def execute(self, context: Any) -> set[str]:
+        """Without a window: all renders, one after the other, with a progress line."""
+        try:
+            with quiet_blender() as stream, job_of(context) as job:
+                known = len(job.warnings)
+                for warning in job.warnings:
+                    self.report({"WARNING"}, warning)
+                line = ProgressLine(stream, job.unit)
+                line.show(job.done, job.total, None)
+                for task in job.pending():
+                    job.start(task)
+                    job.render(task)
+                    job.finish(task)
+                    line.show(job.done, job.total, job.seconds_left)
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for warning in job.warnings[known:]:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
+        return {"FINISHED"}
+
+
+class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
+    """Process the run in the output folder; show range-Doppler map and range profile as images"""
+
+    bl_idname = "radarsim.process_last_run"
+    bl_label = "Process Last Run"
+    bl_options = {"REGISTER"}
+
+    _job: ProcessingJob | None = None
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._job = ProcessingJob(properties.output_folder(context.scene))
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return self._begin(context, [])
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        assert self._job is not None
+        if event.type == "ESC" and event.value == "PRESS":
+            self._end(context, "Processing stopped")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return pass_harmless(event)
+        try:
+            ended = self._job.step()
+        except RadarSimError as error:
+            self._end(context, f"Failed: {error}")
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except BaseException:
+            self._end(context, "Failed")
+            raise
+        if not ended:
+            self._show(context, self._job.fraction, self._job.text)
+            return {"PASS_THROUGH"}
+        self._end(context, self._job.text)
+        self._report_end()
+        show_images(context, self._job.images)
+        return {"FINISHED"}
+
+    def execute(self, context: Any) -> set[str]:
+        """Without a window: at once."""
+        try:
+            self._job = ProcessingJob(properties.output_folder(context.scene))
+            while not self._job.step():
+                pass
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self._report_end()
+        return {"FINISHED"}
+
+    def _report_end(self) -> None:
+        assert self._job is not None
+        for warning in self._job.warnings:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, self._job.text)
+
+    def cancel(self, context: Any) -> None:
+        """Blender closes the window or loads another file."""
+        self._end(context, "Processing stopped")
+
+
+class RADARSIM_OT_open_output(bpy.types.Operator):
+    """Open the output folder in the system's file manager"""
+
+    bl_idname = "radarsim.open_output"
+    bl_label = "Open Output Folder"
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            folder = properties.output_folder(context.scene)
+        except RadarSimError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if not folder.is_dir():
+            self.report({"ERROR"}, f"{folder} does not exist yet. Render radar frames first.")
+            return {"CANCELLED"}
+        bpy.ops.wm.path_open(filepath=str(folder))
+        return {"FINISHED"}
+
+
+def job_of(context: Any) -> RenderJob:
+    """The job that a scene's settings ask for.
+
+    Raises
+    ------
+    ConfigError, OutputError
+        The settings do not fit together, or name no output folder.
+    """
+    scene = context.scene
+    settings = getattr(scene, SCENE_PROPERTY)
+    folder = properties.output_folder(scene)
+    return make_job(scene, context.view_layer, folder, overwrite=settings.overwrite)
+
+
+def pass_harmless(event: Any) -> set[str]:
+    """Let looking around through; keep what could change the scene from it."""
+    if event.type.startswith(_HARMLESS_EVENTS):
+        return {"PASS_THROUGH"}
+    return {"RUNNING_MODAL"}
+
+
+def redraw_panels(context: Any) -> None:
+    """Draw the sidebars again; Blender does not do so by itself for our numbers."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+CLASSES: tuple[type, ...] = (
+    RADARSIM_OT_setup_rig,
+    RADARSIM_OT_assign_material,
+    RADARSIM_OT_watch_escape,
+    RADARSIM_OT_render_frames,
+    RADARSIM_OT_process_last_run,
+    RADARSIM_OT_open_output,
+)

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processing a run inside Blender, and its pictures as Blender images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ... import contract
+from ...array_types import Single
+from ...errors import OutputError
+from ...framewarnings import FrameWarnings
+from .pictures import draw_map, draw_profile
+
+MAP_IMAGE = "Radar range-Doppler map"
+PROFILE_IMAGE = "Radar range profile"
+#: A new editor is fitted until it was drawn so, at most this many times.
+_MOST_FITS = 30
+_FIT_INTERVAL_S = 0.3
+
+
+class ProcessingJob:
+    """The companion module over a run's folder, step by step.
+
+    Parameters
+    ----------
+    folder
+        The run's folder.
+
+    Raises
+    ------
+    OutputError
+        There is no run in it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        if not (folder / contract.RUN_FILE).is_file():
+            raise OutputError(
+                f"{folder} holds no run ({contract.RUN_FILE} is missing). "
+                "Press Render Radar Frames first, or choose the folder of a run."
+            )
+        # The companion module is loaded only here: enabling the add-on stays quick.
+        from ...signal.pipeline import ProcessOptions, process_run
+
+        self._events = process_run(folder, ProcessOptions(plots=False))
+        self.fraction = 0.0
+        self.text = "Processing"
+        self._warnings = FrameWarnings()
+        self.images: list[Any] = []
+
+    def step(self) -> bool:
+        """One step. Returns whether all is done; then `images` are there.
+
+        Raises
+        ------
+        RadarSimError
+            The run is incomplete or damaged.
+        """
+        event = next(self._events, None)
+        if event is None:
+            return True
+        if hasattr(event, "rd_map"):
+            self._take(event)
+        else:
+            self.fraction = event.done / max(event.total, 1)
+            self.text = event.text
+        return False
+
+    @property
+    def warnings(self) -> list[str]:
+        """Each of the frames' warnings once, with the frames it concerns."""
+        return self._warnings.lines()
+
+    def _take(self, result: Any) -> None:
+        """Keep one frame's pictures; those of the last frame stay."""
+        title = f"frame {result.frame}, t = {result.time_s:.4g} s"
+        unit = "dBW" if result.echoes.weighting == "radar-equation" else "dB"
+        self._warnings.add(result.frame, result.warnings)
+        self.images = [
+            as_image(
+                MAP_IMAGE,
+                draw_map(
+                    result.rd_map.range_m,
+                    result.rd_map.doppler_hz,
+                    result.rd_map.power_db,
+                    result.rd_map.radar.waveform.wavelength_m,
+                    f"Range-Doppler map, {title}",
+                    unit,
+                ),
+            ),
+            as_image(
+                PROFILE_IMAGE,
+                draw_profile(
+                    result.profile.range_m, result.profile.power, f"Range profile, {title}", unit
+                ),
+            ),
+        ]
+        self.text = f"Frame {result.frame}: {len(result.files)} files"
+        if result.files:
+            self.text += f" in {result.files[0].parent}"
+
+
+def as_image(name: str, picture: Single) -> Any:
+    """A Blender image with these pixels; one of the same name is reused.
+
+    Parameters
+    ----------
+    name
+        Name of the data-block.
+    picture
+        sRGB values in 0 to 1, shape (height, width, 3), top row first.
+
+    Returns
+    -------
+    bpy.types.Image
+        Packed into the file, so that it is kept when the file is saved.
+    """
+    height, width = picture.shape[:2]
+    image = bpy.data.images.get(name)
+    if image is not None and tuple(image.size) != (width, height):
+        bpy.data.images.remove(image)
+        image = None
+    if image is None:
+        image = bpy.data.images.new(name, width, height, alpha=False)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[:, :, :3] = picture[::-1]  # Blender's rows go up
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()
+    return image
+
+
+def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
+    """Turn a window's largest area into Image Editors beside one another."""
+    area = max(window.screen.areas, key=lambda item: item.width * item.height)
+    area.type = "IMAGE_EDITOR"
+    if count > 1:
+        known = set(window.screen.areas)
+        with context.temp_override(window=window, area=area, region=area.regions[-1]):
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+        return [area, *(item for item in window.screen.areas if item not in known)]
+    return [area]
+
+
+def show_images(context: Any, images: list[Any]) -> None:
+    """Show images in Image Editors that are open; if there is none, in a new window."""
+    editors = [
+        area
+        for window in context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR"
+    ]
+    if not editors and images:
+        before = list(context.window_manager.windows)
+        bpy.ops.wm.window_new()
+        new = [window for window in context.window_manager.windows if window not in before]
+        if new:
+            editors = _image_editors(context, new[0], len(images))
+    for area, image in zip(editors, images, strict=False):
+        area.spaces.active.image = image
+    if not bpy.app.background:
+        left = [_MOST_FITS]
+
+        def fit() -> float | None:
+            left[0] -= 1
+            return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
+
+        # An editor knows how large it is only once it was drawn, which takes a moment.
+        bpy.app.timers.register(fit, first_interval=_FIT_INTERVAL_S)
+
+
+def _fit_images() -> bool:
+    """Show our images as a whole, in whatever editors they are in; whether they are so already."""
+    fitted = True
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            space = area.spaces.active
+            image = space.image if area.type == "IMAGE_EDITOR" else None
+            if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE):
+                continue
+            region = next(item for item in area.regions if item.type == "WINDOW")
+            room = min(region.width / image.size[0], region.height / image.size[1])
+            if space.zoom[0] <= room:
+                continue
+            fitted = False
+            with bpy.context.temp_override(
+                window=window, screen=window.screen, area=area, region=region
+            ):
+                bpy.ops.image.view_all(fit_view=True)
+            area.tag_redraw()
+    return fitted

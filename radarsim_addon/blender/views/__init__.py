@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .path_classes import TracedView, TraceLimits, trace_view
+from .requests import Gate, RenderRequest, View
+from .rows import rows_of_view
+from .view_scene import PathScene
+from .window import ViewWindow, view_seed
+
+__all__ = [
+    "Gate",
+    "PathScene",
+    "RenderRequest",
+    "TraceLimits",
+    "TracedView",
+    "View",
+    "ViewWindow",
+    "rows_of_view",
+    "trace_view",
+    "view_seed",
+]

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the multilayer EXR files that Blender just wrote: passes by name. No bpy.
+
+Up to Blender 4.5 such a file has one part, from 5.0 on a part for each pass; channels are named
+``Layer.Pass.Component`` in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Single
+from ...errors import RenderError
+from ...signal.runs import exr_backend
+
+
+def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
+    """Read passes of the only view layer in the file.
+
+    Parameters
+    ----------
+    path
+        Multilayer EXR.
+    wanted
+        Pass names, such as "Combined" or "Position".
+
+    Returns
+    -------
+    dict
+        Pass to component ("R", "X"...) to float32 array (height, width). Absent passes are absent.
+
+    Raises
+    ------
+    RenderError
+        The file cannot be read.
+    """
+    kind, module = exr_backend()
+    names = set(wanted)
+    try:
+        planes = _openexr(module, path) if kind == "OpenEXR" else _openimageio(module, path)
+    except (RuntimeError, ValueError, TypeError, OSError) as error:
+        raise RenderError(
+            f"The render in {path} cannot be read ({error}). Is the disk for temporary files full?"
+        ) from error
+    passes: dict[str, dict[str, Single]] = {}
+    for channel, plane in planes.items():
+        parts = channel.rsplit(".", 2)
+        if len(parts) == 3 and parts[1] in names:
+            passes.setdefault(parts[1], {})[parts[2]] = plane
+    return passes
+
+
+def _openexr(module: Any, path: Path) -> dict[str, Single]:
+    found: dict[str, Single] = {}
+    with module.File(str(path), separate_channels=True) as file:
+        for part in file.parts:
+            for name, channel in part.channels.items():
+                found[name] = np.array(channel.pixels, dtype=np.float32)
+    return found
+
+
+def _openimageio(module: Any, path: Path) -> dict[str, Single]:
+    source = module.ImageInput.open(str(path))
+    if source is None:
+        raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
+    found: dict[str, Single] = {}
+    try:
+        index = 0
+        while source.seek_subimage(index, 0):
+            spec = source.spec()
+            pixels = source.read_image(index, 0, 0, spec.nchannels, module.FLOAT)
+            if pixels is None:
+                raise RuntimeError(source.geterror() or "OpenImageIO cannot read its pixels")
+            for number, name in enumerate(spec.channelnames):
+                found[name] = np.ascontiguousarray(np.asarray(pixels)[..., number])
+            index += 1
+    finally:
+        source.close()
+    return found

@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which gates to render so that each pixel holds one path, and when nothing is left. No bpy.
+
+A gate (n, t) lets the emitter shine only on paths of n reflections that passed t transparent
+surfaces on the camera's side. At one sample a pixel and gate there is one path, so its range is
+exact; an open gate, rendered with the same paths, says pixel by pixel what the gates must add up
+to. The plan below asks only for gates in which something is left.
+
+:func:`trace_view` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
+made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
+closed form in tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Real
+from .requests import Gate, Region, RenderRequest, View, bounding_region, coarse_variance
+
+#: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
+#: over a few reflections stays below it.
+GREY_TOLERANCE = 1e-5
+#: Orders above the limit whose power is measured, without following their paths.
+PROBED_ORDERS = 4
+#: Pixels a side that share a ray of that: five reflections cost several times what one does.
+PROBE_COARSE = 4
+#: Transparent surfaces after which it is asked whether anything worth following is left.
+TAIL_EVERY = 4
+#: Differences of renders below this share of the minuend are float32 rounding.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class GateLayer:
+    """Paths of one gate, at most one a pixel.
+
+    Attributes
+    ----------
+    order, depth
+        Reflections, and transparent surfaces passed on the camera's side.
+    amplitude
+        Radiance (h, w), 0 where there is no path.
+    coded
+        The coded render, and plain the same paths without code where the scene is coloured.
+    vertex
+        Render with the last vertex in its colours; orders above 1.
+    position_is_first
+        Whether the coded view's position is where the path first scatters.
+    """
+
+    order: int
+    depth: int
+    amplitude: Real
+    coded: View
+    plain: View | None = None
+    vertex: View | None = None
+    position_is_first: bool = True
+
+
+@dataclass
+class TracedView:
+    """All that was found in one view (a tile at one sub-pixel shift).
+
+    Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
+    left_depth of the part of it that was not followed, beyond of the orders above the limit (0
+    unless it was asked for), beyond_variance the square of its standard error. open_view is the
+    first render: what is seen first in each pixel.
+    """
+
+    layers: list[GateLayer] = field(default_factory=list)
+    open_view: View | None = None
+    total: float = 0.0
+    left_order: float = 0.0
+    left_depth: float = 0.0
+    beyond: float = 0.0
+    beyond_variance: float = 0.0
+    renders: int = 0
+    coloured: bool = False
+
+
+@dataclass(frozen=True)
+class TraceLimits:
+    """How far to follow paths.
+
+    Parameters
+    ----------
+    max_order
+        Most reflections.
+    max_depth
+        Most transparent surfaces on the camera's side.
+    residual
+        Share of the total power below which what is left is not followed.
+    lottery_free
+        Radar Materials that let power through are made deterministic at order 1.
+    world_code
+        The code is in the world's volume: materials may be of any kind, coloured ones too.
+    amplitude
+        Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
+    probe
+        One more render says how much power is in the next `PROBED_ORDERS` orders.
+    opaque
+        Numbers of objects that let nothing through, whatever the ray.
+    """
+
+    max_order: int = 1
+    max_depth: int = 64
+    residual: float = 1e-4
+    lottery_free: bool = False
+    world_code: bool = False
+    amplitude: str = "mean"
+    probe: bool = False
+    opaque: frozenset[int] = frozenset()
+
+
+def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
+    """Follow all paths of one view.
+
+    Parameters
+    ----------
+    limits
+        How far.
+    weight
+        Weight of each pixel's power (its solid angle), (h, w).
+    """
+    found = TracedView()
+    tracer = _Tracer(limits, weight, found)
+    if limits.lottery_free:
+        anything = yield from tracer.first_order_in_turn()
+        if not anything:
+            return found
+        left = yield from tracer.orders_from_2()
+    else:
+        # The world's code leaves paths as they are: the sum needs none. Materials that carry it
+        # weigh their lobes by it, so switching it would change the paths.
+        left = yield from tracer.open_render(Gate(order_max=limits.max_order))
+    for order in range(2 if limits.lottery_free else 1, limits.max_order + 1):
+        if tracer.power(np.abs(left)) <= limits.residual * found.total:
+            break
+        if order == limits.max_order == 1:
+            base = left
+        else:
+            view = yield RenderRequest(
+                Gate(order_min=order, order_max=order), coded=not limits.world_code
+            )
+            found.renders += 1
+            base = tracer.amplitude(view)
+        if tracer.power(base) > 0:
+            yield from tracer.depths_of(order, base)
+        left = left - base
+    found.left_order = tracer.power(np.maximum(left, 0.0))
+    if limits.probe:
+        gate = Gate(limits.max_order + 1, limits.max_order + PROBED_ORDERS)
+        view = yield RenderRequest(
+            gate, coded=not limits.world_code, coarse=PROBE_COARSE, probe=True
+        )
+        found.renders += 1
+        probed = tracer.amplitude(view) * weight
+        found.beyond = float(np.sum(probed))
+        found.beyond_variance = coarse_variance(probed, view.coarse)
+    return found
+
+
+class _Tracer:
+    """The steps of :func:`trace_view` with what they share."""
+
+    def __init__(self, limits: TraceLimits, weight: Real, found: TracedView) -> None:
+        self._limits = limits
+        self._weight = weight
+        self._found = found
+
+    def power(self, amplitude: Real) -> float:
+        return float(np.sum(amplitude * self._weight))
+
+    def amplitude(self, view: View) -> Real:
+        """The channel that is the amplitude; blue, unless the scene is coloured."""
+        if not self._found.coloured:
+            return view.blue
+        if self._limits.amplitude == "mean":
+            return (view.red + view.green + view.blue) / 3
+        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude]
+
+    def open_render(self, gate: Gate) -> Generator[RenderRequest, View, Real]:
+        """What the gates must add up to; also tells whether the scene is coloured."""
+        found, limits = self._found, self._limits
+        view = yield RenderRequest(gate, coded=not limits.world_code)
+        found.renders += 1
+        found.open_view = view
+        found.coloured = limits.world_code and _is_coloured(view)
+        amplitude = self.amplitude(view)
+        found.total = self.power(amplitude)
+        return amplitude
+
+    def orders_from_2(self) -> Generator[RenderRequest, View, Real]:
+        """Everything above order 1, up to the limit."""
+        found, limits = self._found, self._limits
+        if limits.max_order == 1:
+            return np.zeros_like(self._weight)
+        gate = Gate(order_min=2, order_max=limits.max_order)
+        view = yield RenderRequest(gate, coded=not limits.world_code)
+        found.renders += 1
+        later = self.amplitude(view)
+        found.total += self.power(later)
+        return later
+
+    def depths_of(self, order: int, base: Real) -> Generator[RenderRequest, View, None]:
+        """All depths of one order, until they add up to `base`. Lobes are left to chance.
+
+        An empty gate is no reason to stop (a wholly transparent layer leaves a hole).
+        """
+        left = base.copy()
+        region = bounding_region(base > 0)
+        for depth in range(self._limits.max_depth + 1):
+            gate = Gate(order, order, depth, depth)
+            layer = yield from self.layer(order, depth, gate, region)
+            left -= layer.amplitude
+            if self._spent(left):
+                break
+            # Below this it is rounding of what was found.
+            region = bounding_region(left > _ROUNDING * base)
+        self._found.left_depth += self.power(np.maximum(left, 0.0))
+
+    def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
+        """Order 1, with every Radar Material in front of the gate passed deterministically.
+
+        How far to go is read from what is seen, not from a render of all that is left: in that
+        one lobes are left to chance, and a small target behind a pane would go missing whenever
+        the lot falls on the pane's reflection. Only from time to time is such a tail rendered,
+        to end a long chain of layers whose rest is below the residual, and at the end, to tell
+        what lies beyond the last gate.
+
+        Returns
+        -------
+        bool
+            Whether anything is seen at all.
+        """
+        found, limits = self._found, self._limits
+        left, in_layers = 0.0, 0.0
+        region: Region | None = None
+        for depth in range(limits.max_depth + 1):
+            if depth and depth % TAIL_EVERY == 0:
+                left = yield from self._tail(depth, region)
+                if left <= limits.residual * (in_layers + left):
+                    break
+            gate = Gate(1, 1, depth, depth, surface_depth=depth)
+            layer = yield from self.layer(1, depth, gate, region)
+            if depth == 0:
+                found.open_view = layer.coded
+            in_layers += self.power(layer.amplitude)
+            open_pixels = self._lets_through(layer.coded)
+            left = 0.0
+            if not open_pixels.any():
+                break
+            region = bounding_region(open_pixels)
+        else:
+            left = yield from self._tail(limits.max_depth + 1, region)
+        found.total = in_layers + left
+        found.left_depth += left
+        index = found.open_view.object_index if found.open_view is not None else None
+        return index is None or bool(np.any(index > 0))
+
+    def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
+        """Power of order 1 at this depth and behind, lobes behind it left to chance."""
+        gate = Gate(1, 1, depth, None, surface_depth=depth)
+        view = yield RenderRequest(gate, coded=not self._limits.world_code, region=region)
+        self._found.renders += 1
+        return self.power(self.amplitude(view))
+
+    def _lets_through(self, view: View) -> NDArray[np.bool_]:
+        """Pixels in which something may lie behind the surface that was seen."""
+        if view.object_index is None:
+            return np.ones(view.blue.shape, dtype=bool)
+        closed = np.isin(view.object_index, [0, *self._limits.opaque])
+        return np.asarray(~closed)
+
+    def layer(
+        self, order: int, depth: int, gate: Gate, region: Region | None
+    ) -> Generator[RenderRequest, View, GateLayer]:
+        coloured = self._found.coloured
+        coded = yield RenderRequest(gate, region=region, all_channels=coloured)
+        self._found.renders += 1
+        plain = None
+        if coloured:
+            plain = yield RenderRequest(gate, coded=False, region=region)
+            self._found.renders += 1
+        amplitude = self.amplitude(plain or coded)
+        vertex = None
+        if order > 1 and np.any(amplitude > 0):
+            vertex = yield RenderRequest(gate, vertex=True, region=region, all_channels=coloured)
+            self._found.renders += 1
+        first = depth == 0 or gate.surface_depth is not None
+        layer = GateLayer(order, depth, amplitude, coded, plain, vertex, first)
+        if np.any(amplitude > 0):
+            self._found.layers.append(layer)
+        return layer
+
+    def _spent(self, left: Real) -> bool:
+        return self.power(np.abs(left)) <= self._limits.residual * self._found.total
+
+
+def _is_coloured(view: View) -> bool:
+    scale = view.channels().max(axis=0)
+    spread = scale - view.channels().min(axis=0)
+    return bool(np.any(spread > GREY_TOLERANCE * scale))

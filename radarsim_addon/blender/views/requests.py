@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What one render is asked for and what comes out of it: gates, regions, views. No bpy."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Real
+
+#: Regions larger than this share of the view are rendered as the whole view.
+_LARGEST_REGION = 0.85
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the emitter lets through; None is no limit. Both ends are included.
+
+    surface_depth makes the Radar Material deterministic in front of a gate: camera rays pass
+    straight through (with their transmission as weight) while fewer transparent surfaces than
+    this lie behind them. None leaves lobes to chance.
+    """
+
+    order_min: int = 1
+    order_max: int | None = None
+    depth_min: int = 0
+    depth_max: int | None = None
+    surface_depth: int | None = None
+
+
+@dataclass(frozen=True)
+class Region:
+    """Columns left to right and rows top to bottom (exclusive) of a view."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """One render.
+
+    coded: with the range code, all_channels: in blue too (a plain render tells the amplitude);
+    vertex: the emitter also carries where it shines; region: the only
+    pixels that can hold something (the others are 0 in the view), None for all; coarse: this many
+    pixels a side may share one ray, for sums that need no more; probe: it asks for more than the
+    paths, of all pixels whosever they are.
+    """
+
+    gate: Gate
+    coded: bool = True
+    vertex: bool = False
+    region: Region | None = None
+    coarse: int = 1
+    all_channels: bool = False
+    probe: bool = False
+
+
+@dataclass(frozen=True)
+class View:
+    """What came out of one render, arrays of h x w pixels.
+
+    Attributes
+    ----------
+    red, green, blue
+        Light of the radar's emitter, per square Blender unit.
+    position
+        First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
+    object_index
+        Its object's number in the run's list, 0 where there is none.
+    coarse
+        Pixels a side that shared one ray.
+    """
+
+    red: Real
+    green: Real
+    blue: Real
+    position: Real | None = None
+    object_index: NDArray[np.int32] | None = None
+    coarse: int = 1
+
+    def only(self, pixels: NDArray[np.bool_]) -> View:
+        """The same view with no light but in these pixels; what is seen there stays."""
+        red, green, blue = (np.where(pixels, c, 0.0) for c in (self.red, self.green, self.blue))
+        return dataclasses.replace(self, red=red, green=green, blue=blue)
+
+    def channels(self) -> Real:
+        """(3, h, w) red, green, blue."""
+        return np.stack([self.red, self.green, self.blue])
+
+
+def coarse_variance(power: Real, coarse: int) -> float:
+    """Variance of the sum of an image whose blocks of `coarse` pixels a side share one ray.
+
+    Each ray stands for its block, by chance (where its reflections went) and by where it happened
+    to meet the surface. Blocks that lie side by side have the same expectation but for what the
+    surface changes from one to the next, so half the squared difference of two is the variance of
+    one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007, ch. 8,
+    for systematic samples). A single block may be wrong by all of itself.
+    """
+    rows, cols = power.shape
+    blocks = np.add.reduceat(power, _starts(rows, coarse), axis=0)
+    blocks = np.add.reduceat(blocks, _starts(cols, coarse), axis=1)
+    if blocks.size == 1:
+        return float(blocks[0, 0] ** 2)
+    steps = [np.diff(blocks, axis=axis) for axis in (0, 1)]
+    pairs = sum(step.size for step in steps)
+    squares = sum(float(np.sum(step**2)) for step in steps)
+    return blocks.size * squares / (2 * pairs)
+
+
+def _starts(count: int, coarse: int) -> NDArray[np.intp]:
+    """First pixel of each block, as a coarse render is spread over the pixels."""
+    blocks = -(-count // coarse)
+    return np.flatnonzero(np.diff(np.arange(count) * blocks // count, prepend=-1))
+
+
+def bounding_region(pixels: NDArray[np.bool_]) -> Region | None:
+    """Smallest region that holds all these pixels; None, for all, where it would save little."""
+    rows, cols = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
+    if not rows.size:
+        return Region(0, 1, 0, 1)
+    region = Region(int(cols[0]), int(cols[-1]) + 1, int(rows[0]), int(rows[-1]) + 1)
+    area = (region.right - region.left) * (region.bottom - region.top)
+    return None if area > _LARGEST_REGION * pixels.size else region

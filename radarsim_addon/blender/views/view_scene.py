@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts a scene into the state for one path per pixel, and makes the renders of that state.
+
+On top of the measuring settings of the rings: a camera of our own that can look at any part of
+the field of view, one sample through the pixel centre, passes for position and object, and, where
+the materials do not carry the range code, a world volume that does.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ... import contract
+from ...errors import RenderError
+from ..nodes import attributes
+from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
+from ..state import Recorder
+from .pass_files import read_passes
+from .requests import Gate, Region, RenderRequest, View
+from .view_setup import (
+    CODE_ALL,
+    CODE_RED_GREEN,
+    LIGHT_GROUP,
+    add_code_world,
+    add_passes,
+    number_objects,
+)
+from .window import ViewWindow
+
+_CAMERA = "radarsim view (temporary)"
+
+_BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
+#: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
+#: they save, in twice the processor time.
+_ONE_THREAD_BELOW_PX = 1 << 13
+#: Least width and height that Blender renders.
+_LEAST_PX = 4
+_BORDER = (
+    "use_border",
+    "use_crop_to_border",
+    "border_min_x",
+    "border_max_x",
+    "border_min_y",
+    "border_max_y",
+)
+
+
+class PathScene:
+    """The scene while paths are measured; :meth:`restore` gives it back.
+
+    Parameters
+    ----------
+    scene, view_layer : bpy types
+    camera, emitter : bpy.types.Object
+    metres_per_unit
+    code_length_m
+        k.
+    world_code
+        The code is carried by a world volume instead of by Radar Materials.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        camera: Any,
+        emitter: Any,
+        metres_per_unit: float,
+        code_length_m: float,
+        world_code: bool,
+    ) -> None:
+        self._scene, self._view_layer = scene, view_layer
+        self._camera, self._emitter = camera, emitter
+        self._units = metres_per_unit
+        self._inverse_k = metres_per_unit / code_length_m
+        self._world_code = world_code
+        self._recorder = Recorder()
+        self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
+        self._recorder.on_restore(
+            "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
+        )
+        self._view: Any = None
+        self.kind = camera_kind(camera.data)
+        self._volume: Any = None
+        self._size = self._canvas = (0, 0)
+        self._threads = ("AUTO", 0)
+        self._coarse = 1
+        self._request = RenderRequest(Gate())
+        self.objects: list[str] = []
+        self.opaque: frozenset[int] = frozenset()
+        self.hidden: frozenset[int] = frozenset()
+        self.renders = 0
+
+    def apply(self) -> None:
+        """Set everything; on failure what was set is restored before the error goes on."""
+        try:
+            self._keep_changing()
+            self._add_camera()
+            self._set_format()
+            add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
+            numbered = number_objects(self._recorder)
+            self.objects, self.opaque, self.hidden = (
+                numbered.names,
+                numbered.opaque,
+                numbered.hidden,
+            )
+            for name in (
+                attributes.ATTR_ORDER_MIN,
+                attributes.ATTR_ORDER_MAX,
+                attributes.ATTR_DEPTH_MIN,
+                attributes.ATTR_DEPTH_MAX,
+                attributes.ATTR_SURFACE_DEPTH,
+                attributes.ATTR_SURFACE_STOP,
+                attributes.ATTR_VERTEX_SCALE,
+                attributes.ATTR_WORLD_CODE,
+            ):
+                self._recorder.set_item(self._scene, name, 0.0)
+            self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
+            if self._world_code:
+                self._volume = add_code_world(self._recorder, self._scene)
+        except BaseException:
+            self.restore()
+            raise
+
+    def restore(self) -> list[str]:
+        """Give the user's scene back; may be called again."""
+        return self._recorder.restore()
+
+    # -- antennas at the scene's present time ------------------------------------------------------
+
+    def place(self, depsgraph: Any) -> None:
+        """Put our camera where the receiver is at the depsgraph's time."""
+        self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
+        # The pose is kept as location and angles: what comes back differs by float32 rounding, and
+        # is what Cycles renders with.
+        self._view_layer.update()
+
+    def look(
+        self, window: ViewWindow, shift_px: tuple[float, float], seed: int
+    ) -> contract.CameraRecord:
+        """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
+
+        The record is computed from the float32 numbers that Blender really holds. Each view has a
+        seed of its own: with a common one the views would draw the same lots, pixel by pixel, and
+        shifts would be no replicates of one another.
+        """
+        data = self._view.data
+        self._scene.cycles.seed = seed
+        pixel_u = (window.right - window.left) / window.width_px
+        pixel_v = (window.top - window.bottom) / window.height_px
+        self._size = (window.width_px, window.height_px)
+        # A smaller view is the upper left corner of what Blender can render.
+        across, down = (max(count, _LEAST_PX) for count in self._size)
+        self._canvas = (across, down)
+        left = window.left + shift_px[0] * pixel_u
+        top = window.top + shift_px[1] * pixel_v
+        wanted = (left, left + across * pixel_u, top - down * pixel_v, top)
+        left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
+        return contract.CameraRecord(
+            kind=self.kind,
+            matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
+            left=left,
+            right=left + (right - left) * window.width_px / across,
+            bottom=top - (top - bottom) * window.height_px / down,
+            top=top,
+            near_clip_m=NEAR_CLIP_UNITS * self._units,
+        )
+
+    # -- one render --------------------------------------------------------------------------------
+
+    def begin(self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None) -> None:
+        """Set the gates for a render.
+
+        Parameters
+        ----------
+        request
+            What is asked for.
+        vertex
+            Origin and scale for the last vertex, Blender units.
+        """
+        scene, gate = self._scene, request.gate
+        self._request = request
+        self._set_frame(request.region, request.coarse)
+        scene[attributes.ATTR_ORDER_MIN] = gate.order_min - 0.5
+        scene[attributes.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
+        scene[attributes.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
+        scene[attributes.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
+        self._set_surfaces(gate)
+        if gate.order_max is not None:
+            for name in _BOUNCES:  # nothing beyond the gate is worth its time
+                setattr(scene.cycles, name, gate.order_max - 1)
+        scene[attributes.ATTR_VERTEX_SCALE] = 0.0
+        if request.vertex and vertex is not None:
+            scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
+            scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
+        inverse_k = self._inverse_k if request.coded else 0.0
+        if self._world_code:
+            self._set_channels(request)
+            scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
+            scene[attributes.ATTR_WORLD_CODE] = inverse_k
+        else:
+            scene[attributes.ATTR_INVERSE_CODE_LENGTH] = inverse_k
+        scene.render.filepath = str(self._folder / "view")
+
+    def _set_channels(self, request: RenderRequest) -> None:
+        """Which channels the world's volume attenuates; renders without code do not ask."""
+        if not request.coded:
+            return
+        colour = CODE_ALL if request.all_channels else CODE_RED_GREEN
+        socket = self._volume.inputs["Color"]
+        if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
+            socket.default_value = colour
+
+    def _set_frame(self, region: Region | None, coarse: int) -> None:
+        """Resolution, and the border that leaves out pixels that hold nothing."""
+        render, (width, height) = self._scene.render, self._canvas
+        self._coarse = coarse if min(self._size) >= _LEAST_PX * coarse else 1
+        if self._coarse > 1:
+            width, height = -(-width // coarse), -(-height // coarse)
+        elif region is None and self._canvas != self._size:
+            region = Region(0, self._size[0], 0, self._size[1])
+        render.resolution_x, render.resolution_y = width, height
+        mode, threads = self._threads
+        if width * height < _ONE_THREAD_BELOW_PX:
+            mode, threads = "FIXED", 1
+        if (render.threads_mode, render.threads) != (mode, threads):
+            render.threads_mode = mode
+            if mode == "FIXED":
+                render.threads = threads
+        render.use_border = render.use_crop_to_border = region is not None
+        if region is not None:
+            # A quarter of a pixel inside: Blender cuts the product with the width down to a whole
+            # number. Pixels of the crop are bit by bit those of the whole frame.
+            render.border_min_x = (region.left + 0.25) / width
+            render.border_max_x = min((region.right + 0.25) / width, 1.0)
+            render.border_min_y = (height - region.bottom + 0.25) / height
+            render.border_max_y = min((height - region.top + 0.25) / height, 1.0)
+
+    def _set_surfaces(self, gate: Gate) -> None:
+        scene = self._scene
+        certain = gate.surface_depth is not None
+        scene[attributes.ATTR_SURFACE_DEPTH] = (gate.surface_depth or 0) + 0.5 if certain else 0.0
+        # The gate itself ends camera rays; a tail (no upper limit) lets them go on.
+        stop = certain and gate.depth_max is not None
+        scene[attributes.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
+        # Cycles is told by this of the custom properties, too: writing those from Python tells it
+        # nothing, and an update tag of the whole scene would take several times as long.
+        # With rays that end at the gate, position and object are those of the gate's surface.
+        self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
+
+    def render(self) -> None:
+        """Render and write the passes (not for use in the UI).
+
+        Raises
+        ------
+        RenderError
+            Cycles failed.
+        """
+        try:
+            result = bpy.ops.render.render(write_still=True, scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError("The render was cancelled. Start it again.")
+
+    def end(self) -> View:
+        """Read what was rendered."""
+        self.renders += 1
+        combined = f"Combined_{LIGHT_GROUP}"
+        path = self._folder / "view.exr"
+        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
+        passes = read_passes(path, (combined, "Position", "Object Index", "IndexOB"))
+        if combined not in passes:
+            raise RenderError(
+                f"The render has no pass {combined}; found {', '.join(passes) or 'none'}."
+            )
+        position = None
+        if "Position" in passes:
+            found = passes["Position"]
+            position = np.stack([self._whole(found[axis]) for axis in "XYZ"], axis=-1)
+        index = passes.get("Object Index") or passes.get("IndexOB")
+        number = None
+        if index is not None:
+            number = np.rint(self._whole(next(iter(index.values())))).astype(np.int32)
+            if position is not None:
+                position[number == 0] = np.nan  # nothing was hit
+        red, green, blue = (self._whole(passes[combined][name]) for name in "RGB")
+        return View(
+            red,
+            green,
+            blue,
+            position=position,
+            object_index=number,
+            coarse=self._coarse,
+        )
+
+    def _whole(self, plane: np.ndarray) -> np.ndarray:
+        """A channel over the whole view: 0 outside the region, coarse pixels repeated."""
+        (width, height), region = self._size, self._request.region
+        if self._coarse > 1:
+            rows = np.arange(height) * plane.shape[0] // height
+            plane = plane[rows][:, np.arange(width) * plane.shape[1] // width]
+        expected = (height, width)
+        if region is not None:
+            expected = (region.bottom - region.top, region.right - region.left)
+        if plane.shape != expected:
+            raise RenderError(
+                f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
+                f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
+            )
+        if region is None:
+            return plane.astype(np.float64)
+        whole = np.zeros((height, width))
+        whole[region.top : region.bottom, region.left : region.right] = plane
+        return whole
+
+    # -- setting up --------------------------------------------------------------------------------
+
+    def _keep_changing(self) -> None:
+        """Remember what changes from render to render."""
+        render = self._scene.render
+        mode = render.threads_mode
+        render.threads_mode = "FIXED"  # else `threads` is that of the machine
+        self._threads = (mode, render.threads)
+        kept = (
+            (self._scene.cycles, ("seed", *_BOUNCES)),
+            (render, ("resolution_x", "resolution_y", *_BORDER, "threads")),
+        )
+        before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
+
+        def undo() -> None:
+            render.threads_mode = "FIXED"
+            for owner, name, value in before:
+                setattr(owner, name, value)
+            render.threads_mode = mode
+
+        # The recorder's own `set` leaves equal values alone, and so would not put these back.
+        self._recorder.on_restore("seed, bounces and frame", undo)
+
+    def _add_camera(self) -> None:
+        data = bpy.data.cameras.new(_CAMERA)
+        self._recorder.on_restore(_CAMERA, lambda: bpy.data.cameras.remove(data))
+        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
+        view = bpy.data.objects.new(_CAMERA, data)
+        self._recorder.on_restore(_CAMERA, lambda: bpy.data.objects.remove(view))
+        self._scene.collection.objects.link(view)
+        self._recorder.set(self._scene, "camera", view)
+        self._view = view
+
+    def _set_format(self) -> None:
+        # The measuring settings remember the user's format; ours replaces theirs within it.
+        image, put = self._scene.render.image_settings, self._recorder.set
+        if hasattr(image, "media_type"):
+            put(image, "media_type", "MULTI_LAYER_IMAGE")
+        put(image, "file_format", "OPEN_EXR_MULTILAYER")
+        image.color_depth = "32"
+        put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
+        put(self._scene.render, "filepath", str(self._folder / "view"))
+        put(self._scene.render, "use_file_extension", True)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is added to a scene for one path per pixel: passes, numbers of objects, the code's world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from ..materials import SURFACE_TYPES
+from ..nodes import attributes
+from ..nodes.materials import lets_nothing_through
+from ..scene import PATTERN_PROPERTY
+from ..state import Recorder
+
+LIGHT_GROUP = "radarsim"
+_WORLD = "radarsim range code (temporary)"
+
+#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
+CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
+CODE_ALL = (0.5, 0.0, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class NumberedObjects:
+    """Object n of `names` has pass index n, from 1; `opaque` are the numbers of those that let
+    nothing through, `hidden` of those that are not rendered."""
+
+    names: list[str]
+    opaque: frozenset[int]
+    hidden: frozenset[int]
+
+
+def number_objects(recorder: Recorder) -> NumberedObjects:
+    """Give every surface a number that its pixels carry."""
+    names = []
+    opaque, hidden = set(), set()
+    for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
+        if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
+            names.append(item.name)
+            recorder.set(item, "pass_index", len(names))
+            if _is_opaque(item):
+                opaque.add(len(names))
+            if item.hide_render:
+                hidden.add(len(names))
+    return NumberedObjects(names, frozenset(opaque), frozenset(hidden))
+
+
+def add_passes(recorder: Recorder, scene: Any, view_layer: Any, emitter: Any) -> None:
+    """Position, object, and a light group of the emitter alone."""
+    recorder.set(view_layer, "use_pass_position", True)
+    recorder.set(view_layer, "use_pass_object_index", True)
+    recorder.set(view_layer, "pass_alpha_threshold", 0.0)
+    active = view_layer.active_lightgroup_index
+    recorder.on_restore(
+        "active light group", lambda: setattr(view_layer, "active_lightgroup_index", active)
+    )
+    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
+        bpy.ops.scene.view_layer_add_lightgroup(name=LIGHT_GROUP)
+    recorder.on_restore("light group", lambda: _remove_lightgroup(scene, view_layer))
+    recorder.set(emitter, "lightgroup", LIGHT_GROUP)
+
+
+def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
+    names = [group.name for group in view_layer.lightgroups]
+    if LIGHT_GROUP in names:
+        view_layer.active_lightgroup_index = names.index(LIGHT_GROUP)
+        with bpy.context.temp_override(scene=scene, view_layer=view_layer):
+            bpy.ops.scene.view_layer_remove_lightgroup()
+
+
+def add_code_world(recorder: Recorder, scene: Any) -> Any:
+    """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
+    by 1/k where the scene is coloured; returns the volume's node."""
+    world = bpy.data.worlds.new(_WORLD)
+    recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
+    if world.node_tree is None:
+        world.use_nodes = True
+    tree = world.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    background = tree.nodes.new("ShaderNodeBackground")
+    background.inputs["Strength"].default_value = 0.0
+    volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    volume.inputs["Color"].default_value = CODE_RED_GREEN
+    rate = tree.nodes.new("ShaderNodeAttribute")
+    rate.attribute_type, rate.attribute_name = "VIEW_LAYER", attributes.ATTR_WORLD_CODE
+    # The Vector output: Fac is the mean of three channels, which rounds.
+    split = tree.nodes.new("ShaderNodeSeparateXYZ")
+    double = tree.nodes.new("ShaderNodeMath")
+    double.operation = "MULTIPLY"
+    double.inputs[1].default_value = 2.0
+    tree.links.new(rate.outputs["Vector"], split.inputs[0])
+    tree.links.new(split.outputs["X"], double.inputs[0])
+    tree.links.new(double.outputs[0], volume.inputs["Density"])
+    tree.links.new(background.outputs[0], output.inputs["Surface"])
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    recorder.set(scene, "world", world)
+    return volume
+
+
+def _is_opaque(item: Any) -> bool:
+    """Whether an object is known to let nothing through; geometry nodes may set any material."""
+    slots = item.material_slots
+    if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
+        return False
+    return all(lets_nothing_through(slot.material) for slot in slots)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""DOCSTRING."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ViewWindow:
+    """A part of the field of view: its edges in the camera's coordinates, and its pixels.
+
+    The coordinates are tangents, metres, or, where it is part of a sphere, longitude and latitude.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    width_px: int
+    height_px: int
+    sphere: bool = False
+
+    @property
+    def step_u(self) -> float:
+        """Step of the first coordinate from pixel to pixel."""
+        return (self.right - self.left) / self.width_px
+
+    @property
+    def step_v(self) -> float:
+        """Step of the second coordinate from pixel to pixel."""
+        return (self.top - self.bottom) / self.height_px
+
+    @property
+    def stretch(self) -> float:
+        """Most true length per unit of the first coordinate."""
+        if not self.sphere:
+            return 1.0
+        return math.cos(min(max(0.0, self.bottom), self.top))
+
+    @property
+    def pitch(self) -> float:
+        """Largest true step of a pixel."""
+        return max(self.step_u * self.stretch, self.step_v)
+
+
+def view_seed(seed: int, window: ViewWindow, shift: int) -> int:
+    """Cycles' seed for one view: by where it looks and by its shift, not by the tiles' order."""
+    edges = (window.left, window.right, window.bottom, window.top)
+    key = struct.pack("<4q4d", seed, shift, window.width_px, window.height_px, *edges)
+    return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Geometry of paths that a pixel's direction and a total length give: those of one reflection."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Real
+from ...contract import CameraRecord, EmitterRecord
+from ..paths import PathGeometry
+from .ring_pixels import Decoded
+
+
+def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, emitter_m: Real) -> Real:
+    """Scatterer of paths with one reflection, from direction and total length, (n, 3) [m].
+
+    On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
+    baseline b = |C - T|. NaN where the length is below the baseline.
+    """
+    baseline_m = np.asarray(receiver_m - emitter_m, dtype=np.float64)
+    square = length_m**2 - baseline_m @ baseline_m
+    below = 2 * (length_m + direction @ baseline_m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along_m = np.where((square > 0) & (below > 0), square / below, np.nan)
+    return np.asarray(receiver_m + along_m[:, None] * direction, dtype=np.float64)
+
+
+def ring_geometry(
+    decoded: Decoded,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    camera: CameraRecord,
+    emitter: EmitterRecord,
+    single: bool,
+) -> PathGeometry:
+    """Geometry of some pixels of a ring.
+
+    Parameters
+    ----------
+    decoded
+        The ring.
+    row, col
+        Pixels, (n,).
+    camera, emitter
+        Poses at t.
+    single
+        Whether every path has one reflection. Else vertices and orders are unknown (NaN and 0).
+    """
+    pose = np.asarray(camera.matrix_world, dtype=np.float64)
+    local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    direction = local @ pose[:3, :3].T
+    zeros = np.zeros(row.size, dtype=np.int32)
+    vertex = np.full((row.size, 3), np.nan)
+    if single:
+        emitter_m = np.asarray(emitter.matrix_world, dtype=np.float64)[:3, 3]
+        vertex = single_vertex_m(
+            decoded.total_length_m[row, col], direction, pose[:3, 3], emitter_m
+        )
+    return PathGeometry(
+        order=zeros + (1 if single else 0),
+        transparent_depth=zeros,
+        first_m=vertex,
+        last_m=vertex,
+        direction=direction,
+        first_object=zeros,
+        last_object=zeros,
+    )

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Decoded renders of a frame's rings, a few at a time."""
+
+from __future__ import annotations
+
+from ...contract import CameraRecord, EmitterRecord
+from ...errors import SchemaError
+from ..runs import RadarFrame
+from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
+
+
+class RingReader:
+    """Decodes renders on demand and keeps those of neighbouring rings.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        As :meth:`.frames.RadarFrame.image`; SchemaError also where the passes' times do not fit.
+    """
+
+    def __init__(self, frame: RadarFrame) -> None:
+        self._frame = frame
+        self._kept: dict[tuple[int, int], Decoded] = {}
+        self._grids: dict[object, PixelGrid] = {}
+        self._antennas: tuple[CameraRecord, EmitterRecord] | None = None
+        self._times_s: dict[int, float] = {}
+
+    def get(self, ring: int, pass_index: int) -> Decoded:
+        """Pixels of a ring at one pass."""
+        key = (ring, pass_index)
+        if key not in self._kept:
+            record, channels = self._frame.image(ring, pass_index)
+            time_s = self._times_s.setdefault(pass_index, record.time_s)
+            if time_s != record.time_s:
+                raise SchemaError(
+                    f"{self._frame.path}: ring {ring}, pass {pass_index} is at {record.time_s} s, "
+                    f"other rings of the pass at {time_s} s. Render this frame again."
+                )
+            if pass_index == 0:
+                self._antennas = record.camera, record.emitter
+            view = repr(record.camera)
+            if view not in self._grids:
+                self._grids.clear()
+                self._grids[view] = pixel_grid(record.camera, record.width_px, record.height_px)
+            self._kept[key] = decode(record, channels, self._grids[view])
+        return self._kept[key]
+
+    @property
+    def antennas(self) -> tuple[CameraRecord, EmitterRecord]:
+        """Receiver and emitter at t."""
+        assert self._antennas is not None
+        return self._antennas
+
+    @property
+    def delta_t_s(self) -> float:
+        """Time between the passes, as the sidecars have it [s]."""
+        measured_s = self._times_s[1] - self._times_s[0]
+        planned_s = self._frame.record.delta_t_s
+        # the difference of two scene times keeps fewer digits than delta t itself
+        slack_s = 1e-6 * planned_s + 1e-12 * abs(self._times_s[1])
+        if abs(measured_s - planned_s) > slack_s:
+            raise SchemaError(
+                f"{self._frame.path}: the passes are {measured_s!r} s apart, the run's plan has "
+                f"{planned_s!r} s. Render this frame again."
+            )
+        return planned_s
+
+    def drop_before(self, ring: int) -> None:
+        """Let go of the rings before."""
+        for key in [key for key in self._kept if key[0] < ring]:
+            del self._kept[key]

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Range rate per pixel from two passes (Eq. 12 of the paper, with this project's sign).
+
+    v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
+
+v is positive when the range grows: a receding target has negative Doppler and stands on the left
+of a map, as in the paper's Fig. 9; Eq. 12 as printed has the other sign.
+
+Differencing along a fixed ray gives the range rate of the material only where the surface moves
+along the ray: a sphere spinning in place reads zero, and so does flat ground below a moving radar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...array_types import Mask, Real
+from ...errors import ConfigError
+from ..paths import Flags, PathFlag
+from .ring_pixels import Decoded
+
+#: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
+#: second pass: the background appearing behind a target's edge.
+MAX_SPEED_MPS = 300.0
+
+
+def range_rate(
+    first: Decoded,
+    second: Decoded,
+    delta_t_s: float,
+    neighbours: Sequence[tuple[Decoded, Decoded]] = (),
+    max_speed_mps: float = MAX_SPEED_MPS,
+) -> tuple[Real, Flags]:
+    """Range rate of every pixel of one ring.
+
+    Parameters
+    ----------
+    first, second
+        The ring at t and at t + delta t.
+    delta_t_s
+        Time between the passes [s].
+    neighbours
+        The rings before and behind, each at both times. An echo that has none of its own ring in
+        the second pass (or an unbelievable one) is looked for there, among echoes that were not
+        there at t.
+    max_speed_mps
+        Limit of a believable |range rate| [m/s].
+
+    Returns
+    -------
+    rate_mps, flags
+        Arrays (height, width). The rate is positive when receding, and 0 where a flag says that
+        it is unknown (`PathFlag.SINGLE_SNAPSHOT`, `PathFlag.RANGE_RATE_REJECTED`); such echoes count as standing still.
+    """
+    if not delta_t_s > 0:
+        raise ConfigError(f"Time between the passes is {delta_t_s!r} s; expected a positive time.")
+    if not max_speed_mps > 0:
+        raise ConfigError(f"Speed limit is {max_speed_mps!r} m/s; expected a positive number.")
+    limit_m = max_speed_mps * delta_t_s
+    start = first.range_m
+    step = np.full(start.shape, np.inf)
+    same = first.mask & second.mask
+    step[same] = (second.range_m - start)[same]
+    unsure: Mask = first.mask & (np.abs(step) > limit_m)
+    nearest = np.full(start.shape, np.inf)
+    for before, after in neighbours:
+        arrived = unsure & after.mask & ~before.mask
+        candidate = np.where(arrived, after.range_m - start, np.inf)
+        nearest = np.where(np.abs(candidate) < np.abs(nearest), candidate, nearest)
+    crossed = unsure & (np.abs(nearest) <= limit_m)
+    step[crossed] = nearest[crossed]
+
+    seen = same | np.isfinite(nearest)
+    flags = np.zeros(start.shape, dtype=np.uint8)
+    flags[crossed] |= PathFlag.CROSSED_SHELL
+    flags[first.mask & ~seen] |= PathFlag.SINGLE_SNAPSHOT
+    flags[first.mask & seen & (np.abs(step) > limit_m)] |= PathFlag.RANGE_RATE_REJECTED
+    known = first.mask & (np.abs(step) <= limit_m)
+    rate = np.zeros(start.shape)
+    rate[known] = step[known] / delta_t_s
+    return rate, flags

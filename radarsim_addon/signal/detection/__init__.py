@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
+from .detections import Detection, Detections, detect_targets, target_count
+from .moving_targets import SLOWEST_CELLS, find_movers, heard_recording
+from .objects import matching_objects, object_echoes, require_objects
+from .options import ProcessOptions, Progress
+from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, level_above
+from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_warnings
+from .result import FrameResult
+from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_warnings
+from .summary_peaks import find_edges
+
+__all__ = [
+    "SLOWEST_CELLS",
+    "BudgetReport",
+    "Cfar",
+    "CfarKind",
+    "CfarResult",
+    "Detection",
+    "Detections",
+    "FrameBudget",
+    "FrameResult",
+    "FrameStatistics",
+    "LeadingEdge",
+    "Peak",
+    "ProcessOptions",
+    "Progress",
+    "StatisticsSum",
+    "cfar_threshold",
+    "detect_targets",
+    "find_edges",
+    "find_movers",
+    "find_peaks",
+    "frame_statistics",
+    "heard_recording",
+    "leading_edges",
+    "level_above",
+    "matching_objects",
+    "object_echoes",
+    "predicted_snr",
+    "projection_warnings",
+    "require_objects",
+    "statistics_warnings",
+    "target_count",
+]

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Constant false-alarm rate: thresholds from the cells around each cell of a map.
+
+Cell averaging and the ordered statistic; the factors on them are those of :mod:`.cfarstats`, for
+neighbouring cells of a map are not independent: windows and oversampling join them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from ...array_types import Mask, Real
+from ...errors import ConfigError
+from ..maps import RangeDopplerMap
+from ..radar import check_count
+from .cfar_thresholds import Calibration, noise_correlation
+
+CfarKind = Literal["ca", "os"]
+
+#: Training cells that the ordered statistic sorts, at most; evenly taken from the ring.
+_MOST_SORTED = 96
+#: Cells sorted at a time: 64 MB.
+_BLOCK = 1 << 23
+
+
+@dataclass(frozen=True)
+class Cfar:
+    """A detector.
+
+    Attributes
+    ----------
+    kind
+        "ca" (cell averaging) or "os" (ordered statistic, which neighbours of a target and edges of
+        clutter disturb less).
+    pfa
+        False alarms per cell of the map in noise alone.
+    guard, train
+        Cells (Doppler, range) to each side: none of the guard cells, all of the training cells
+        beyond them are taken.
+    rank
+        Of the ordered statistic, as a share of the training cells.
+    """
+
+    kind: CfarKind = "ca"
+    pfa: float = 1e-6
+    guard: tuple[int, int] = (4, 8)
+    train: tuple[int, int] = (4, 24)
+    rank: float = 0.75
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(CfarKind):
+            raise ConfigError(f"CFAR {self.kind!r}; expected one of {get_args(CfarKind)}.")
+        if not (isinstance(self.pfa, float) and 1e-15 <= self.pfa <= 0.5):
+            raise ConfigError(f"False-alarm rate is {self.pfa!r}; expected 1e-15 to 0.5.")
+        if not 0 < self.rank < 1:
+            raise ConfigError(f"CFAR rank is {self.rank!r}; expected a share between 0 and 1.")
+        for name, pair in (("guard", self.guard), ("training", self.train)):
+            for value in pair:
+                check_count(f"Number of {name} cells", value, 0, 4096)
+        if sum(self.train) == 0:
+            raise ConfigError("CFAR without training cells; give some in range or Doppler.")
+
+
+@dataclass(frozen=True)
+class CfarResult:
+    """Thresholds of a map.
+
+    Attributes
+    ----------
+    threshold
+        Power above which a cell is a detection, (Doppler, ranges).
+    noise
+        Mean power of the surroundings, estimated from the training cells, (Doppler, ranges).
+    cells
+        Training cells in the middle of the map, and how many independent ones they are worth.
+    """
+
+    threshold: Real
+    noise: Real
+    cells: tuple[int, float]
+
+
+def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Guard and training cells that fit into the map."""
+    half = (shape[0] - 1) // 2
+    guard0 = min(cfar.guard[0], half)
+    train0 = min(cfar.train[0], half - guard0)
+    guard1 = cfar.guard[1]
+    if 2 * guard1 + 1 >= shape[1] and train0 == 0:
+        raise ConfigError(
+            f"Map of {shape} cells (Doppler, range) has no training cells beyond the guard cells "
+            f"{cfar.guard}. Use fewer guard cells, more pulses or a longer range window."
+        )
+    return (guard0, guard1), (train0, cfar.train[1])
+
+
+def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
+    """Thresholds of every cell of a map.
+
+    Doppler wraps around; at the ends of the range window the training cells are on one side.
+
+    Raises
+    ------
+    ConfigError
+        The map is too small for the guard cells.
+    """
+    power = rd_map.power
+    guard, train = _fitted(cfar, (power.shape[0], power.shape[1]))
+    reach = guard[0] + train[0], guard[1] + train[1]
+    rows, cols = np.mgrid[-reach[0] : reach[0] + 1, -reach[1] : reach[1] + 1]
+    mask = (np.abs(rows) > guard[0]) | (np.abs(cols) > guard[1])
+    if cfar.kind == "os":
+        places = np.flatnonzero(mask)
+        taken = places[:: -(-places.size // _MOST_SORTED)]
+        mask = np.zeros_like(mask)
+        mask.flat[taken] = True
+    rho = noise_correlation(rd_map, (2 * reach[0], 2 * reach[1]))
+    calibration = Calibration(mask, rho, cfar.pfa, cfar.rank if cfar.kind == "os" else None)
+    if cfar.kind == "ca":
+        total, count = _ring_sums(power, guard, train)
+        statistic = total / np.maximum(count, 1)
+    else:
+        statistic, count = _ordered(power, mask, reach, cfar.rank)
+    factors = {n: calibration.factor(int(n)) if n else np.inf for n in np.unique(count)}
+    factor = np.array([factors[n] for n in count])
+    return CfarResult(
+        statistic * factor, statistic / calibration.mean, (int(mask.sum()), calibration.independent)
+    )
+
+
+def _shifted_sum(values: Real, first: int, last: int, axis: int, wrap: bool) -> Real:
+    """sum_d values[i + d], d = first ... last, along an axis; zeros beyond the ends."""
+    total = np.zeros_like(values)
+    size = values.shape[axis]
+    moved, out = np.moveaxis(values, axis, 0), np.moveaxis(total, axis, 0)
+    for d in range(first, last + 1):
+        if wrap:
+            out += np.roll(moved, -d, axis=0)
+        elif abs(d) < size:
+            out[max(0, -d) : size - max(0, d)] += moved[max(0, d) : size - max(0, -d)]
+    return total
+
+
+def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> tuple[Real, Real]:
+    """Sum over the training cells, and their number in each column.
+
+    Strip by strip: the difference of two boxes would lose the noise beside a strong echo.
+    """
+    reach = guard[0] + train[0], guard[1] + train[1]
+    whole = _shifted_sum(power, -reach[1], reach[1], 1, False)
+    sides = _shifted_sum(power, -reach[1], -guard[1] - 1, 1, False)
+    sides += _shifted_sum(power, guard[1] + 1, reach[1], 1, False)
+    total = _shifted_sum(sides, -guard[0], guard[0], 0, True)
+    total += _shifted_sum(whole, -reach[0], -guard[0] - 1, 0, True)
+    total += _shifted_sum(whole, guard[0] + 1, reach[0], 0, True)
+    ones = np.ones((1, power.shape[1]))
+    columns = _shifted_sum(ones, -reach[1], reach[1], 1, False)[0]
+    inner = _shifted_sum(ones, -guard[1], guard[1], 1, False)[0]
+    count = (2 * reach[0] + 1) * columns - (2 * guard[0] + 1) * inner
+    return total, np.rint(count)
+
+
+def _ordered(power: Real, mask: Mask, reach: tuple[int, int], rank: float) -> tuple[Real, Real]:
+    """Ordered statistic, and the number of training cells in each column."""
+    rows, cols = (place - half for place, half in zip(np.nonzero(mask), reach, strict=True))
+    size0, size1 = power.shape
+    found, counts = np.empty_like(power), np.zeros(size1)
+    padded = np.take(power, np.arange(-reach[0], size0 + reach[0]) % size0, axis=0)
+    step = max(1, _BLOCK // (rows.size * size0))
+    # columns of one group have the same training cells within the map
+    inside = [c for c in range(size1) if reach[1] <= c < size1 - reach[1]]
+    groups = [inside[i : i + step] for i in range(0, len(inside), step)]
+    groups += [[c] for c in range(size1) if not reach[1] <= c < size1 - reach[1]]
+    for group in groups:
+        first, width = group[0], len(group)
+        usable = (cols + first >= 0) & (cols + group[-1] < size1)
+        count = int(usable.sum())
+        counts[first : first + width] = count
+        if count == 0:
+            found[:, first : first + width] = np.inf
+            continue
+        stack = np.empty((count, size0, width))
+        for i, (r, c) in enumerate(zip(rows[usable], cols[usable], strict=True)):
+            start = reach[0] + r
+            stack[i] = padded[start : start + size0, first + c : first + c + width]
+        k = min(max(round(rank * count), 1), count)
+        found[:, first : first + width] = np.partition(stack, k - 1, axis=0)[k - 1]
+    return found, counts

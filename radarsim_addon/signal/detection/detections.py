@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Targets that stand out of the noise of a map: CFAR, then interpolation between the cells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..echoes import Echoes
+from ..maps import RangeDopplerMap, Recording, decibels, point_response
+from .cfar import Cfar, CfarResult, cfar_threshold
+from .peaks import Peak, local_maxima, pulse_spectra, refine_peak
+
+#: Most targets that are interpolated; the strongest are kept.
+MAX_DETECTIONS = 256
+#: Above this SNR a target's own sidelobes matter to its surroundings [dB]; so many targets have
+#: them taken out, the strongest, where one point holds this share of the peak's energy.
+_OWN_DB, _MOST_OWN, _FITS = 20.0, 32, 0.97
+
+
+@dataclass(frozen=True)
+class Detection:
+    """One target.
+
+    Attributes
+    ----------
+    range_m, velocity_mps, doppler_hz
+        Interpolated; range rate receding positive, Doppler -2 v / lambda.
+    level_db
+        10 log10 of the power at the interpolated peak.
+    noise_db
+        10 log10 of the mean power around it, its own sidelobes taken out.
+    snr_db
+        Their difference: (signal + noise) over noise.
+    row, col
+        Cell of the map.
+    """
+
+    range_m: float
+    velocity_mps: float
+    doppler_hz: float
+    level_db: float
+    noise_db: float
+    snr_db: float
+    row: int
+    col: int
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Targets of one map.
+
+    Attributes
+    ----------
+    targets
+        By falling SNR.
+    cells
+        Cells above the threshold.
+    left_out
+        Peaks beyond `MAX_DETECTIONS`.
+    cfar
+        The detector.
+    training_cells, independent_cells
+        Of one cell, and what they are worth, see :mod:`.cfar`.
+    """
+
+    targets: list[Detection]
+    cells: int
+    left_out: int
+    cfar: Cfar
+    training_cells: int
+    independent_cells: float
+
+
+def detect_targets(
+    rd_map: RangeDopplerMap,
+    cfar: Cfar | None = None,
+    dynamics_db: float = 140.0,
+    *,
+    wide: RangeDopplerMap | None = None,
+) -> Detections:
+    """Cells above their CFAR threshold that are peaks, interpolated.
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    cfar
+        Detector; None: cell averaging at 1e-6.
+    dynamics_db
+        What is further below the strongest cell is error of the synthesis, no echo [dB].
+    wide
+        The same map over more ranges (:func:`.movers.heard_recording`), to interpolate in: without
+        it a peak within a cell of the window's end is off by up to half a cell and 1.1 dB.
+
+    Notes
+    -----
+    Within the guard cells of a peak no weaker one is taken. Range and Doppler are those of the
+    maximum of the trigonometric interpolation, see :func:`.detect.find_peaks`: exact for one target
+    without noise.
+    """
+    cfar = cfar or Cfar()
+    result = cfar_threshold(rd_map, cfar)
+    power = rd_map.power
+    above = power > np.maximum(result.threshold, power.max(initial=0.0) * 10 ** (-dynamics_db / 10))
+    peaks = np.argwhere(above & local_maxima(power))
+    order = np.argsort(-power[peaks[:, 0], peaks[:, 1]], kind="stable")
+    free = np.ones(power.shape, dtype=bool)
+    chosen: list[tuple[int, int]] = []
+    left_out = 0
+    guard = min(cfar.guard[0], (power.shape[0] - 1) // 2), cfar.guard[1]
+    for row, col in peaks[order]:
+        if not free[row, col]:
+            continue
+        if len(chosen) >= MAX_DETECTIONS:
+            left_out += 1
+            continue
+        chosen.append((int(row), int(col)))
+        rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
+        free[rows, max(0, col - guard[1]) : col + guard[1] + 1] = False
+    targets = _interpolate(rd_map, chosen, result, cfar, wide or rd_map)
+    targets.sort(key=lambda target: -target.snr_db)
+    cells, independent = result.cells
+    return Detections(targets, int(above.sum()), left_out, cfar, cells, independent)
+
+
+def _interpolate(
+    rd_map: RangeDopplerMap,
+    chosen: list[tuple[int, int]],
+    result: CfarResult,
+    cfar: Cfar,
+    wide: RangeDopplerMap,
+) -> list[Detection]:
+    found: list[Detection] = []
+    spectrum = pulse_spectra(wide) if chosen else None
+    for number, (row, col) in enumerate(chosen):
+        assert spectrum is not None
+        place = int(np.argmin(np.abs(wide.range_m - rd_map.range_m[col])))
+        peak = refine_peak(wide, spectrum, row, place, 0.0)
+        noise_db = float(decibels(result.noise[row, col]))
+        if number < _MOST_OWN and peak.level_db - noise_db > _OWN_DB:
+            rest = _noise_without(rd_map, peak, row, col, cfar)
+            noise_db = min(noise_db, float(decibels(np.array(rest))))
+        found.append(
+            Detection(
+                peak.range_m,
+                peak.velocity_mps,
+                peak.doppler_hz,
+                peak.level_db,
+                noise_db,
+                peak.level_db - noise_db,
+                row,
+                col,
+            )
+        )
+    return found
+
+
+def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar: Cfar) -> float:
+    """Mean power of the training cells without the target's own response; inf: it is no point."""
+    pulses, ranges = rd_map.values.shape
+    window_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
+    nothing = np.zeros((1, 1), dtype=np.complex128)
+    echoes = Echoes(nothing, 0.0, window_m, rd_map.radar, "radar-equation", 0.0)
+    recording = Recording(echoes, window_m, rd_map, 0, 0.0)
+    response = point_response(recording, peak.range_m, peak.doppler_hz / rd_map.radar.burst.prf_hz)
+    reach = min(cfar.guard[0] + cfar.train[0], (pulses - 1) // 2), cfar.guard[1] + cfar.train[1]
+    apart = np.arange(-reach[0], reach[0] + 1)
+    rows = (row + apart) % pulses
+    cols = np.arange(max(0, col - reach[1]), min(ranges, col + reach[1] + 1))
+    patch = rd_map.values[np.ix_(rows, cols)]
+    own = response.doppler[rows] @ response.ranges[:, cols]
+    middle = np.ix_(np.abs(apart) <= 1, np.abs(cols - col) <= 2)
+    norm, energy = (float(np.vdot(v[middle], v[middle]).real) for v in (own, patch))
+    product = complex(np.vdot(own[middle], patch[middle]))
+    if abs(product) ** 2 < _FITS * norm * energy:
+        return math.inf
+    around = (np.abs(apart) > cfar.guard[0])[:, None] | (np.abs(cols - col) > cfar.guard[1])
+    rest = np.abs((patch - own * (product / norm))[around]) ** 2
+    if cfar.kind == "os":  # of exponential power
+        return float(np.quantile(rest, cfar.rank)) / -math.log(1 - cfar.rank)
+    return float(np.mean(rest))
+
+
+def target_count(count: int, left_out: int) -> str:
+    """How many targets, and that there were more, for people."""
+    if left_out:
+        return f"{count} strongest of {count + left_out} targets"
+    return f"{count} target{'' if count == 1 else 's'}"

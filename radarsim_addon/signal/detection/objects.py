@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Received power and radar cross section of objects, from their paths.
+
+The cross section inverts the radar equation path by path,
+
+    sigma = sum_i P_i (4 pi)^3 R_t,i^2 R_r,i^2 / (EIRP G_r lambda^2),
+
+R_t,i from emitter to the path's last vertex, R_r,i from receiver to its first: monostatic and
+bistatic alike. Gains are those of the render (EIRP in all directions, G_r = 1), so antennas do not
+matter. It is the expected (speckle-averaged) cross section of what the receiver sees of an object,
+losses in walls before it included.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Real
+from ...contract import CameraRecord, PathsRecord
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..paths import PathRows, edge_variances, lone_variances, open_frame_table, usable
+from ..runs import RadarFrame
+from ..scattering import Link
+
+
+@dataclass(frozen=True)
+class ObjectEcho:
+    """What comes back from an object, or from several taken together.
+
+    Attributes
+    ----------
+    name
+        Of the object or group.
+    paths
+        Rows of the table, all shifts together.
+    power_w, power_error_w
+        Received power and its standard error [W], see :mod:`.replicates`.
+    rcs_m2, rcs_error_m2
+        Radar cross section and its standard error [m^2].
+    range_m
+        One-way range, mean weighted by power [m].
+    shared_power_w
+        Power of paths that touch other objects too (first or last vertex); not in `power_w` [W].
+    range_rate_mps
+        Rate of the one-way range at t, mean weighted by power, receding positive [m/s].
+    """
+
+    name: str
+    paths: int
+    power_w: float
+    power_error_w: float
+    rcs_m2: float
+    rcs_error_m2: float
+    range_m: float
+    shared_power_w: float
+    range_rate_mps: float = 0.0
+
+    @property
+    def power_dbm(self) -> float:
+        """Power over 1 mW [dB]."""
+        return 10 * math.log10(self.power_w * 1e3) if self.power_w > 0 else -math.inf
+
+    @property
+    def rcs_dbsm(self) -> float:
+        """Cross section over 1 m^2 [dB]."""
+        return 10 * math.log10(self.rcs_m2) if self.rcs_m2 > 0 else -math.inf
+
+
+def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
+    """Each row's share of the cross section of what it hit, (n,) [m^2]."""
+    receiver_m = np.asarray(record.camera.matrix_world)[:3, 3]
+    emitter_m = np.asarray(record.emitter.matrix_world)[:3, 3]
+    there = np.sum((rows["last_m"] - emitter_m) ** 2, axis=-1)
+    back = np.sum((rows["first_m"] - receiver_m) ** 2, axis=-1)
+    # Without vertices the mean range has to do.
+    there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
+    back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
+    if record.camera.kind == "orthographic":
+        back = np.ones_like(back)  # its pixels stand for areas: no 1/R^2 was in them
+    wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
+    scale = (4 * np.pi) ** 3 / (record.emitter.eirp_w * wavelength_m**2)
+    return np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+
+
+def path_power_w(
+    rows: PathRows, record: PathsRecord, carrier_hz: float, link: Link | None = None
+) -> Real:
+    """Each row's received power at a carrier, with the gains of a system if there is one [W]."""
+    power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
+    if link is not None:
+        power = power * link.factor(rows["length_m"], rows["direction"], rows["last_m"])
+    return np.asarray(power, dtype=np.float64)
+
+
+def require_objects(frame: RadarFrame) -> None:
+    """Check that a frame knows the objects of its paths.
+
+    Raises
+    ------
+    ConfigError
+        The frame is of rings.
+    """
+    if frame.acquisition != "paths":
+        raise ConfigError(
+            f"{frame.path} was measured by rings, which do not know the object of a path. Measure "
+            "the scene by paths (Acquisition: Paths, or --acquisition paths)."
+        )
+
+
+def object_echoes(
+    frame: RadarFrame,
+    carrier_hz: float,
+    link: Link | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> list[ObjectEcho]:
+    """Power and cross section of every object that echoes, the strongest first.
+
+    Parameters
+    ----------
+    frame
+        A radar frame of the acquisition "paths".
+    carrier_hz
+        Carrier [Hz].
+    link
+        System, for the powers.
+    groups
+        Names of objects that are taken together, by the group's name; None: each by itself.
+
+    Raises
+    ------
+    ConfigError
+        The frame is of rings, whose paths do not know their objects.
+    FrameFileError, SchemaError
+        The table is missing or damaged.
+    """
+    require_objects(frame)
+    record, table = open_frame_table(frame.path, frame.number)
+    if groups is None:
+        groups = {name: [name] for name in record.objects}
+    member = _membership(record.objects, groups)
+    names = list(groups)
+    sums = _Sums(len(names), record.shifts, record.camera)
+    for start, stop in _tile_edges(table):
+        rows = np.array(table[start:stop])
+        rows = rows[usable(rows)]
+        power = path_power_w(rows, record, carrier_hz, link)
+        sums.add_tile(rows, power, path_rcs_m2(rows, record), member)
+    return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
+
+
+def _membership(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> NDArray[np.bool_]:
+    """Whether an object (from 1; 0 is unknown) is in a group, (groups, objects + 1)."""
+    numbers = {name: number for number, name in enumerate(objects, start=1)}
+    member = np.zeros((len(groups), len(objects) + 1), dtype=np.bool_)
+    for place, names in enumerate(groups.values()):
+        member[place, [numbers[name] for name in names if name in numbers]] = True
+    return member
+
+
+class _Sums:
+    """Sums over tiles: the mean of the shifts, and the variance of that mean."""
+
+    def __init__(self, groups: int, shifts: int, camera: CameraRecord) -> None:
+        self._shifts, self._camera = shifts, camera
+        self._mean = np.zeros((2, groups))
+        self._variance = np.zeros((2, groups))
+        self._paths = np.zeros(groups, dtype=np.int64)
+        self._range = np.zeros(groups)
+        self._rate = np.zeros(groups)
+        self._shared = np.zeros(groups)
+
+    def add_tile(self, rows: PathRows, power: Real, rcs: Real, member: NDArray[np.bool_]) -> None:
+        last, first = rows["object"], rows["first_object"]
+        first = np.where(first == 0, last, first)  # where only the last vertex is known
+        for group in np.flatnonzero(member[:, np.unique([*last, *first])].any(axis=1)):
+            touched_last, touched_first = member[group][last], member[group][first]
+            mine = touched_last & touched_first
+            self._shared[group] += power[touched_last ^ touched_first].sum()
+            self._paths[group] += np.count_nonzero(mine)
+            self._range[group] += power[mine] @ rows["length_m"][mine] / 2
+            self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
+            if self._shifts == 1:
+                for place, value in enumerate((power[mine], rcs[mine])):
+                    self._add_lone(place, int(group), rows[mine], value)
+                continue
+            least = self._least_relative(rows[mine], power[mine])
+            for place, value in enumerate((power, rcs)):
+                by_shift = self._shifts * np.bincount(
+                    rows["shift"][mine], value[mine], minlength=self._shifts
+                )
+                self._mean[place, group] += by_shift.mean()
+                scatter = by_shift.var(ddof=1) / self._shifts
+                self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
+
+    def _add_lone(self, place: int, group: int, rows: PathRows, value: Real) -> None:
+        """One shift of a tile: its edges, and what neighbours differ by."""
+        self._mean[place, group] += value.sum()
+        label = np.ones(value.size, dtype=np.int64)
+        self._variance[place, group] += lone_variances(rows, label, value, self._camera)[-1]
+
+    def _least_relative(self, rows: PathRows, power: Real) -> float:
+        """Least relative variance of what these rows of a tile add up to, by edges along its grid
+        that the shifts may agree on."""
+        total = power.sum()
+        if not total > 0:
+            return 0.0
+        variance = 0.0
+        for shift in range(self._shifts):
+            own = rows["shift"] == shift
+            label = np.ones(np.count_nonzero(own), dtype=np.int64)
+            value = self._shifts * power[own] / total
+            found = edge_variances(rows[own], label, value, self._camera, self._shifts)
+            variance += float(found[-1]) / self._shifts
+        return variance
+
+    def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
+        errors = np.sqrt(self._variance)
+        return [
+            ObjectEcho(
+                name=name,
+                paths=int(self._paths[i]),
+                power_w=float(self._mean[0, i]),
+                power_error_w=float(errors[0, i]),
+                rcs_m2=float(self._mean[1, i]),
+                rcs_error_m2=float(errors[1, i]),
+                range_m=float(self._range[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
+                shared_power_w=float(self._shared[i]),
+                range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
+            )
+            for i, name in enumerate(names)
+            if self._paths[i] or self._shared[i]
+        ]
+
+
+def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
+    """First and last row of each tile: rows of one tile stand together."""
+    if table.size == 0:
+        return []
+    tile = np.asarray(table["tile"])
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(tile)) + 1, [tile.size]])
+    return [(int(a), int(b)) for a, b in itertools.pairwise(edges)]
+
+
+def matching_objects(frame: RadarFrame, pattern: str) -> list[str]:
+    """Objects of a frame by name, by the name of a collection, or by a pattern with * and ?.
+
+    Raises
+    ------
+    ConfigError
+        Nothing has that name.
+    """
+    record, _ = open_frame_table(frame.path, frame.number)
+    scene = frame.scene()
+    collections: dict[str, set[str]] = {}
+    for item in scene.objects if scene is not None else []:
+        for name in item.collections:
+            collections.setdefault(name, set()).add(item.name.rsplit("/", 1)[-1])
+    found = [name for name in record.objects if fnmatchcase(name, pattern)]
+    if not found:
+        inside = {
+            item
+            for name, items in collections.items()
+            if fnmatchcase(name, pattern)
+            for item in items
+        }
+        found = [name for name in record.objects if name in inside]
+    if not found:
+        known = ", ".join(map(repr, [*record.objects, *sorted(collections)]))
+        raise ConfigError(
+            f"No object or collection of frame {frame.number} is called {pattern!r}; there are "
+            f"{known}. Names may hold * and ?."
+        )
+    return found

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What stands out: interpolated peaks of a map, leading edges of a profile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from ...errors import ConfigError
+from ..maps import PowerProfile, RangeDopplerMap, decibels
+from ..radar import slow_time_window
+
+#: Highest ratio to an empty surrounding, so that every level stays a finite number [dB].
+MAX_ABOVE_DB = 300.0
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A local maximum of a range-Doppler map, interpolated between its cells.
+
+    `velocity_mps` is the range rate (receding positive), `level_db` 10 log10 of the power at the
+    interpolated peak, `above_db` that level over the median of what surrounds it.
+    """
+
+    range_m: float
+    velocity_mps: float
+    doppler_hz: float
+    level_db: float
+    above_db: float
+
+
+@dataclass(frozen=True)
+class LeadingEdge:
+    """Where a profile first reaches half the power of a peak, coming from the radar."""
+
+    range_m: float
+    peak_range_m: float
+    level_db: float
+    prominence_db: float
+
+
+def find_peaks(
+    rd_map: RangeDopplerMap,
+    count: int = 5,
+    *,
+    min_speed_mps: float = 0.0,
+    range_m: tuple[float, float] | None = None,
+    min_above_db: float = 0.0,
+    guard: tuple[int, int] = (4, 8),
+    reach: tuple[int, int] = (16, 64),
+) -> list[Peak]:
+    """The strongest local maxima of a map, strongest first.
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    count
+        How many at most.
+    min_speed_mps
+        Leave out cells with |range rate| below this: the stripe of what stands still.
+    range_m
+        Look at these ranges only (start, stop).
+    min_above_db
+        Leave out peaks that stand less than this above their surroundings.
+    guard, reach
+        Cells (Doppler, range) to each side. Within `guard` of a peak no other is taken; the
+        surroundings are what lies between `guard` and `reach`, see :func:`level_above`.
+
+    Notes
+    -----
+    The interpolation is trigonometric, so exact for one path away from the edges of the range
+    window: along Doppler from the pulses themselves, along range from the band-limited response.
+    From two rows off 0 Hz on, what stands still at the same range is estimated along.
+    """
+    power = rd_map.power
+    wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
+    wanted = wanted & np.ones(power.shape[1], dtype=bool)[None, :]
+    if range_m is not None:
+        wanted &= (rd_map.range_m >= range_m[0]) & (rd_map.range_m <= range_m[1])
+    candidates = np.where(wanted & local_maxima(power), power, 0.0)
+    spectrum: Complex | None = None
+    peaks: list[Peak] = []
+    while len(peaks) < count:
+        row, col = divmod(int(np.argmax(candidates)), power.shape[1])
+        if not candidates[row, col] > 0:
+            break
+        rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
+        candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
+        above_db = level_above(power, row, col, guard, reach)
+        if above_db >= min_above_db:
+            if spectrum is None:
+                spectrum = pulse_spectra(rd_map)
+            peaks.append(refine_peak(rd_map, spectrum, row, col, above_db))
+    return peaks
+
+
+def local_maxima(power: Real) -> NDArray[np.bool_]:
+    """Cells not below any of their eight neighbours; Doppler wraps, range does not.
+
+    Takes (pulses, ranges), any unit of power, and gives a mask of that shape.
+    """
+    padded = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
+    padded = np.concatenate([padded[-1:], padded, padded[:1]])
+    rows, cols = power.shape
+    result = power > 0
+    for i in range(3):
+        for j in range(3):
+            if (i, j) != (1, 1):
+                result &= power >= padded[i : i + rows, j : j + cols]
+    return result
+
+
+def level_above(
+    power: Real,
+    row: int,
+    col: int,
+    guard: tuple[int, int] = (4, 8),
+    reach: tuple[int, int] = (16, 64),
+) -> float:
+    """Power of a cell over the median of its surroundings [dB], at most `MAX_ABOVE_DB`.
+
+    The surroundings are the cells within `reach` (Doppler, range) but not within `guard` of the
+    cell; Doppler wraps, range ends at the window. `power` is (pulses, ranges), in any linear unit.
+
+    Raises
+    ------
+    ConfigError
+        The map has no cell beyond the guard cells.
+    """
+    rows = np.unique((row + np.arange(-reach[0], reach[0] + 1)) % power.shape[0])
+    cols = np.arange(max(0, col - reach[1]), min(power.shape[1], col + reach[1] + 1))
+    row_distance = np.abs(rows - row)
+    row_distance = np.minimum(row_distance, power.shape[0] - row_distance)
+    outside = (row_distance > guard[0])[:, None] | (np.abs(cols - col) > guard[1])[None, :]
+    around = power[np.ix_(rows, cols)][outside]
+    if around.size == 0:
+        raise ConfigError(
+            f"Map of {power.shape} cells (Doppler, range) has nothing beyond guard cells {guard}; "
+            "use fewer guard cells, more pulses or a longer range window."
+        )
+    floor = power[row, col] * 10 ** (-MAX_ABOVE_DB / 10)
+    return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
+
+
+def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
+    """Fourier coefficients over range of the windowed pulses that the map was made of.
+
+    (pulses, ranges), in FFT order over range, in time order over the pulses.
+    """
+    trains = np.fft.ifft(np.fft.ifftshift(rd_map.values, axes=0), axis=0)
+    return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
+
+
+def refine_peak(
+    rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, above_db: float
+) -> Peak:
+    """Maximum of the trigonometric interpolation next to a cell, one axis after the other.
+
+    Off 0 Hz an echo a e(f) is fitted together with one c that stands still at the same range:
+    least squares with the window w as weight, whose inner products are the map's own sums,
+    a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for windowed pulses x, W(f) = sum w e(-f).
+    """
+    pulses, ranges = rd_map.values.shape
+    wave = np.fft.fftfreq(ranges)
+    # pulses counted from the middle of the burst, or a peak would rotate as Doppler varies
+    pulse = np.arange(pulses) - (pulses - 1) / 2
+    weight = slow_time_window(rd_map.doppler_window, pulses)
+    weight /= weight.sum()
+    deflate = abs(row - pulses // 2) >= 2
+    frequency = float(row - pulses // 2) / pulses
+    position = float(col)
+    best = 0.0
+
+    def terms(x: float) -> Complex:
+        """What sums up windowed pulses to the square root of the energy at a Doppler."""
+        turn = np.exp(-2j * np.pi * x * pulse)
+        if not deflate:
+            return np.asarray(turn)
+        leak = complex(turn @ weight)
+        return np.asarray((turn - leak) / math.sqrt(max(1 - abs(leak) ** 2, 1e-12)))
+
+    for _ in range(3):
+        line = terms(frequency) @ spectrum / ranges
+        position, best = _climb(
+            lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0, (0.0, ranges - 1.0)
+        )
+        train = spectrum @ np.exp(2j * np.pi * wave * position) / ranges
+        frequency, best = _climb(terms, train, frequency, 1.0 / pulses)
+    if deflate:
+        leak = complex(np.exp(-2j * np.pi * frequency * pulse) @ weight)
+        best /= math.sqrt(max(1 - abs(leak) ** 2, 1e-12))
+    frequency = (frequency + 0.5) % 1.0 - 0.5
+    doppler_hz = frequency * rd_map.radar.burst.prf_hz
+    step_m = rd_map.range_m[1] - rd_map.range_m[0] if ranges > 1 else 0.0
+    return Peak(
+        range_m=float(rd_map.range_m[0] + step_m * position),
+        velocity_mps=-doppler_hz * rd_map.radar.waveform.wavelength_m / 2,
+        doppler_hz=doppler_hz,
+        level_db=float(decibels(np.array(best**2))),
+        above_db=above_db,
+    )
+
+
+def _climb(
+    factors: Callable[[float], Complex],
+    terms: Complex,
+    start: float,
+    step: float,
+    within: tuple[float, float] = (-math.inf, math.inf),
+) -> tuple[float, float]:
+    """Maximum of |sum factors(x) terms| within `step` of `start`, and `within`: place and value.
+
+    The interpolation over range is periodic: beyond the last cell it climbs to the first.
+    """
+
+    def value(x: float) -> float:
+        return float(abs(factors(x) @ terms))
+
+    # golden-section search: one maximum between two cells, and no derivative to go wrong
+    ratio = (5**0.5 - 1) / 2
+    low, high = max(start - step, within[0]), min(start + step, within[1])
+    left, right = high - ratio * (high - low), low + ratio * (high - low)
+    value_left, value_right = value(left), value(right)
+    for _ in range(40):  # 1e-8 of a cell: beyond that the top is flat in float64
+        if value_left >= value_right:
+            high, right, value_right = right, left, value_left
+            left = high - ratio * (high - low)
+            value_left = value(left)
+        else:
+            low, left, value_left = left, right, value_right
+            right = low + ratio * (high - low)
+            value_right = value(right)
+    middle = (low + high) / 2
+    return middle, value(middle)
+
+
+def leading_edges(
+    profile: PowerProfile,
+    count: int = 2,
+    *,
+    separation_m: float | None = None,
+    by: Literal["power", "prominence"] = "power",
+    range_m: tuple[float, float] | None = None,
+    min_prominence_db: float = 0.5,
+) -> list[LeadingEdge]:
+    """Half-power leading edges of the strongest separated peaks of a profile.
+
+    Parameters
+    ----------
+    profile
+        Expected power against range.
+    count
+        How many peaks at most.
+    separation_m
+        No second peak within this distance of a stronger one; default 20 range resolutions.
+    by
+        "power" takes the highest peaks; "prominence" those that stand out most, in decibels, over
+        the saddle to any higher one: faint far objects before near clutter.
+    range_m
+        Look at these ranges only (start, stop).
+    min_prominence_db
+        Leave out peaks that stand out less than this: ripple on a flank.
+
+    Returns
+    -------
+    list of LeadingEdge
+        In the order of `by`. The edge is the last place before the peak where the power is half
+        the peak's, linearly interpolated. Peaks before which it never falls so low are left out.
+    """
+    power, axis_m = profile.power, profile.range_m
+    separation_m = (
+        20 * profile.radar.waveform.range_resolution_m if separation_m is None else separation_m
+    )
+    inside = np.ones(axis_m.size, dtype=bool)
+    if range_m is not None:
+        inside = (axis_m >= range_m[0]) & (axis_m <= range_m[1])
+    padded = np.concatenate([[0.0], power, [0.0]])
+    top = (power > padded[:-2]) & (power >= padded[2:]) & inside
+    places = np.flatnonzero(top)
+    level_db = decibels(power)
+    prominence_db = np.array([_prominence_db(level_db, int(i)) for i in places])
+    if by not in ("power", "prominence"):
+        raise ConfigError(f"Peaks by {by!r}; expected 'power' or 'prominence'.")
+    order = np.argsort(-(power[places] if by == "power" else prominence_db), kind="stable")
+    edges: list[LeadingEdge] = []
+    for index in order:
+        place = int(places[index])
+        if prominence_db[index] < min_prominence_db:
+            continue
+        far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
+        # Where power does not fall to half before the peak, its edge is not in the window.
+        rises = bool(np.any(power[:place] < power[place] / 2))
+        if far and rises and len(edges) < count:
+            edges.append(
+                LeadingEdge(
+                    range_m=_half_power_before(power, axis_m, place),
+                    peak_range_m=float(axis_m[place]),
+                    level_db=float(level_db[place]),
+                    prominence_db=float(prominence_db[index]),
+                )
+            )
+    return edges
+
+
+def _half_power_before(power: Real, axis_m: Real, place: int) -> float:
+    below = np.flatnonzero(power[:place] < power[place] / 2)
+    if below.size == 0:
+        return float(axis_m[0])
+    i = int(below[-1])
+    share = (power[place] / 2 - power[i]) / (power[i + 1] - power[i])
+    return float(axis_m[i] + share * (axis_m[i + 1] - axis_m[i]))
+
+
+def _prominence_db(level_db: Real, place: int) -> float:
+    """Height over the higher of the two saddles that lead to something higher."""
+    saddles = []
+    for side in (level_db[:place][::-1], level_db[place + 1 :]):
+        higher = np.flatnonzero(side > level_db[place])
+        stretch = side[: higher[0]] if higher.size else side
+        lowest = float(stretch.min()) if stretch.size else float(level_db[place])
+        saddles.append((higher.size > 0, lowest))
+    towards_higher = [lowest for found, lowest in saddles if found]
+    base = max(towards_higher) if towards_higher else min(lowest for _, lowest in saddles)
+    return float(level_db[place] - base)

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The power budget as a stage of processing: gains on paths, objects with their RCS and SNR."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...contract import SystemRecord
+from ...physics.noise import SnrPrediction, predict_snr
+from ...printable import printable
+from ..maps import coherent_samples, map_noise_gain, mti_response
+from ..paths import Paths, read_paths_record
+from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
+from ..runs import RadarFrame
+from ..scattering import Link, frame_antennas
+from .objects import ObjectEcho, object_echoes
+
+#: Share of a frame's power in paths of unknown last vertex that is worth a warning.
+_GUESSED_SHARE = 1e-3
+#: Objects whose share of the strongest one's power is below this are rounding [dB].
+_LEAST_DB = -200.0
+#: What a canceller leaves of an echo, below which it is gone from the map [power].
+_CANCELLED = 1e-20
+
+
+def compression_loss_db(radar: Radar, window: str, doppler_window: str) -> float:
+    """SNR that the windows over band and pulses cost against the matched filter [dB], 0 or more.
+
+    Both from the noise that comes through: see :mod:`.noisefloor`.
+    """
+    gain = map_noise_gain(radar, window, doppler_window)
+    ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
+    return max(10 * math.log10(gain / ideal), 0.0)
+
+
+def predicted_snr(
+    power_w: float, radar: Radar, system: RadarSystem, window: str, doppler_window: str
+) -> SnrPrediction:
+    """What the map shows of a point target of this received power; see `predict_snr`.
+
+    The energy of the pulse as it is sampled: as many samples as carry its echo.
+    """
+    pulse_s = coherent_samples(radar) / radar.waveform.sampling_rate_hz
+    return predict_snr(
+        power_w,
+        pulse_s,
+        radar.waveform.sampling_rate_hz,
+        radar.burst.pulses,
+        system.record.noise_figure_db,
+        system.record.antenna_temperature_k,
+        compression_loss_db(radar, window, doppler_window),
+    )
+
+
+@dataclass(frozen=True)
+class BudgetReport:
+    """Power budget of a frame.
+
+    Attributes
+    ----------
+    received_w
+        All paths together [W].
+    noise_w
+        Thermal noise of one complex sample at the receiver's input; None without a system [W].
+    objects
+        Objects that echo, the strongest first; none for rings.
+    snr
+        By the object's name, where there is a system and the object is in the map.
+    not_in_map
+        Why an object is not in the map, by its name.
+    warnings
+        In whole sentences.
+    """
+
+    received_w: float
+    noise_w: float | None
+    objects: list[ObjectEcho] = field(default_factory=list)
+    snr: dict[str, SnrPrediction] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    not_in_map: dict[str, str] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """For ``_summary.json``: powers in W and dBm, cross sections in m^2 and dBsm."""
+        return {
+            "received_w": self.received_w,
+            "received_dbm": _dbm(self.received_w),
+            "noise_w": self.noise_w,
+            "noise_dbm": None if self.noise_w is None else _dbm(self.noise_w),
+            "objects": [
+                {
+                    **dataclasses.asdict(echo),
+                    "power_dbm": _dbm(echo.power_w),
+                    "rcs_dbsm": _db(echo.rcs_m2),
+                    "predicted_snr": dataclasses.asdict(self.snr[echo.name])
+                    if echo.name in self.snr
+                    else None,
+                    "not_in_map": self.not_in_map.get(echo.name),
+                }
+                for echo in self.objects
+            ],
+        }
+
+    def lines(self) -> list[str]:
+        """For people, one object a line."""
+        found = []
+        if self.noise_w is not None:
+            found.append(
+                f"received {_text(_dbm(self.received_w))} dBm in all, noise "
+                f"{_text(_dbm(self.noise_w))} dBm a sample"
+            )
+        for echo in self.objects:
+            line = (
+                f"{printable(echo.name):20.20} {_range_text(echo.range_m)} m   "
+                f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(_db(echo.rcs_m2))} dBsm"
+            )
+            if echo.power_w > 0:
+                line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
+            if echo.name in self.snr:
+                line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
+            if echo.name in self.not_in_map:
+                line += f"   not in the map: {self.not_in_map[echo.name]}"
+            found.append(line)
+        return found
+
+
+class FrameBudget:
+    """Applies a power budget to the paths of a frame as they stream by.
+
+    Parameters
+    ----------
+    frame
+        Radar frame.
+    radar
+        Waveform and burst.
+    record
+        Power budget; None: paths stay as they are.
+
+    Raises
+    ------
+    ConfigError
+        The budget cannot be used.
+    FrameFileError, SchemaError
+        The frame's sidecars are missing or damaged.
+    """
+
+    def __init__(self, frame: RadarFrame, radar: Radar, record: SystemRecord | None) -> None:
+        self._frame, self._radar = frame, radar
+        self.system: RadarSystem | None = None
+        self.link: Link | None = None
+        if record is not None:
+            self.system = make_system(record, radar.waveform.wavelength_m)
+            antennas = frame_antennas(frame.path, frame.number, frame.acquisition)
+            self.link = Link(self.system, *antennas)
+
+    def apply(self, paths: Paths) -> Paths:
+        """The paths with the system's gains."""
+        return paths if self.link is None else self.link.apply(paths)
+
+    def report(
+        self,
+        received_w: float,
+        window: str = "hamming",
+        doppler_window: str = "hamming",
+        *,
+        window_m: tuple[float, float] | None = None,
+        mti: int = 0,
+    ) -> BudgetReport:
+        """Objects, noise and predictions, after all paths were seen.
+
+        Parameters
+        ----------
+        received_w
+            Sum of the paths' powers [W].
+        window, doppler_window
+            Over band and pulses, for the predicted SNR.
+        window_m
+            One-way ranges of the map (start, stop); None: all [m].
+        mti
+            Pulses of the canceller before the map; 0: none.
+        """
+        radar, system = self._radar, self.system
+        objects: list[ObjectEcho] = []
+        if self._frame.acquisition == "paths":
+            objects = object_echoes(self._frame, radar.waveform.carrier_hz, self.link)
+            least = 10 ** (_LEAST_DB / 10) * max((echo.power_w for echo in objects), default=0.0)
+            objects = [echo for echo in objects if echo.power_w > least]
+        noise_w = None
+        snr = {}
+        absent = {echo.name: why for echo in objects if (why := _absence(echo, radar, window_m))}
+        if system is not None:
+            noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
+            if noise_w > 0:
+                for echo in objects:
+                    left = _canceller_gain(echo, radar, mti)
+                    if left < _CANCELLED:
+                        absent.setdefault(echo.name, "cancelled by the MTI")
+                    if echo.name not in absent:
+                        point = predicted_snr(echo.power_w, radar, system, window, doppler_window)
+                        burst_db = point.burst_db + 10 * math.log10(left)
+                        snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
+        warnings = [*projection_warnings(self._frame), *self._warnings()]
+        return BudgetReport(received_w, noise_w, objects, snr, warnings, absent)
+
+    def _warnings(self) -> list[str]:
+        link = self.link
+        if link is None or link.seen_w == 0 or link.guessed_w < _GUESSED_SHARE * link.seen_w:
+            return []
+        share = 100 * link.guessed_w / link.seen_w
+        text = (
+            f"{share:.2g} % of the power is in {link.guessed} paths whose last scatterer is "
+            "unknown; the transmit gain is taken where a single reflection would lie. Measure by "
+            "paths, or rings without bounces, to be rid of it."
+        )
+        return [text]
+
+
+def projection_warnings(frame: RadarFrame) -> list[str]:
+    """What to know of a frame's powers for the projection of its receiver.
+
+    Parameters
+    ----------
+    frame
+        Radar frame.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        The frame's sidecar is missing or damaged.
+    """
+    if frame.acquisition != "paths":
+        return []
+    if read_paths_record(frame.path, frame.number).camera.kind != "orthographic":
+        return []
+    text = (
+        "The receiver is orthographic: its powers are not received watts, but R^2 times as much "
+        "(R in metres, from receiver to scatterer), and neither are levels, SNR and detections "
+        "against thermal noise those of a radar. Ranges and cross sections are right. For watts "
+        "and SNR measure with a perspective receiver."
+    )
+    return [text]
+
+
+def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
+    """What a canceller leaves of the object's power, at its mean Doppler, over that of noise."""
+    if not mti:
+        return 1.0
+    doppler_hz = -2 * echo.range_rate_mps / radar.waveform.wavelength_m
+    # it shortens the burst too
+    share = (radar.burst.pulses - mti + 1) / radar.burst.pulses
+    return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * share
+
+
+def _absence(echo: ObjectEcho, radar: Radar, window_m: tuple[float, float] | None) -> str | None:
+    """Why an object is not in the map; None: it is."""
+    waveform = radar.waveform
+    range_m, cell_m = echo.range_m, waveform.range_resolution_m
+    if isinstance(waveform, FmcwWaveform):
+        if range_m >= waveform.unambiguous_range_m:
+            return "beyond the ADC's band"
+        fold_m = math.inf
+    elif waveform.family == "line":
+        fold_m = waveform.unambiguous_range_m
+    else:
+        fold_m = radar.burst.unambiguous_range_m
+    if window_m is None:
+        return None
+    start_m, stop_m = window_m[0] - cell_m, window_m[1] + cell_m
+    # where it is heard, folded: the farthest place that is not beyond the window
+    orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
+    shown_m = range_m - orders * fold_m if orders else range_m
+    return None if start_m <= shown_m <= stop_m else "outside the window"
+
+
+def _dbm(power_w: float) -> float | None:
+    return None if power_w <= 0 else 10 * math.log10(power_w) + 30
+
+
+def _db(value: float) -> float | None:
+    return None if value <= 0 else 10 * math.log10(value)
+
+
+def _text(value: float | None) -> str:
+    return "   -inf" if value is None else f"{value:z7.2f}"
+
+
+def _range_text(range_m: float) -> str:
+    """Two digits behind the point, more below a metre."""
+    digits = max(2, 2 - math.floor(math.log10(range_m))) if range_m > 0 else 2
+    return f"{range_m:10.{min(digits, 9)}f}"

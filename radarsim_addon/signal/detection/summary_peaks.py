@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Edges that a frame's summary names, and the dynamic range of its maps."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..maps import PowerProfile, expected_power_profile
+from ..paths import make_paths
+from ..radar import Radar
+from .peaks import LeadingEdge, leading_edges
+
+#: The same of a profile of expected power, whose convolution rounds at 1e-16 of its largest value
+#: times the root of its length [dB].
+PROFILE_DYNAMICS_DB = 130.0
+#: What is no more than this above a stronger peak's response to one path is its sidelobe [dB].
+_SIDELOBE_DB = 6.0
+
+
+def _paired_reach_m(radar: Radar) -> float:
+    """How far from a strong echo its paired echoes may lie: a pulse's length."""
+    if radar.waveform.family != "pulse":
+        return 0.0
+    return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
+
+
+def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
+    """Edges that stand out of what stronger peaks show of themselves at their range."""
+    kept: list[LeadingEdge] = []
+    window_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
+    step_m = float(profile.range_m[1] - profile.range_m[0]) if profile.range_m.size > 1 else 1.0
+    sidelobes = np.zeros_like(profile.power)
+    for edge in sorted(found, key=lambda item: -item.level_db):
+        place = int(np.argmin(np.abs(profile.range_m - edge.peak_range_m)))
+        # their envelope: a peak of them is two cells wide
+        reach = 2 * math.ceil(profile.radar.waveform.sample_spacing_m / step_m)
+        near = sidelobes[max(0, place - reach) : place + reach + 1].max(initial=0.0)
+        if 10 ** (edge.level_db / 10) <= near * 10 ** (_SIDELOBE_DB / 10):
+            continue
+        kept.append(edge)
+        point = expected_power_profile(
+            make_paths(1.0, 2 * edge.peak_range_m),
+            profile.radar,
+            window_m=window_m,
+            window=profile.window,
+        ).power
+        count = min(point.size, sidelobes.size)
+        strength = 10 ** (edge.level_db / 10) / max(float(point.max()), 1e-300)
+        sidelobes[:count] += strength * point[:count]
+    return [edge for edge in found if edge in kept]
+
+
+def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
+    """Leading edges, without the paired echoes of stronger ones.
+
+    A chirp of low time-bandwidth product has such echoes up to its own length away, some 38 dB
+    down whatever the window (the Fresnel ripple of its spectrum). Of waveforms that sample
+    frequencies, and of phase codes, the sidelobes of stronger peaks are no edges either; nor is
+    anything `PROFILE_DYNAMICS_DB` below the strongest, which is rounding.
+    """
+    reach_m = _paired_reach_m(profile.radar)
+    least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)
+    profile = dataclasses.replace(profile, power=np.maximum(profile.power, least))
+    found = leading_edges(profile, 12, by="prominence")
+    if profile.radar.waveform.family == "line" or profile.radar.waveform.kind == "barker":
+        found = _without_sidelobes(profile, found)
+    return [
+        edge
+        for edge in found
+        if not any(
+            abs(edge.peak_range_m - other.peak_range_m) <= 1.02 * reach_m
+            and edge.level_db < other.level_db - 28
+            for other in found
+        )
+    ][:5]

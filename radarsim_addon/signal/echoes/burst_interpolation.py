@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several renders of one burst as one: each stands for the pulses around the time it shows.
+
+Where visibility changes during a burst (a target comes out from behind a wall) one render cannot
+serve it all. Each of several has its own table, whose paths have their lengths at every pulse. The
+echoes of all are added with weights that are hat functions of slow time: 1 at the pulse that a
+render shows, 0 at its neighbours', and their sum is 1 at every pulse. Phases are those of each
+render's own paths, so what is seen by two of them fades from one to the other without a jump.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import SchemaError
+from ..paths import frame_motion
+from ..runs import RadarFrame
+from .echoes import Echoes
+
+
+def crossfade_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
+    """Weights of renders at pulses, (renders, pulses); each column adds up to 1.
+
+    Parameters
+    ----------
+    slow_time_s
+        Times of the pulses (or rows of samples) [s].
+    shown_s
+        When the renders show the scene, ascending [s].
+    """
+    nodes = np.asarray(shown_s, dtype=np.float64)
+    if nodes.size == 1:
+        return np.ones((1, slow_time_s.size))
+    hats = np.eye(nodes.size)
+    return np.array([np.interp(slow_time_s, nodes, hat) for hat in hats])
+
+
+def shown_times_s(frame: RadarFrame) -> list[float]:
+    """When each render of a frame's burst shows the scene, after the frame's time t [s].
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        A file is missing or damaged, or the times are not in order.
+    """
+    times = []
+    for number in range(frame.renders_per_burst):
+        motion = frame_motion(frame.of_burst(number).path, frame.number)
+        times.append(0.0 if motion is None else motion.reference_s)
+    if any(later <= earlier for earlier, later in itertools.pairwise(times)):
+        raise SchemaError(
+            f"{frame.path}: the renders of its burst show {times} s; expected ascending times. "
+            "Render the frame again."
+        )
+    return times
+
+
+def blended(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
+    """Echoes of a burst from those of its renders, each synthesised for all pulses.
+
+    One of them is in memory at a time if they come from a generator.
+    """
+    total: Echoes | None = None
+    for number, part in enumerate(parts):
+        weight = crossfade_weights(part.slow_time_s, shown_s)[number]
+        samples = weight[:, None] * part.samples
+        outside = part.outside * float(weight.mean())
+        if total is not None:
+            samples += total.samples
+            outside += total.outside
+            part = total
+        total = dataclasses.replace(part, samples=samples, outside=outside)
+    assert total is not None
+    return total

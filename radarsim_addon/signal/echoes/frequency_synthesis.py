@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Echoes of waveforms whose receiver samples frequencies (family "line").
+
+Sample k of a pulse that begins at t_m is taken at t = t_m + u_k, when the transmitter is at
+f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
+
+    s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
+
+with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
+3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
+see :mod:`.synthesis_ramp`; PMCW holds all frequencies at once. The sums are those of
+:mod:`.synthesis`; only phase noise, which differs from path to path, is put on here.
+
+Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ...array_types import Complex
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..paths import Paths
+from ..radar import FmcwWaveform, PmcwWaveform, Radar, replica
+from ..spectrum import Listening, Spectrum, SpectrumAccumulator, SynthesisReport, check_finite
+from .echoes import AS_USUAL, MAX_SAMPLES, Echoes, EchoOptions, check_window
+from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
+
+#: A delay of 0 is heard, too.
+_JUST_BEFORE_S = 1e-30
+
+
+class LineSynthesizer:
+    """Adds up the samples of paths that come in parts; as :class:`.echoes.EchoSynthesizer`.
+
+    Parameters
+    ----------
+    radar
+        With a waveform of the family "line".
+    window_m
+        One-way ranges that the profile will show [m]. Every echo within the waveform's own range
+        is in the samples, whatever the window.
+    options
+        See :class:`.echoes.EchoOptions`; range folding is the waveform's own, see the notes.
+    oscillator
+        Phase noise, see :class:`.phasenoise.LineOscillator`; None: none. Not for PMCW.
+
+    Notes
+    -----
+    FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
+    ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        window_m: tuple[float, float],
+        options: EchoOptions = AS_USUAL,
+        *,
+        oscillator: Oscillator | None = None,
+    ) -> None:
+        self.radar = radar
+        self.window_m = check_window(window_m)
+        self._waveform = line_waveform(radar)
+        self._options = options
+        self._grid = line_grid(self._waveform)
+        count, rows = self._grid.count, line_times_s(radar).size
+        if count * rows > MAX_SAMPLES:
+            raise ConfigError(
+                f"{rows} rows of {count} samples are more than {MAX_SAMPLES}. "
+                "Choose fewer pulses or fewer samples."
+            )
+        self._filtered = isinstance(self._waveform, FmcwWaveform)
+        self._oscillator = oscillator
+        self._sum = self._accumulator()
+        self._noisy = NoisySum(rows, count) if oscillator is not None else None
+        self._added, self._beyond = 0, 0
+
+    def _accumulator(self) -> SpectrumAccumulator:
+        waveform = self._waveform
+        ends_s = (-np.inf, np.inf)
+        if self._filtered:
+            ends_s = (-_JUST_BEFORE_S, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
+        middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
+        return SpectrumAccumulator(
+            self._grid,
+            line_times_s(self.radar) + middle_s,
+            tolerance=self._options.tolerance,
+            method=self._options.synthesis,
+            backend=self._options.method,
+            listening=Listening(*ends_s, reference_hz=waveform.carrier_hz),
+            ramp=line_ramp(waveform),
+            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
+            chunk=self._options.chunk,
+        )
+
+    def add(self, paths: Paths) -> None:
+        """Add the echoes of these paths.
+
+        Raises
+        ------
+        PathDataError
+            A row has a length or an amplitude that is NaN or infinite.
+        """
+        amplitudes = self._options.amplitudes(paths, self._waveform.wavelength_m)
+        weights = amplitudes.astype(np.complex128)
+        beyond = paths.range_m >= self._waveform.unambiguous_range_m
+        if self._noisy is None:
+            self._sum.add(paths.lengths, weights)
+        else:
+            self._add_noisy(paths, weights)
+        self._added += len(paths)
+        self._beyond += int(np.count_nonzero(beyond))
+
+    def _add_noisy(self, paths: Paths, weights: Complex) -> None:
+        """Each path between the two nearest delays for which there is a factor."""
+        assert self._oscillator is not None and self._noisy is not None
+        rows = slice(0, len(paths))
+        check_finite(weights, rows, "amplitude", self._added)
+        check_finite(paths.length_m, rows, "length", self._added)
+        position = paths.length_m / SPEED_OF_LIGHT_MPS / self._oscillator.step_s
+        low = np.floor(position)
+        for order in np.unique(np.concatenate([low, low + 1])):
+            share = 1 - np.abs(position - order)
+            near = np.flatnonzero(share > 0)
+            accumulator = self._accumulator()
+            accumulator.add(paths.lengths.select(near), weights[near] * share[near])
+            self._noisy.add(accumulator.result(), self._oscillator.factor(int(order)))
+
+    def response(self) -> Complex:
+        """The scene's response at the frequencies, (rows, N), before the code of PMCW."""
+        return self._sum.result().values if self._noisy is None else self._noisy.values.copy()
+
+    def result(self) -> Echoes:
+        """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
+        waveform = self._waveform
+        if self._noisy is None:
+            spectrum = self._sum.result()
+            samples, report = spectrum.values, spectrum.report
+        else:
+            samples = self._noisy.values.copy()
+            report = self._noisy.report(self._sum.result().report, self._added)
+            # every path was added for two delays, but is lost only once
+            report.outside = float(self._beyond) if self._filtered else 0.0
+        report.folded_range = 0 if self._filtered else self._beyond
+        report = report.with_warnings(
+            f"lie beyond the waveform's {waveform.unambiguous_range_m:.6g} m and stand folded at a "
+            "shorter range, as in a radar. Take smaller frequency steps, or a longer code, to be "
+            "rid of the ambiguity."
+        )
+        if isinstance(waveform, PmcwWaveform):
+            code = np.fft.fft(replica(waveform))
+            samples = np.fft.ifft(np.fft.ifftshift(samples, axes=1) * code, axis=1)
+        return Echoes(
+            samples,
+            waveform.grid_start_s,
+            self.window_m,
+            self.radar,
+            self._options.weighting,
+            report.outside,
+            report,
+        )
+
+
+class NoisySum:
+    """Spectra times factors of modulus 1, one for each delay of an oscillator's phase."""
+
+    def __init__(self, rows: int, count: int) -> None:
+        self.values = np.zeros((rows, count), dtype=np.complex128)
+        self._parts: list[tuple[SynthesisReport, float]] = []
+
+    def add(self, spectrum: Spectrum, factor: Complex) -> None:
+        """Add one delay's."""
+        values = spectrum.values
+        self._parts.append((spectrum.report, float(np.vdot(values, values).real)))
+        values *= factor
+        self.values += values
+
+    def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
+        """One report of all; a path counts in the steps of both delays that it lies between."""
+        report = dataclasses.replace(empty, paths=paths, steps=[], notes=[])
+        energy = float(np.vdot(self.values, self.values).real)
+        expected, notes = 0.0, []
+        for part, own in self._parts:
+            for step in part.steps:
+                report.count(step.motion, step.transform, step.paths, step.transforms, step.cpu_s)
+            # the factors turn phases alone: absolute errors stay what they are
+            if energy > 0:
+                share = float(np.sqrt(own / energy))
+                report.error_estimate += share * part.error_estimate
+                report.error_bound += share * part.error_bound
+            if part.cancellation_db is not None:
+                expected += own / 10 ** (part.cancellation_db / 10)
+            report.motion_error_rad = max(report.motion_error_rad, part.motion_error_rad)
+            report.ramp_left_out_rad = max(report.ramp_left_out_rad, part.ramp_left_out_rad)
+            report.folded_doppler = max(report.folded_doppler, part.folded_doppler)
+            report.wall_s += part.wall_s
+            notes += part.notes
+        if energy > 0 and expected > 0:
+            report.cancellation_db = 10 * float(np.log10(energy / expected))
+        text = f"Phase noise path by path, each between two of {len(self._parts)} delays"
+        report.notes = [*dict.fromkeys(notes), f"{text}: a path counts twice in the steps."]
+        return report

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Complex baseband echoes of a burst (Eq. 9-14 of the paper, with the carrier phase).
+
+    s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
+
+is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by :mod:`.synthesis`.
+t_m = m/PRF from the frame's time t. Stop and go: nothing moves while a pulse travels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..paths import Paths
+from ..radar import Radar, replica_count, replica_spectrum
+from ..spectrum import FrequencyGrid, Listening, SpectrumAccumulator, smooth_size
+from .echoes import AS_USUAL, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
+
+#: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
+_GUARD_SAMPLES = 64
+
+
+class EchoSynthesizer:
+    """Adds up the echoes of paths that come in parts (ring by ring); see :func:`synthesize`.
+
+    Memory: one complex matrix (pulses, frequencies) and buffers of some 100 MB at most, whatever
+    the number of paths.
+
+    Parameters
+    ----------
+    radar
+        With a waveform of the family "pulse".
+    window_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m].
+    options
+        See :class:`EchoOptions`.
+
+    Raises
+    ------
+    ConfigError
+        The window is empty or reversed, or the matrix of echoes too large.
+    """
+
+    def __init__(
+        self, radar: Radar, window_m: tuple[float, float], options: EchoOptions = AS_USUAL
+    ) -> None:
+        self.window_m = check_window(window_m)
+        self.radar = radar
+        self._options = options
+        rate_hz = radar.waveform.sampling_rate_hz
+        chirp = replica_count(radar.waveform)
+        start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.window_m)
+        self._count = int(np.ceil((stop_s - start_s) * rate_hz)) + chirp + 1
+        # An echo that only just reaches into the window needs a chirp's length of room before and
+        # behind it; with that, the circular transform wraps nothing into the window.
+        needed = self._count + 2 * chirp + _GUARD_SAMPLES
+        if needed * radar.burst.pulses > MAX_SAMPLES:
+            raise ConfigError(
+                f"{radar.burst.pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
+                "Choose a shorter range window, fewer pulses or a lower sampling rate."
+            )
+        size = smooth_size(needed)
+        self._half_s = (chirp - 1) / 2 / rate_hz
+        self._first_s = start_s - self._half_s
+        self._sum = SpectrumAccumulator(
+            FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size),
+            pulse_times_s(radar),
+            tolerance=options.tolerance,
+            method=options.synthesis,
+            backend=options.method,
+            listening=Listening(
+                start_s - 2 * self._half_s,
+                stop_s + 2 * self._half_s,
+                1 / radar.burst.prf_hz if options.range_folding else None,
+                radar.waveform.carrier_hz,
+            ),
+            chunk=options.chunk,
+        )
+
+    def add(self, paths: Paths) -> None:
+        """Add the echoes of these paths.
+
+        Raises
+        ------
+        PathDataError
+            A row has a length or an amplitude that is NaN or infinite.
+        """
+        weights = self._options.amplitudes(paths, self.radar.waveform.wavelength_m)
+        self._sum.add(paths.lengths, weights)
+
+    def result(self) -> Echoes:
+        """Echoes of all paths added so far."""
+        spectrum = self._sum.result()
+        size, pulses = spectrum.grid.count, self.radar.burst.pulses
+        # S has delays from the middle of the pulse; sample 0 is at first_s
+        k = np.fft.fftfreq(size, 1 / size)
+        turns = spectrum.grid.step_hz * self._first_s
+        shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
+        filter_ = replica_spectrum(self.radar.waveform, size) * shift
+        samples = np.empty((pulses, self._count), dtype=np.complex128)
+        if spectrum.moving is None:
+            line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
+            samples[:] = line[: self._count]
+        else:
+            for pulse, moving in enumerate(spectrum.moving):
+                line = np.fft.ifftshift(moving + spectrum.still) * filter_
+                samples[pulse] = np.fft.ifft(line)[: self._count]
+        return Echoes(
+            samples,
+            self._first_s,
+            self.window_m,
+            self.radar,
+            self._options.weighting,
+            spectrum.report.outside,
+            spectrum.report,
+        )

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a receiver does to the echoes: phase noise, thermal noise, sampling with few bits.
+
+All of it is off unless asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import ConfigError
+from ...physics.constants import REFERENCE_TEMPERATURE_K
+from ...physics.noise import complex_noise, noise_power_w
+from ..radar import FmcwWaveform, check_count
+from .echoes import Echoes
+from .phase_noise import PhaseNoise, add_phase_noise, takes_phase_noise_by_path
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """A receiver's shortcomings; the default has none.
+
+    Attributes
+    ----------
+    noise_figure_db
+        Noise figure F [dB]; None: no thermal noise.
+    antenna_temperature_k
+        Of what the antenna sees [K].
+    adc_bits
+        Bits of each of I and Q, sign included, 1 to 24; None: not quantised.
+    full_scale
+        Amplitude at which I and Q clip, in sqrt(W) at the receiver's input; None: the largest that
+        occurs, so that nothing clips.
+    phase_noise
+        Of the oscillator; None: none.
+    seed
+        Of noise and phase noise: the same seed gives the same samples.
+    """
+
+    noise_figure_db: float | None = None
+    antenna_temperature_k: float = REFERENCE_TEMPERATURE_K
+    adc_bits: int | None = None
+    full_scale: float | None = None
+    phase_noise: PhaseNoise | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.noise_figure_db is not None:
+            noise_power_w(1.0, self.noise_figure_db, self.antenna_temperature_k)
+        if self.adc_bits is not None:
+            check_count("Number of ADC bits", self.adc_bits, 1, 24)
+        if self.full_scale is not None:
+            if not (math.isfinite(self.full_scale) and self.full_scale > 0):
+                raise ConfigError(
+                    f"ADC full scale is {self.full_scale!r}; expected a positive amplitude in "
+                    "sqrt(W), or none for automatic."
+                )
+            if self.adc_bits is None:
+                raise ConfigError("ADC full scale without a number of bits; give both.")
+        check_count("Receiver seed", self.seed, 0, 2**63 - 1)
+
+    @property
+    def ideal(self) -> bool:
+        """Whether echoes pass unchanged."""
+        return self.noise_figure_db is None and self.adc_bits is None and self.phase_noise is None
+
+    @property
+    def phase_noise_seed(self) -> int:
+        """Seed of the oscillator, another than that of the thermal noise."""
+        return int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
+
+
+@dataclass(frozen=True)
+class Reception:
+    """Samples as the receiver delivers them, and what it did.
+
+    Attributes
+    ----------
+    echoes
+        The samples; real (imaginary part 0) with a real ADC.
+    noise_power_w
+        Mean |noise|^2 of a complex sample, k (T_a + (F-1) T_0) fs [W]; 0 without noise. A real ADC
+        keeps half of it.
+    full_scale
+        Amplitude at which I and Q clip [sqrt(W)]; None: not quantised.
+    step
+        Height of one ADC step [sqrt(W)]; None: not quantised.
+    clipped
+        Values of I and Q that were clipped.
+    """
+
+    echoes: Echoes
+    noise_power_w: float = 0.0
+    full_scale: float | None = None
+    step: float | None = None
+    clipped: int = 0
+
+    @property
+    def floor_power_w(self) -> float:
+        """Mean |.|^2 of thermal noise and of the ADC's rounding together, per complex sample [W].
+
+        Rounding of a busy signal is white, step^2 / 12 each in I and Q (Bennett 1948).
+        """
+        return self.noise_power_w + self.rounding_power_w
+
+    @property
+    def rounding_power_w(self) -> float:
+        """Mean |.|^2 of the ADC's rounding per complex sample [W]; 0 without an ADC."""
+        return (self.step or 0.0) ** 2 / 6
+
+
+def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
+    """What the receiver makes of echoes.
+
+    In this order: phase noise of the oscillator (not for FMCW and stepped frequency, which take it
+    in the synthesis), thermal noise of the bandwidth fs, the one channel of a real ADC, its bits.
+
+    Parameters
+    ----------
+    echoes
+        From :func:`.echoes.synthesize`.
+    receiver
+        None: ideal.
+
+    Raises
+    ------
+    ConfigError
+        Thermal noise with the weighting "paper", whose amplitudes are no powers.
+    """
+    receiver = receiver or Receiver()
+    waveform = echoes.radar.waveform
+    samples = echoes.samples
+    noise_w = 0.0
+    if receiver.phase_noise is not None and not takes_phase_noise_by_path(echoes.radar):
+        samples = add_phase_noise(echoes, receiver.phase_noise, receiver.phase_noise_seed)
+    if receiver.noise_figure_db is not None:
+        if echoes.weighting != "radar-equation":
+            raise ConfigError(
+                f"Thermal noise is in watts, amplitudes of the weighting {echoes.weighting!r} are "
+                "not. Use the weighting 'radar-equation', or no noise."
+            )
+        noise_w = float(
+            noise_power_w(
+                waveform.sampling_rate_hz,
+                receiver.noise_figure_db,
+                receiver.antenna_temperature_k,
+            )
+        )
+        rng = np.random.default_rng(receiver.seed)
+        samples = samples + complex_noise(rng, samples.shape, noise_w)
+    real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
+    if real:
+        samples = samples.real.astype(np.complex128)
+    scale, step, clipped = None, None, 0
+    if receiver.adc_bits is not None:
+        parts = samples.real if real else np.ascontiguousarray(samples).view(np.float64)
+        parts, scale, clipped = quantise(parts, receiver.adc_bits, receiver.full_scale)
+        samples = parts.astype(np.complex128) if real else parts.view(np.complex128)
+        step = scale / 2 ** (receiver.adc_bits - 1)
+    if samples is echoes.samples:
+        return Reception(echoes)
+    received = dataclasses.replace(echoes, samples=samples)
+    return Reception(received, noise_w, scale, step, clipped)
+
+
+def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:
+    """Real values rounded to the steps of an ADC with two's complement.
+
+    Codes run from -2^(bits-1) to 2^(bits-1) - 1, in steps of full scale / 2^(bits-1). One bit is
+    the sign alone, as half of full scale.
+
+    Parameters
+    ----------
+    values
+        Of any shape; I and Q beside one another.
+    bits
+        Sign included.
+    full_scale
+        Amplitude of code -2^(bits-1); None: as small as clips nothing.
+
+    Returns
+    -------
+    values, full_scale, clipped
+        Rounded values, the scale, and how many were outside the codes.
+    """
+    half = 2 ** (bits - 1)
+    if full_scale is None:
+        largest = float(np.abs(values).max(initial=0.0))
+        full_scale = (largest or 1.0) * (half / max(half - 1, 1))
+    step = full_scale / half
+    if bits == 1:
+        return np.where(values < 0, -0.5, 0.5) * full_scale, full_scale, 0
+    codes = np.rint(values / step)
+    clipped = int(np.count_nonzero((codes < -half) | (codes > half - 1)))
+    return np.clip(codes, -half, half - 1) * step, full_scale, clipped

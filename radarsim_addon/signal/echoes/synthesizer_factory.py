@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which engine makes the raw samples of which waveform."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ...contract import Weighting
+from ..paths import Paths
+from ..radar import Radar
+from ..spectrum import TOLERANCE, Backend, Method
+from .echoes import AS_USUAL, Echoes, EchoOptions
+from .frequency_synthesis import LineSynthesizer
+from .phase_noise import LineOscillator, PhaseNoise, takes_phase_noise_by_path
+from .pulse_synthesis import EchoSynthesizer
+
+
+def synthesizer_for(
+    radar: Radar,
+    window_m: tuple[float, float],
+    options: EchoOptions = AS_USUAL,
+    *,
+    phase_noise: PhaseNoise | None = None,
+    phase_noise_seed: int = 0,
+) -> EchoSynthesizer | LineSynthesizer:
+    """The synthesizer for the waveform's family.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+    window_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m].
+    options
+        See :class:`.echoes.EchoOptions`.
+    phase_noise, phase_noise_seed
+        FMCW and stepped frequency take their phase noise here, path by path; for the others it is
+        put on the samples afterwards, see :func:`.receiver.receive`.
+
+    Raises
+    ------
+    ConfigError
+        The window is empty or reversed, or the matrix of echoes too large.
+    """
+    if radar.waveform.family == "pulse":
+        return EchoSynthesizer(radar, window_m, options)
+    oscillator = None
+    if phase_noise is not None and takes_phase_noise_by_path(radar):
+        oscillator = LineOscillator(radar, phase_noise, phase_noise_seed)
+    return LineSynthesizer(radar, window_m, options, oscillator=oscillator)
+
+
+def synthesize(
+    paths: Paths | Iterable[Paths],
+    radar: Radar,
+    *,
+    window_m: tuple[float, float],
+    weighting: Weighting = "radar-equation",
+    receiver_gain: float = 1.0,
+    method: Backend = "auto",
+    tolerance: float = TOLERANCE,
+    synthesis: Method = "auto",
+    range_folding: bool = True,
+    chunk: int = 1 << 17,
+    speckle_seed: int | None = None,
+) -> Echoes:
+    """Echoes of a burst from paths (Eq. 9-14).
+
+    Parameters
+    ----------
+    paths
+        Paths, or several tables of them (a generator will do: :func:`.paths.iter_paths`).
+    radar
+        Waveform and burst.
+    window_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m]; ``run.window_m`` is what
+        the rings cover. Echoes that reach in from outside are cut at the edge, not folded.
+    weighting
+        "radar-equation" or "paper", see :func:`.paths.path_amplitude`.
+    receiver_gain
+        G_r, linear.
+    method
+        "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
+        term by term: slow, for checks).
+    tolerance
+        Relative L2 error of the spectrum S(f) against the direct sum, see :mod:`.synthesis`.
+    synthesis
+        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
+    range_folding
+        Whether echoes later than the pulse interval fall into the window of a later pulse, as in
+        a radar that sends equal pulses all the time. False: they stand at their true delay.
+    chunk
+        Paths transformed at a time; the result does not depend on it beyond rounding.
+    speckle_seed
+        Give each path a random phase, see :func:`.speckle.path_phasors`: then the mean coherent
+        power is the sum of the powers. None: the plain sum, in which pixels of a smooth face add
+        up in phase, so that levels grow with the number of pixels.
+
+    Notes
+    -----
+    Stop and go: a path's delay is that of the time of the pulse in whose window it is heard.
+    A folded echo has the carrier phase of its true delay, for the oscillator runs on.
+    """
+    options = EchoOptions(
+        weighting=weighting,
+        receiver_gain=receiver_gain,
+        method=method,
+        tolerance=tolerance,
+        synthesis=synthesis,
+        range_folding=range_folding,
+        chunk=chunk,
+        speckle_seed=speckle_seed,
+    )
+    synthesizer = synthesizer_for(radar, window_m, options)
+    for part in [paths] if isinstance(paths, Paths) else paths:
+        synthesizer.add(part)
+    return synthesizer.result()

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Range profiles of waveforms that sample frequencies: a Fourier transform over the frequencies.
+
+    h(r) = sum_k g_k s_k exp(j 2 pi (k - k0) df 2r/c) / sum_k g_k
+
+A path of power P peaks at P, as after the matched filter of a pulse. g is the window; for PMCW the
+correlator, g s = sum over repeats of FFT(samples) conj(FFT(code)), no window laid over.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...array_types import Complex, Real
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..radar import FmcwWaveform, LineWaveform, PmcwWaveform, replica, slow_time_window
+from ..spectrum import Backend, nufft1
+
+
+def line_weights(waveform: LineWaveform, window: str) -> Real:
+    """Weights g_k of the frequencies, (N,), in the order of the frequencies."""
+    if isinstance(waveform, PmcwWaveform):
+        return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
+    return slow_time_window(window, waveform.grid_count)
+
+
+def line_range_axis(waveform: LineWaveform, window_m: tuple[float, float], oversample: int) -> Real:
+    """One-way ranges from the window's start, no further than the unambiguous range [m].
+
+    Raises
+    ------
+    ConfigError
+        The window begins beyond it.
+    """
+    limit_m = waveform.unambiguous_range_m
+    if window_m[0] >= limit_m:
+        raise ConfigError(
+            f"Range window from {window_m[0]:g} m; the waveform's range ends at {limit_m:g} m. "
+            "Choose a nearer window, or a waveform with a smaller slope or frequency step."
+        )
+    step_m = waveform.sample_spacing_m / oversample
+    stop_m = min(window_m[1], limit_m - step_m)
+    count = max(1, int(np.floor((stop_m - window_m[0]) / step_m + 1e-9)) + 1)
+    return np.asarray(window_m[0] + step_m * np.arange(count))
+
+
+def compress_lines(
+    waveform: LineWaveform, samples: Complex, range_m: Real, window: str, oversample: int
+) -> Complex:
+    """Range profiles of every pulse.
+
+    Parameters
+    ----------
+    waveform
+        Of the family "line".
+    samples
+        Raw samples, (rows, N); PMCW has `repeats` rows a pulse.
+    range_m
+        From `line_range_axis`, (ranges,) [m].
+    window
+        Over the frequencies.
+    oversample
+        That of `range_m`.
+
+    Returns
+    -------
+    ndarray
+        (pulses, ranges), complex.
+    """
+    count = waveform.grid_count
+    if isinstance(waveform, PmcwWaveform):
+        code = np.fft.fft(replica(waveform))
+        codes = samples.reshape(-1, waveform.repeats, count).mean(axis=1)
+        spectra = np.fft.fftshift(np.fft.fft(codes, axis=1) * np.conj(code), axes=1)
+        spectra /= np.sum(np.abs(code) ** 2)
+    else:
+        weight = line_weights(waveform, window)
+        # a real ADC holds half the amplitude of the beat
+        real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
+        samples = samples.real.astype(np.complex128) if real else samples
+        spectra = samples * (weight * ((2.0 if real else 1.0) / weight.sum()))
+    k = np.arange(count)
+    start = 2 * range_m[0] / SPEED_OF_LIGHT_MPS * waveform.grid_step_hz
+    size = count * oversample
+    shift = np.exp(2j * np.pi * start * k)
+    turn = np.exp(-2j * np.pi * waveform.grid_middle * (start + np.arange(range_m.size) / size))
+    values = np.empty((spectra.shape[0], range_m.size), dtype=np.complex128)
+    for pulse, line in enumerate(spectra):  # one at a time: no padded copy of them all
+        values[pulse] = np.fft.ifft(line * shift, size)[: range_m.size] * size * turn
+    return values
+
+
+def line_noise_gain(waveform: LineWaveform, window: str) -> float:
+    """Noise power in a range cell over that of a complex sample.
+
+    A real ADC holds half the noise and half the amplitude of the beat, a quarter of its power:
+    the noise of the image band stays in, and the gain is 3 dB worse.
+    """
+    if isinstance(waveform, PmcwWaveform):
+        # a correlation with N samples of power |w|^2, averaged over the repeats
+        energy = float(np.sum(np.abs(replica(waveform)) ** 2))
+        return 1 / (energy * waveform.repeats)
+    weight = line_weights(waveform, window)
+    gain = float(np.sum(weight**2) / weight.sum() ** 2)
+    return 2 * gain if isinstance(waveform, FmcwWaveform) and waveform.real_adc else gain
+
+
+class LinePower:
+    """Adds up expected powers sum_i P_i |h(r - r_i)|^2; see `compress.expected_power_profile`."""
+
+    def __init__(
+        self,
+        waveform: LineWaveform,
+        window_m: tuple[float, float],
+        window: str,
+        oversample: int,
+        method: Backend,
+    ) -> None:
+        self._waveform, self._oversample, self._method = waveform, oversample, method
+        self.range_m = line_range_axis(waveform, window_m, oversample)
+        weight = line_weights(waveform, window)
+        count = weight.size
+        # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1
+        spectrum = np.abs(np.fft.fft(weight, 2 * count)) ** 2
+        self._lags = np.fft.fftshift(np.fft.ifft(spectrum).real) / weight.sum() ** 2
+        self._sum = np.zeros(2 * count, dtype=np.complex128)
+
+    def add(self, range_m: Real, power: Real) -> None:
+        """Paths at these one-way ranges [m] with these powers."""
+        if isinstance(self._waveform, FmcwWaveform):
+            heard = range_m < self._waveform.unambiguous_range_m
+            range_m, power = range_m[heard], power[heard]
+        points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
+        # 1e-13: far echoes stand many tens of dB below near ones
+        self._sum += nufft1(points, power, self._sum.size, 1e-13, self._method)
+
+    def result(self) -> Real:
+        """Power at `range_m`, of its shape, in the unit of the powers that were added."""
+        count = self._waveform.grid_count
+        q = np.arange(-count, count)
+        start = 2 * self.range_m[0] / SPEED_OF_LIGHT_MPS * self._waveform.grid_step_hz
+        size = count * self._oversample
+        padded = np.zeros(max(size, 2 * count), dtype=np.complex128)
+        padded[q % padded.size] = self._sum * self._lags * np.exp(2j * np.pi * q * start)
+        power = np.fft.ifft(padded).real * padded.size
+        return np.asarray(np.maximum(power[: self.range_m.size], 0.0))

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Standard errors of range profile and range-Doppler map, from replicates.
+
+In the acquisition "paths" every tile is measured with several sub-pixel shifts of its grid. Each
+shift is an estimate of profile and map; the scatter of the estimates gives the variance of their
+mean. Shifts are spread more evenly than by chance, so the error is, if anything, too large.
+
+The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
+:mod:`.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the limb
+of a sphere) all shifts are wrong alike. All S of them together are a grid S times as dense, so each
+path may be spread over an S-th of its pixel instead; what that changes is part of the standard
+error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Real
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..paths import (
+    PathRows,
+    Paths,
+    Points,
+    Steps,
+    make_paths,
+    open_frame_table,
+    radiance_of,
+    spread,
+    steps_of,
+    views_by_shift,
+)
+from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
+from ..runs import RadarFrame
+from ..scattering import Link
+from ..spectrum import repeat_orders, smooth_size
+from .range_compression import expected_power_profile
+
+
+@dataclass(frozen=True)
+class ExpectedPower:
+    """Expected power with its standard error.
+
+    Attributes
+    ----------
+    range_m
+        One-way range, (ranges,) [m].
+    doppler_hz
+        Doppler, (pulses,), negative for receding [Hz].
+    profile, profile_error
+        Power against range and its standard error, (ranges,).
+    map, map_error
+        Power in the range-Doppler map and its standard error, (pulses, ranges).
+    gaps_from_m
+        Range from which on most rays of all shifts are further apart than range cells: there single
+        rays leave gaps that are not in the scene; infinite where there are none [m].
+    """
+
+    range_m: Real
+    doppler_hz: Real
+    profile: Real
+    profile_error: Real
+    map: Real
+    map_error: Real
+    gaps_from_m: float = math.inf
+
+    @property
+    def warnings(self) -> list[str]:
+        """In whole sentences."""
+        if math.isinf(self.gaps_from_m):
+            return []
+        text = (
+            f"From {self.gaps_from_m:.3g} m on a pixel covers more than a range cell: echoes and "
+            "map show single rays there, with gaps between them that are not in the scene (the "
+            "expected power has none). Raise the resolution or the shifts, or refine by ranges."
+        )
+        return [text]
+
+
+def expected_power(
+    frame: RadarFrame,
+    radar: Radar,
+    window_m: tuple[float, float],
+    *,
+    window: str = "hamming",
+    doppler_window: str = "hamming",
+    receiver_gain: float = 1.0,
+    cells_per_sample: int = 2,
+    link: Link | None = None,
+    points_to: Callable[[Paths], None] | None = None,
+) -> ExpectedPower:
+    """Expected power of a frame of paths, on range cells of a fraction of the sample spacing.
+
+    Parameters
+    ----------
+    frame
+        A radar frame of the acquisition "paths".
+    radar, window_m, window, doppler_window, receiver_gain
+        As for the profile and the map.
+    cells_per_sample
+        Range cells per sample of the echo, at least 2.
+    link
+        Radar system, see :mod:`.link`; None: no gains but `receiver_gain`.
+    points_to
+        Is given the points that the paths are spread over, as paths of their own, such as
+        :meth:`.compress.ProfileAccumulator.add`; None: nothing is.
+
+    Notes
+    -----
+    Echoes beyond the unambiguous range stand folded, as by :func:`.echoes.synthesize`.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        The frame's table is missing or damaged.
+    """
+    cells = _Cells(radar, window_m, cells_per_sample)
+    response = _range_response(radar, window, cells.step_m, cells_per_sample)
+    doppler = np.abs(_doppler_response(doppler_window, radar.burst.pulses)) ** 2
+    record, table = open_frame_table(frame.path, frame.number)
+    scale = receiver_gain * (record.carrier_hz / radar.waveform.carrier_hz) ** 2
+    profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
+    gaps = _Gaps(window_m, radar.waveform.range_resolution_m * record.shifts)
+    finer = np.zeros(cells.pulses * cells.ranges)
+
+    def smeared(grid: Real) -> tuple[Real, Real]:
+        powers = grid.reshape(cells.pulses, cells.ranges)
+        along = _smear(_smear_doppler(powers, doppler), response)
+        return _smear(powers.sum(axis=0)[None], response)[0], along
+
+    for views in views_by_shift(table, record.shifts):
+        grid = np.zeros(finer.size)
+        for rows in views:
+            gain = np.ones(rows.size)
+            if link is not None:
+                gain = link.factor(rows["length_m"], rows["direction"], rows["last_m"])
+            power = scale * gain * rows["power_w"]
+            radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
+            steps = steps_of(rows, record.camera, record.shifts)
+            gaps.add(rows, steps)
+            for part in spread(rows, steps, cells.step_m, cells.step_mps):
+                cells.add(grid, part, record.shifts * power)
+                if points_to is not None:
+                    points_to(make_paths(radiance[part.row] * part.share, part.length_m))
+            if record.shifts > 1:
+                steps = steps.scaled(record.shifts**-0.5)
+                for part in spread(rows, steps, cells.step_m, cells.step_mps):
+                    cells.add(finer, part, power)
+        for sums, values in zip((profile, image), smeared(grid), strict=True):
+            sums.add(values)
+    finer_profile, finer_map = smeared(finer)
+    return ExpectedPower(
+        range_m=np.asarray(window_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64),
+        doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
+        profile=profile.mean,
+        profile_error=np.hypot(profile.error(), profile.mean - finer_profile),
+        map=image.mean,
+        map_error=np.hypot(image.error(), image.mean - finer_map),
+        gaps_from_m=gaps.start_m(),
+    )
+
+
+class _Replicates:
+    """Mean of replicates and its standard error (Welford 1962), without keeping them."""
+
+    def __init__(self, shape: int | tuple[int, int]) -> None:
+        self.mean, self._squares, self._count = np.zeros(shape), np.zeros(shape), 0
+
+    def add(self, values: Real) -> None:
+        self._count += 1
+        change = values - self.mean
+        self.mean += change / self._count
+        self._squares += change * (values - self.mean)
+
+    def error(self) -> Real:
+        """NaN where there is one: it says nothing of its error."""
+        if self._count < 2:
+            return np.full(self.mean.shape, np.nan)
+        return np.asarray(np.sqrt(self._squares / (self._count - 1) / self._count))
+
+
+class _Gaps:
+    """Where most rays are further apart than range cells, in all shifts together."""
+
+    _BINS = 200
+
+    def __init__(self, window_m: tuple[float, float], widest_m: float) -> None:
+        self._window_m, self._widest_m = window_m, widest_m
+        self._counts = np.zeros((2, self._BINS))
+
+    def add(self, rows: PathRows, steps: Steps) -> None:
+        """Rows of a view."""
+        reach_m = abs(steps.length_m).max(axis=(1, 2), initial=0.0) / 2
+        range_m = np.array(rows["length_m"]) / 2
+        wide = reach_m > self._widest_m
+        for count, ranges_m in enumerate((range_m, range_m[wide])):
+            self._counts[count] += np.histogram(ranges_m, self._BINS, self._window_m)[0]
+
+    def start_m(self) -> float:
+        """Infinite where they are few."""
+        held, sparse = self._counts[0] > 0, self._counts[1] > self._counts[0] / 2
+        if not sparse.any() or sparse.sum() < 0.05 * held.sum():
+            return math.inf
+        first = int(np.argmax(sparse))
+        low_m, high_m = self._window_m
+        return low_m + (high_m - low_m) * first / self._BINS
+
+
+class _Cells:
+    """Cells of range and Doppler: a fraction of the sample spacing, and the bins of the map."""
+
+    def __init__(self, radar: Radar, window_m: tuple[float, float], per_sample: int) -> None:
+        self._radar, self._start_m = radar, window_m[0]
+        self.step_m = radar.waveform.sample_spacing_m / per_sample
+        stop_m = min(window_m[1], radar.waveform.unambiguous_range_m)
+        self.ranges = int((stop_m - window_m[0]) / self.step_m) + 1
+        self.pulses = radar.burst.pulses
+        #: One Doppler bin [m/s].
+        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
+
+    def add(self, grid: Real, part: Points, power: Real) -> None:
+        """Add the points that rows of these powers are spread over to the cells of a grid."""
+        seen, number = self.of(part.length_m, part.range_rate_mps)
+        # unbuffered: of a small tile few cells are touched
+        np.add.at(grid, number, (power[part.row] * part.share)[seen])
+
+    def of(
+        self, length_m: Real, range_rate_mps: Real
+    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+        """Points that are seen, again where they fold into a long window, and the cell of each."""
+        waveform, burst, ranges = self._radar.waveform, self._radar.burst, self.ranges
+        cell = (length_m / 2 - self._start_m) / self.step_m
+        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
+        fold_m = burst.unambiguous_range_m
+        if isinstance(waveform, LineWaveform):
+            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
+        period = fold_m / self.step_m
+        if math.isinf(period):
+            low = np.zeros(cell.size)
+            copies = ((cell >= -0.5) & (cell < ranges - 0.5)).astype(np.intp)
+            period = 0.0
+        else:
+            low = np.ceil((cell - (ranges - 0.5)) / period)
+            copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
+        seen = np.repeat(np.arange(copies.size), copies)
+        place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
+        column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
+        bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
+        # Doppler folds, too
+        return seen, (bins + self.pulses // 2) % self.pulses * ranges + column
+
+
+def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: int) -> Real:
+    """|h|^2 on the cells, its peak in the middle."""
+    if radar.waveform.family == "line":
+        # it repeats with the range: half a period to each side
+        cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
+        if cells < 1:
+            raise ConfigError("The waveform has too few range cells for an expected profile.")
+    else:
+        # the compressed pulse reaches its length to each side; twice that leaves nothing out
+        cells = int(radar.waveform.duration_s * SPEED_OF_LIGHT_MPS / step_m)
+    middle = cells + 2
+    point = expected_power_profile(
+        make_paths(1.0, 2 * middle * step_m),
+        radar,
+        window_m=(0.0, 2 * middle * step_m),
+        window=window,
+        oversample=cells_per_sample,
+    )
+    response = point.power[middle - cells : middle + cells + 1]
+    return np.asarray(response / response[cells])
+
+
+def _doppler_response(window: str, pulses: int) -> NDArray[np.complex128]:
+    weight = slow_time_window(window, pulses)
+    return np.asarray(np.fft.fft(weight / weight.sum()))
+
+
+def _smear(grid: Real, response: Real) -> Real:
+    """Convolve each row with a response whose peak is in its middle."""
+    # What is further from the peak than the grid is long reaches nothing.
+    middle, reach = response.size // 2, grid.shape[1] - 1
+    response = response[max(middle - reach, 0) : middle + reach + 1]
+    size = smooth_size(grid.shape[1] + response.size - 1)
+    spectrum = np.fft.rfft(grid, size, axis=1) * np.fft.rfft(response, size)
+    start = response.size // 2
+    result = np.fft.irfft(spectrum, size, axis=1)[:, start : start + grid.shape[1]]
+    return np.maximum(result, 0.0)
+
+
+def _smear_doppler(grid: Real, response: Real) -> Real:
+    """Circular convolution over Doppler."""
+    spectrum = np.fft.fft(grid, axis=0) * np.fft.fft(response)[:, None]
+    return np.maximum(np.fft.ifft(spectrum, axis=0).real, 0.0)

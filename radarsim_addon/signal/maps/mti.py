@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Moving-target indication: cancellers that take out what stands still (Skolnik, 3.2)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import ConfigError
+from .range_compression import Compressed
+
+#: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
+_WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}
+
+
+def cancel(compressed: Compressed, pulses: int) -> Compressed:
+    """Two- or three-pulse canceller over the pulses of a burst.
+
+    Parameters
+    ----------
+    compressed
+        Compressed pulses.
+    pulses
+        2 (single delay line) or 3 (double).
+
+    Returns
+    -------
+    Compressed
+        With 1 or 2 pulses fewer. Echoes are weighted with :func:`mti_response` of their Doppler;
+        white noise keeps its power on the average over Doppler.
+
+    Raises
+    ------
+    ConfigError
+        Another canceller, or too few pulses.
+    """
+    if pulses not in _WEIGHTS:
+        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+    count = compressed.values.shape[0] - pulses + 1
+    if count < 1:
+        raise ConfigError(
+            f"A burst of {compressed.values.shape[0]} pulses is too short for a canceller of "
+            f"{pulses}. Send more pulses, or process without MTI."
+        )
+    weights = _WEIGHTS[pulses]
+    values = np.zeros((count, compressed.values.shape[1]), dtype=np.complex128)
+    for i, weight in enumerate(weights):
+        values += weight * compressed.values[i : i + count]
+    burst = dataclasses.replace(compressed.radar.burst, pulses=count)
+    radar = dataclasses.replace(compressed.radar, burst=burst)
+    return dataclasses.replace(compressed, values=values, radar=radar)
+
+
+def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
+    """Power response of a canceller: 2 sin^2(x) and (8/3) sin^4(x), x = pi f_D / PRF.
+
+    The textbook's 4 sin^2 and 16 sin^4, over the 2 and 6 by which the canceller raises noise.
+
+    Parameters
+    ----------
+    pulses
+        2 or 3.
+    doppler_hz
+        f_D, any shape [Hz].
+    prf_hz
+        PRF [Hz].
+
+    Raises
+    ------
+    ConfigError
+        There is no canceller of that many pulses.
+    """
+    if pulses not in _WEIGHTS:
+        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+    squared = np.sin(np.pi * np.asarray(doppler_hz, dtype=np.float64) / prf_hz) ** 2
+    return np.asarray(2 * squared if pulses == 2 else 8 / 3 * squared**2)

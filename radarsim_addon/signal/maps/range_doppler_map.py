@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Range-Doppler map: a Fourier transform over the pulses of every range cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...array_types import Complex, Real
+from ..radar import Radar, slow_time_window
+from .range_compression import Compressed
+
+#: Lowest level in decibels that a picture or a table gets: 1e-30 in power.
+FLOOR_DB = -300.0
+
+
+def decibels(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
+    """10 log10(power / reference), never below `floor_db`; zero power gives the floor."""
+    level = np.full(np.shape(power), float(floor_db))
+    relative = np.asarray(power, dtype=np.float64) / reference
+    np.log10(relative, out=level, where=relative > 0)
+    return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))
+
+
+def level_unit(weighting: str) -> str:
+    """Unit of a level: dBW with the weighting "radar-equation", whose powers are watts."""
+    return "dBW" if weighting == "radar-equation" else "dB"
+
+
+def power_unit(weighting: str) -> str:
+    """Unit of a picture's powers in decibels: "dBW", or "" where they are no watts."""
+    return "dBW" if weighting == "radar-equation" else ""
+
+
+@dataclass(frozen=True)
+class RangeDopplerMap:
+    """Range-Doppler map.
+
+    Attributes
+    ----------
+    values
+        (Doppler, ranges), complex. A unit path gives magnitude 1 (0 dB) at its range in the middle
+        of the burst, where its Doppler falls on a cell.
+    doppler_hz
+        Doppler frequency of each row, ascending, 0 Hz at row pulses // 2 [Hz].
+    range_m
+        One-way range of each column [m].
+    radar
+        Waveform and burst.
+    window, doppler_window
+        Windows over the band and over the pulses.
+    """
+
+    values: Complex
+    doppler_hz: Real
+    range_m: Real
+    radar: Radar
+    window: str
+    doppler_window: str
+
+    @property
+    def power(self) -> Real:
+        """|values|^2, (pulses, ranges); W for weighting "radar-equation"."""
+        return np.asarray(np.abs(self.values) ** 2)
+
+    @property
+    def power_db(self) -> Real:
+        """10 log10 of the power, (pulses, ranges), floored at `FLOOR_DB`."""
+        return decibels(self.power)
+
+    @property
+    def velocity_mps(self) -> Real:
+        """Range rate of each row, -lambda f_D / 2, (pulses,) [m/s].
+
+        Falls as Doppler rises, receding positive.
+        """
+        return np.asarray(-self.doppler_hz * self.radar.waveform.wavelength_m / 2)
+
+
+def range_doppler(compressed: Compressed, window: str = "hamming") -> RangeDopplerMap:
+    """Range-Doppler map of a burst.
+
+    Parameters
+    ----------
+    compressed
+        Compressed pulses.
+    window
+        Window over the pulses, see :mod:`.windows`.
+
+    Notes
+    -----
+    f_D = -2 v / lambda: receding targets are at negative Doppler, on the left. Range rates beyond
+    lambda PRF / 4 fold, as in a radar. A target that moves by more than a range cell during the
+    burst smears; its peak stands where it was in the middle of the burst.
+    """
+    pulses = compressed.values.shape[0]
+    weight = slow_time_window(window, pulses)
+    weight /= weight.sum()
+    values = np.fft.fftshift(np.fft.fft(compressed.values * weight[:, None], axis=0), axes=0)
+    doppler_hz = np.fft.fftshift(np.fft.fftfreq(pulses, 1 / compressed.radar.burst.prf_hz))
+    return RangeDopplerMap(
+        values, doppler_hz, compressed.range_m, compressed.radar, compressed.window, window
+    )

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .body_motion import BodyMotion
+from .fit import fit_body, fit_vertices
+from .kinematics import KinematicMotion
+from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
+from .path_motion import JoinedMotion, LinearMotion, PathMotion, join_motion
+
+__all__ = [
+    "BodyMotion",
+    "FrameMotion",
+    "JoinedMotion",
+    "KinematicMotion",
+    "LinearMotion",
+    "PathMotion",
+    "Tracks",
+    "VertexSeries",
+    "body_record",
+    "fit_body",
+    "fit_vertices",
+    "join_motion",
+    "read_motion",
+    "write_tracks",
+]

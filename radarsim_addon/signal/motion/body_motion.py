@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion of a rigid (or stretched) body over a burst, as smooth functions in float64.
+
+A body's pose is x -> A(t) x + T(t). What paths need is where a point P of it, seen at the frame's
+time t = 0, is later:
+
+    P(t) = P + [T(t) - T(0)] + [F(t) - 1] (P - T(0)),      F(t) = A(t) A(0)^-1
+
+so P(0) = P exactly. Pieces of time hold Chebyshev series of T and of either a rotation vector
+(F = exp(phi) reference: a steady rotor is linear in it) or the nine numbers of F.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ...array_types import Real
+
+
+def cross_matrix(vectors: Real) -> Real:
+    """Matrices K with K x = v cross x, (..., 3, 3)."""
+    matrix = np.zeros((*vectors.shape, 3))
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
+    matrix[..., 1, 0], matrix[..., 1, 2] = z, -x
+    matrix[..., 2, 0], matrix[..., 2, 1] = -y, x
+    return matrix
+
+
+def _sine_terms(angle: Real) -> tuple[Real, Real]:
+    """sin(a)/a and (1 - cos(a))/a^2, exact near 0."""
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return first, second
+
+
+def rotation_minus_one(vectors: Real) -> Real:
+    """exp(phi) - 1 of rotation vectors, (..., 3, 3), without cancellation (Rodrigues)."""
+    first, second = _sine_terms(np.linalg.norm(vectors, axis=-1))
+    k = cross_matrix(vectors)
+    result: Real = first[..., None, None] * k + second[..., None, None] * (k @ k)
+    return result
+
+
+def rotation(vectors: Real) -> Real:
+    """exp(phi), (..., 3, 3)."""
+    return rotation_minus_one(vectors) + np.eye(3)
+
+
+def rotation_vector(matrices: Real) -> Real:
+    """log of rotations, (..., 3), of angle 0 to pi.
+
+    By the quaternion, which is sound at all angles.
+    """
+    m = matrices.reshape(-1, 3, 3)
+    # Shepperd's method: of the four quaternion components take the largest first.
+    trace = np.trace(m, axis1=1, axis2=2)
+    squares = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
+    best = np.argmax(squares, axis=-1)
+    q = np.empty((len(m), 4))
+    for case in range(4):
+        rows = np.flatnonzero(best == case)
+        if not rows.size:
+            continue
+        a = m[rows]
+        if case == 0:
+            w = 1 + trace[rows]
+            q[rows] = np.stack(
+                [w, a[:, 2, 1] - a[:, 1, 2], a[:, 0, 2] - a[:, 2, 0], a[:, 1, 0] - a[:, 0, 1]],
+                axis=-1,
+            )
+            continue
+        i = case - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[rows, 0] = a[:, k, j] - a[:, j, k]
+        q[rows, 1 + i] = 1 + a[:, i, i] - a[:, j, j] - a[:, k, k]
+        q[rows, 1 + j] = a[:, j, i] + a[:, i, j]
+        q[rows, 1 + k] = a[:, k, i] + a[:, i, k]
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    q *= np.where(q[:, :1] < 0, -1.0, 1.0)
+    sine = np.linalg.norm(q[:, 1:], axis=-1)
+    angle = 2 * np.arctan2(sine, q[:, 0])
+    factor = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)
+    return (q[:, 1:] * factor[:, None]).reshape(*matrices.shape[:-2], 3)
+
+
+def left_jacobian(vectors: Real) -> Real:
+    """J with exp(phi + d) = exp(J d) exp(phi) to first order, (..., 3, 3)."""
+    angle = np.linalg.norm(vectors, axis=-1)
+    first, second = _sine_terms(angle)
+    square = np.maximum(angle**2, 1e-300)
+    third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
+    k = cross_matrix(vectors)
+    result: Real = np.eye(3) + second[..., None, None] * k + third[..., None, None] * (k @ k)
+    return result
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Motion in start_s <= t < stop_s; x runs from -1 to 1 over it.
+
+    Attributes
+    ----------
+    move
+        Chebyshev coefficients of c(t), (degrees, 3) [m]; T(t) = c(t) + G(t) pivot.
+    pivot
+        The body's origin from the centre it turns about, (3,) [m]; 0 where there is none.
+    turn
+        Coefficients k >= 1 of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad];
+        G(t) = exp(phi(t)) reference.
+    reference
+        G at start_s, (3, 3); relative to the pose at t = 0.
+    linear
+        Instead of turn and reference: coefficients of the nine numbers of G, (degrees, 9).
+    """
+
+    start_s: float
+    stop_s: float
+    move: Real
+    pivot: Real
+    turn: Real
+    reference: Real
+    linear: Real | None = None
+
+    def _x(self, times_s: Real) -> Real:
+        return np.asarray(2 * (times_s - self.start_s) / (self.stop_s - self.start_s) - 1)
+
+    def vector(self, times_s: Real) -> Real:
+        """phi(t), (times, 3)."""
+        if not len(self.turn):
+            return np.zeros((times_s.size, 3))
+        series = np.concatenate([np.zeros((1, 3)), self.turn])
+        start = chebyshev.chebval(-1.0, series)
+        return np.asarray(chebyshev.chebval(self._x(times_s), series).T - start)
+
+    def orientation(self, times_s: Real) -> Real:
+        """G(t), (times, 3, 3)."""
+        if self.linear is not None:
+            numbers = np.asarray(chebyshev.chebval(self._x(times_s), self.linear), np.float64)
+            return numbers.T.reshape(-1, 3, 3)
+        return np.asarray(rotation(self.vector(times_s)) @ self.reference)
+
+    def centre(self, times_s: Real) -> Real:
+        """c(t), (times, 3)."""
+        return np.asarray(chebyshev.chebval(self._x(times_s), self.move).T)
+
+    def origin(self, times_s: Real) -> Real:
+        """T(t), (times, 3)."""
+        centre = self.centre(times_s)
+        if self.pivot.any():
+            centre = centre + self.orientation(times_s) @ self.pivot
+        return centre
+
+    def rates(self, time_s: float) -> tuple[Real, Real]:
+        """dT/dt (3,) and dG/dt (3, 3) at a time."""
+        per_s = 2 / (self.stop_s - self.start_s)
+        at = np.array([time_s])
+        x = self._x(at)[0]
+        rate = chebyshev.chebval(x, chebyshev.chebder(self.move)) * per_s
+        if self.linear is not None:
+            flat = chebyshev.chebval(x, chebyshev.chebder(self.linear)) * per_s
+            turning = np.asarray(flat).reshape(3, 3)
+        else:
+            spin = np.zeros(3)
+            if len(self.turn):
+                series = np.concatenate([np.zeros((1, 3)), self.turn])
+                grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
+                spin = left_jacobian(self.vector(at))[0] @ grows
+            turning = cross_matrix(spin) @ self.orientation(at)[0]
+        return rate + turning @ self.pivot, turning
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """Motion of one body over a burst; without pieces it stands still.
+
+    Attributes
+    ----------
+    pose
+        Pose at t = 0 as Blender gave it, (4, 4), translation in metres.
+    pieces
+        One behind the other from t = 0 on.
+    noise_m
+        rms of what the samples scatter about the fit, at the body's farthest point [m].
+    bound_m
+        Bound of the error of a displacement, at the body's farthest point [m].
+    reference_s
+        When the pose and all points are of; 0 but for further renders of a burst. Where the text
+        here says t = 0, it is this time.
+    """
+
+    pose: Real
+    pieces: tuple[Piece, ...] = ()
+    noise_m: float = 0.0
+    bound_m: float = 0.0
+    reference_s: float = 0.0
+    _start: list[Real] = field(default_factory=list, compare=False, repr=False)
+
+    @property
+    def moving(self) -> bool:
+        """Whether it moves at all."""
+        return bool(self.pieces)
+
+    @property
+    def _first(self) -> int:
+        """The piece that the reference lies in."""
+        starts = [piece.start_s for piece in self.pieces[1:]]
+        return int(np.searchsorted(starts, self.reference_s, side="right"))
+
+    def _origin_and_inverse(self) -> tuple[Real, Real]:
+        """T(0) of the fit, and the inverse of its G(0)."""
+        if not self._start:
+            at, piece = np.array([self.reference_s]), self.pieces[self._first]
+            self._start.append(piece.origin(at)[0])
+            self._start.append(np.linalg.inv(piece.orientation(at)[0]))
+        return self._start[0], self._start[1]
+
+    @property
+    def origin_m(self) -> Real:
+        """Where the fit has the origin at t = 0, (3,) [m]."""
+        return self._origin_and_inverse()[0] if self.pieces else self.pose[:3, 3]
+
+    def change(self, times_s: Real) -> tuple[Real, Real]:
+        """F(t) - 1, (times, 3, 3), and T(t) - T(0), (times, 3) [m]."""
+        times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        turned = np.zeros((times_s.size, 3, 3))
+        moved = np.zeros((times_s.size, 3))
+        if not self.pieces:
+            return turned, moved
+        origin, inverse = self._origin_and_inverse()
+        starts = [piece.start_s for piece in self.pieces[1:]]
+        which = np.searchsorted(starts, times_s, side="right")
+        for number, piece in enumerate(self.pieces):
+            rows = np.flatnonzero(which == number)
+            if not rows.size:
+                continue
+            moved[rows] = piece.origin(times_s[rows]) - origin
+            if number == 0 and piece.linear is None and self.reference_s == 0:
+                turned[rows] = rotation_minus_one(piece.vector(times_s[rows]))
+            else:
+                turned[rows] = piece.orientation(times_s[rows]) @ inverse - np.eye(3)
+        return turned, moved
+
+    def rates(self) -> tuple[Real, Real]:
+        """d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
+        if not self.pieces:
+            return np.zeros((3, 3)), np.zeros(3)
+        moved, turned = self.pieces[self._first].rates(self.reference_s)
+        return turned @ self._origin_and_inverse()[1], moved
+
+    def displacement(self, points_m: Real, times_s: Real) -> Real:
+        """P(t) - P of points on the body at t = 0, (points, times, 3) [m]."""
+        turned, moved = self.change(times_s)
+        arms = points_m - self.origin_m
+        # (points, 3) x (3, times * 3): one matrix product
+        flat = arms @ turned.transpose(2, 0, 1).reshape(3, -1)
+        result: Real = flat.reshape(len(points_m), -1, 3) + moved
+        return result
+
+    def velocity(self, points_m: Real) -> Real:
+        """Velocity at t = 0 of points on the body, (points, 3) [m/s]."""
+        turned, moved = self.rates()
+        result: Real = (points_m - self.origin_m) @ turned.T + moved
+        return result

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lengths of paths over a burst from the motion of what they touch: one render serves all pulses.
+
+A path of one reflection is |P - C| + |P - T| long, of two |P1 - C| + |P1 - P2| + |P2 - T|, with
+vertices that are carried along by their bodies and antennas C and T that may move as well. Only
+*changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and added to the length
+in the table: when the table was rendered it is that length exactly, and optical delays in walls
+stay. That is the frame's time t = 0, or a later one for further renders of a burst.
+
+With three reflections and more the first and the last vertex are known, those between are not. The
+legs at both ends are exact then, and the way from first to last vertex is taken to change as the
+straight line between them does: exact where all vertices move as one body does (a corner
+reflector), an approximation else. Paths without known vertices are taken to stand still.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Int32, Real
+from ...errors import ConfigError
+from .body_motion import BodyMotion
+from .motion_file import FrameMotion
+from .path_motion import Rows
+
+#: Rows times times that are computed at once: 12 MB for each array of vectors.
+_BLOCK = 1 << 19
+
+
+@dataclass(frozen=True)
+class KinematicMotion:
+    """`PathMotion` of rows of a table.
+
+    Attributes
+    ----------
+    scene
+        Motion of all bodies.
+    length_m
+        Lengths at t = 0, (n,) [m].
+    order
+        Reflections, (n,).
+    first_m, last_m, direction
+        Vertices and the direction from the receiver, (n, 3); NaN where unknown.
+    bodies
+        Body of the first and of the last vertex, (n, 2); 0: unknown.
+    tracks
+        Their tracks, (n, 2); 0: none.
+    """
+
+    scene: FrameMotion
+    length_m: Real
+    order: Int32
+    first_m: Real
+    last_m: Real
+    direction: Real
+    bodies: Int32
+    tracks: Int32
+
+    @functools.cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows whose first and last vertex are known, (n,)."""
+        return np.asarray(
+            np.isfinite(self.first_m).all(axis=-1) & np.isfinite(self.last_m).all(axis=-1)
+        )
+
+    @functools.cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        if self.scene.receiver.moving or self.scene.emitter.moving:
+            return self.known
+        moves = np.array([False, *(body.moving for body in self.scene.bodies)])
+        touched = moves[self.bodies] | (self.tracks > 0)
+        return np.asarray(touched.any(axis=-1) & self.known)
+
+    @functools.cached_property
+    def approximated(self) -> NDArray[np.bool_]:
+        """Moving rows whose middle is unknown and not known to move along, (n,)."""
+        apart = (self.bodies[:, 0] != self.bodies[:, 1]) | (self.tracks > 0).any(axis=-1)
+        return np.asarray(self.moving & (self.order > 2) & apart)
+
+    @functools.cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Rows with a vertex that no body is known of, (n,)."""
+        return np.asarray(~self.known | (self.bodies == 0).any(axis=-1))
+
+    def select(self, rows: Rows) -> KinematicMotion:
+        """See `PathMotion`."""
+        return KinematicMotion(
+            self.scene,
+            self.length_m[rows],
+            self.order[rows],
+            self.first_m[rows],
+            self.last_m[rows],
+            self.direction[rows],
+            self.bodies[rows],
+            self.tracks[rows],
+        )
+
+    def lengths_m(self, times_s: Real, rows: Rows) -> Real:
+        """See `PathMotion`.
+
+        Raises
+        ------
+        ConfigError
+            A time lies outside the burst for which motion was sampled.
+        """
+        times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        self._check(times_s)
+        index = np.arange(self.length_m.size)[rows]
+        lengths = np.repeat(self.length_m[index][:, None], times_s.size, axis=1)
+        places = np.flatnonzero(self.moving[index])
+        step = max(1, _BLOCK // max(times_s.size, 1))
+        for start in range(0, places.size, step):
+            here = places[start : start + step]
+            lengths[here] += self._change(index[here], times_s)
+        return lengths
+
+    def _check(self, times_s: Real) -> None:
+        slack_s = 1e-9 + 1e-6 * self.scene.span_s
+        if times_s.size and (
+            times_s.min() < -slack_s or times_s.max() > self.scene.span_s + slack_s
+        ):
+            raise ConfigError(
+                f"Lengths are asked for from {times_s.min():g} to {times_s.max():g} s, motion was "
+                f"sampled from 0 to {self.scene.span_s:g} s. Render the run again with this burst."
+            )
+
+    def _change(self, rows: NDArray[np.intp], times_s: Real) -> Real:
+        """Lengths minus those at 0, (rows, times) [m]."""
+        scene = self.scene
+        first, last = self.first_m[rows], self.last_m[rows]
+        receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
+        moved_receiver = scene.receiver.displacement(receiver_m[None], times_s)
+        moved_emitter = scene.emitter.displacement(emitter_m[None], times_s)
+        moved_last = self._displacement(rows, 1, times_s)
+        several = self.order[rows] > 1
+        moved_first = moved_last
+        if several.any():
+            moved_first = moved_last.copy()
+            moved_first[several] = self._displacement(rows[several], 0, times_s)
+        if scene.orthographic:
+            change = self._plane_leg(rows, moved_first, times_s, moved_receiver)
+        else:
+            change = leg_change(first - receiver_m, moved_first - moved_receiver)
+        change += leg_change(last - emitter_m, moved_last - moved_emitter)
+        if several.any():
+            change[several] += leg_change(
+                (last - first)[several], moved_last[several] - moved_first[several]
+            )
+        return change
+
+    def _plane_leg(
+        self, rows: NDArray[np.intp], moved: Real, times_s: Real, moved_receiver: Real
+    ) -> Real:
+        """Distance from an orthographic receiver's plane: along its boresight, which may turn."""
+        turned, _ = self.scene.receiver.change(times_s)
+        boresight = self.direction[rows]
+        arm = self.first_m[rows] - self.scene.receiver.pose[:3, 3]
+        # b(t).(P(t) - C(t)) - b.(P - C), b(t) - b = (F(t) - 1) b
+        shift = moved - moved_receiver
+        turning = np.einsum("tij,nj->nti", turned, boresight)
+        change = np.einsum("nti,ni->nt", shift, boresight)
+        change += np.einsum("nti,nti->nt", turning, arm[:, None] + shift)
+        return np.asarray(change)
+
+    def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real) -> Real:
+        """How far the vertices at one end (0 first, 1 last) have moved, (rows, times, 3)."""
+        points = (self.first_m, self.last_m)[end][rows]
+        moved = np.zeros((rows.size, times_s.size, 3))
+        for body, here, track in self._groups(rows, end):
+            motion = self.scene.bodies[body - 1]
+            if track is None:
+                moved[here] = motion.displacement(points[here], times_s)
+            else:
+                moved[here] = self._along_tracks(body, motion, track, times_s)
+        return moved
+
+    def _groups(self, rows: NDArray[np.intp], end: int) -> Any:
+        """Rows by body, those on tracks apart: body, places, tracks (None for rigid ones)."""
+        numbers, tracks = self.bodies[rows, end], self.tracks[rows, end]
+        for body in np.unique(numbers).tolist():
+            if body == 0:
+                continue
+            here = np.flatnonzero((numbers == body) & (tracks == 0))
+            if here.size and self.scene.bodies[body - 1].moving:
+                yield body, here, None
+            here = np.flatnonzero((numbers == body) & (tracks > 0))
+            if here.size and self.scene.tracks is not None:
+                yield body, here, tracks[here] - 1
+
+    def _along_tracks(
+        self, body: int, motion: BodyMotion, track: NDArray[np.int32], times_s: Real
+    ) -> Real:
+        """Points on a mesh that deforms, carried by its object: T + F A v(t), (rows, times, 3)."""
+        tracks = self.scene.tracks
+        assert tracks is not None
+        series, weights = tracks.series[body], tracks.weights[track]
+        corners = tracks.vertices[track]
+        axes = motion.pose[:3, :3]
+        turned, shift = motion.change(times_s)
+        at = np.array([self.scene.reference_s])
+        start = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
+        now = np.einsum("nk,tnki->nti", weights, series.positions(corners, times_s))
+        arm = now @ axes.T
+        moved: Real = arm - (start @ axes.T)[:, None] + shift
+        moved += np.einsum("tij,ntj->nti", turned, arm)
+        return moved
+
+    def range_rates_mps(self) -> Real:
+        """Rate of the one-way range at t = 0, receding positive, (n,) [m/s]; 0 where unknown.
+
+        dL/dt = sum over vertices of v . (u_in - u_out), and the antennas' own motion; u_in points
+        along the way from receiver to emitter into the vertex.
+        """
+        rates = np.zeros(self.length_m.size)
+        rows = np.flatnonzero(self.moving)
+        if not rows.size:
+            return rates
+        scene = self.scene
+        first, last = self.first_m[rows], self.last_m[rows]
+        receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
+        v_last = self._velocity(rows, 1)
+        several = self.order[rows] > 1
+        v_first = np.where(several[:, None], self._velocity(rows, 0), v_last)
+        to_first = _unit(first - receiver_m)
+        v_receiver = scene.receiver.velocity(receiver_m[None])
+        rate = np.zeros(rows.size)
+        if scene.orthographic:
+            to_first = self.direction[rows]
+            turning = to_first @ scene.receiver.rates()[0].T
+            rate += np.sum(turning * (first - receiver_m), axis=-1)
+        to_last = _unit(last - emitter_m)
+        between = _unit(last - first)
+        rate += np.sum((v_first - v_receiver) * to_first, axis=-1)
+        rate += np.sum((v_last - scene.emitter.velocity(emitter_m[None])) * to_last, axis=-1)
+        rate += np.where(several, np.sum((v_last - v_first) * between, axis=-1), 0.0)
+        rates[rows] = rate / 2
+        return rates
+
+    def _velocity(self, rows: NDArray[np.intp], end: int) -> Real:
+        points = (self.first_m, self.last_m)[end][rows]
+        velocity = np.zeros((rows.size, 3))
+        for body, here, track in self._groups(rows, end):
+            motion = self.scene.bodies[body - 1]
+            if track is None:
+                velocity[here] = motion.velocity(points[here])
+                continue
+            tracks = self.scene.tracks
+            assert tracks is not None
+            series, weights = tracks.series[body], tracks.weights[track]
+            corners, axes = tracks.vertices[track], motion.pose[:3, :3]
+            turning, shift = motion.rates()
+            at = np.array([self.scene.reference_s])
+            own = np.einsum(
+                "nk,nki->ni", weights, series.velocities(corners, self.scene.reference_s)
+            )
+            place = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
+            velocity[here] = own @ axes.T + (place @ axes.T) @ turning.T + shift
+        return velocity
+
+
+def leg_change(leg: Real, moved: Real) -> Real:
+    """|a + d| - |a| without cancellation; a (n, 3), d (n, times, 3); (n, times)."""
+    # einsum over three components is several times faster than sums of products here
+    along = 2 * np.einsum("ni,nti->nt", leg, moved)
+    along += np.einsum("nti,nti->nt", moved, moved)
+    length = np.sqrt(np.einsum("ni,ni->n", leg, leg))[:, None]
+    total = np.sqrt(np.maximum(length**2 + along, 0.0)) + length
+    change: Real = np.zeros_like(along)
+    np.divide(along, total, out=change, where=total > 0)
+    return change
+
+
+def _unit(vectors: Real) -> Real:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(length > 0, vectors / length, 0.0))

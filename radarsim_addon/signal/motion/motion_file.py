@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motion of a radar frame on disk: ``motion.json`` and, for deforming surfaces, tracks.
+
+``motion_tracks.npz`` holds plain arrays. Points on surfaces that deform are tracks, numbered from
+1: ``track_body`` (n,) numbers the body, ``track_vertices`` (n, 3) and ``track_weights`` (n, 3) name
+three vertices of its mesh and their barycentric weights. For each such body b,
+``edges_s_b`` (pieces + 1,) and ``series_b`` (pieces, degrees, vertices, 3) are Chebyshev series of
+the vertices' positions in the body's own axes [m].
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy_format
+from numpy.polynomial import chebyshev
+
+from ...array_types import Int32, Real
+from ...atomic_files import write_arrays
+from ...contract import MOTION_FILE, MOTION_TRACKS, BodyRecord, MotionRecord, PieceRecord
+from ...errors import FrameFileError, SchemaError
+from ...sidecar import file_sha256, read_record
+from .body_motion import BodyMotion, Piece
+
+#: Refuse files of tracks that claim more than this.
+MAX_TRACK_BYTES = 1 << 34
+
+
+@dataclass(frozen=True)
+class VertexSeries:
+    """Positions of vertices in a body's own axes [m], as Chebyshev series in pieces of time.
+
+    Attributes
+    ----------
+    edges_s
+        (pieces + 1,) [s].
+    series
+        (pieces, degrees, vertices, 3) [m].
+    """
+
+    edges_s: Real
+    series: Real
+
+    def positions(self, vertices: Int32, times_s: Real) -> Real:
+        """(times, *vertices.shape, 3) [m]."""
+        which = np.clip(
+            np.searchsorted(self.edges_s, times_s, side="right") - 1, 0, len(self.series) - 1
+        )
+        found = np.empty((times_s.size, *vertices.shape, 3))
+        for number in np.unique(which):
+            rows = np.flatnonzero(which == number)
+            start_s, stop_s = self.edges_s[number : number + 2]
+            x = 2 * (times_s[rows] - start_s) / (stop_s - start_s) - 1
+            basis = chebyshev.chebvander(x, self.series.shape[1] - 1)
+            found[rows] = np.tensordot(basis, self.series[number][:, vertices], axes=1)
+        return found
+
+    def velocities(self, vertices: Int32, time_s: float) -> Real:
+        """Velocities at a time, (*vertices.shape, 3) [m/s]."""
+        number = int(np.searchsorted(self.edges_s[1:-1], time_s, side="right"))
+        series = self.series[number][:, vertices]
+        start_s, stop_s = self.edges_s[number : number + 2]
+        per_s = 2 / (stop_s - start_s)
+        x = (time_s - start_s) * per_s - 1
+        rates = chebyshev.chebval(x, chebyshev.chebder(series, axis=0))
+        return np.asarray(rates * per_s)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Points on surfaces that deform; number n of a table's column is row n - 1 here."""
+
+    body: Int32
+    vertices: Int32
+    weights: Real
+    series: Mapping[int, VertexSeries]
+
+
+@dataclass(frozen=True)
+class FrameMotion:
+    """Motion of a radar frame's bodies: number n of a table's column is ``bodies[n - 1]``."""
+
+    span_s: float
+    receiver: BodyMotion
+    emitter: BodyMotion
+    orthographic: bool
+    bodies: Sequence[BodyMotion]
+    tracks: Tracks | None = None
+    reference_s: float = 0.0
+
+
+def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
+    """A body as the motion file has it."""
+    return BodyRecord(
+        object=name,
+        instance=instance,
+        pose=motion.pose.tolist(),
+        deforms=deforms,
+        pieces=[
+            PieceRecord(
+                start_s=piece.start_s,
+                stop_s=piece.stop_s,
+                move=piece.move.tolist(),
+                pivot=piece.pivot.tolist(),
+                turn=piece.turn.tolist(),
+                reference=piece.reference.tolist(),
+                linear=[] if piece.linear is None else piece.linear.tolist(),
+            )
+            for piece in motion.pieces
+        ],
+        noise_m=motion.noise_m,
+        bound_m=motion.bound_m,
+    )
+
+
+def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
+    array = np.array(values, dtype=np.float64)
+    if array.size == 0 and shape[0] is None:
+        array = array.reshape(tuple(n or 0 for n in shape))
+    fits = array.ndim == len(shape) and all(
+        n is None or n == have for n, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = " x ".join("any" if n is None else str(n) for n in shape)
+        raise FrameFileError(
+            f"{where} has the shape {array.shape}; expected {wanted}. The file was not written by "
+            "radarsim, or was edited: render the frame again."
+        )
+    return array
+
+
+def _body(record: BodyRecord, where: str, reference_s: float) -> BodyMotion:
+    pieces = []
+    for number, piece in enumerate(record.pieces):
+        here = f"{where}, piece {number}"
+        starts_late = number > 0 and piece.start_s < record.pieces[number - 1].stop_s
+        if not piece.stop_s > piece.start_s or starts_late:
+            raise FrameFileError(
+                f"{here} runs from {piece.start_s!r} to {piece.stop_s!r} s; expected pieces in "
+                "order of time. Render the frame again."
+            )
+        move = _array(piece.move, (None, 3), here)
+        linear = _array(piece.linear, (None, 9), here) if piece.linear else None
+        if not len(move):
+            raise FrameFileError(f"{here} has no translation. Render the frame again.")
+        pieces.append(
+            Piece(
+                piece.start_s,
+                piece.stop_s,
+                move,
+                _array(piece.pivot, (3,), here),
+                _array(piece.turn, (None, 3), here),
+                _array(piece.reference, (3, 3), here),
+                linear,
+            )
+        )
+    pose = _array(record.pose, (4, 4), where)
+    return BodyMotion(pose, tuple(pieces), record.noise_m, record.bound_m, reference_s)
+
+
+def write_tracks(folder: Path, tracks: Tracks) -> Path:
+    """Write ``motion_tracks.npz``."""
+    arrays: dict[str, Any] = {
+        "track_body": tracks.body,
+        "track_vertices": tracks.vertices,
+        "track_weights": tracks.weights,
+    }
+    for body, series in tracks.series.items():
+        arrays[f"edges_s_{body}"] = series.edges_s
+        arrays[f"series_{body}"] = series.series
+    path = folder / MOTION_TRACKS
+    write_arrays(path, arrays)
+    return path
+
+
+def read_tracks(path: Path, bodies: int) -> Tracks:
+    """Read and check ``motion_tracks.npz``.
+
+    Raises
+    ------
+    FrameFileError
+        It is missing, damaged, too large, or its arrays do not fit one another.
+    """
+    try:
+        arrays = _plain_arrays(path)
+        tracks = Tracks(
+            arrays["track_body"].astype(np.int32),
+            arrays["track_vertices"].astype(np.int32),
+            arrays["track_weights"].astype(np.float64),
+            {
+                int(body): VertexSeries(arrays[f"edges_s_{body}"], arrays[f"series_{body}"])
+                for body in np.unique(arrays["track_body"]).tolist()
+            },
+        )
+        _check_tracks(tracks, bodies)
+    except FileNotFoundError as error:
+        raise FrameFileError(f"{path} is missing. Render the frame again.") from error
+    # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
+    except Exception as error:
+        raise FrameFileError(
+            f"{path} cannot be read as tracks of deforming surfaces ({error}). Remove it and "
+            "paths.json beside it, and render the run again."
+        ) from error
+    return tracks
+
+
+def _plain_arrays(path: Path) -> dict[str, Any]:
+    """Arrays of an .npz whose headers claim no more than what is allowed."""
+    claimed = 0
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            with archive.open(name) as stream:
+                npy_format.read_magic(stream)
+                shape, _, dtype = npy_format.read_array_header_1_0(stream)
+            if dtype.hasobject:
+                raise ValueError(f"{name} holds objects")
+            claimed += int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if claimed > MAX_TRACK_BYTES:
+        raise ValueError(f"{claimed} bytes; expected at most {MAX_TRACK_BYTES}")
+    with np.load(path, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _check_tracks(tracks: Tracks, bodies: int) -> None:
+    count = tracks.body.size
+    if tracks.vertices.shape != (count, 3) or tracks.weights.shape != (count, 3):
+        raise ValueError(f"{count} tracks with {tracks.vertices.shape} vertices")
+    if count and not (tracks.body.min() >= 1 and tracks.body.max() <= bodies):
+        raise ValueError(f"bodies up to {tracks.body.max()}, there are {bodies}")
+    if not np.isfinite(tracks.weights).all():
+        raise ValueError("weights that are not finite")
+    for body, series in tracks.series.items():
+        used = tracks.vertices[tracks.body == body]
+        shape = series.series.shape
+        if len(shape) != 4 or shape[3] != 3 or series.edges_s.shape != (shape[0] + 1,):
+            raise ValueError(f"series of shape {shape} and {series.edges_s.shape} edges")
+        if not (np.diff(series.edges_s) > 0).all() or not np.isfinite(series.series).all():
+            raise ValueError("series that are not finite and in order")
+        if used.size and not (used.min() >= 0 and used.max() < shape[2]):
+            raise ValueError(f"vertices up to {used.max()}, there are {shape[2]}")
+
+
+def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
+    """Motion of a radar frame, checked against what ``paths.json`` says of it.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        A file is missing, damaged, newer than this version, or not of this frame.
+    """
+    path = folder / MOTION_FILE
+    record = read_record(path, MotionRecord)
+    if record.frame != frame or file_sha256(path) != sha256:
+        raise SchemaError(
+            f"{path} does not belong to the table beside it. Remove paths.json there and render "
+            "the run again."
+        )
+    if len(record.antennas) != 2 or not record.span_s >= 0:
+        raise SchemaError(
+            f"{path} has {len(record.antennas)} antennas over {record.span_s!r} s; expected "
+            "receiver and emitter, over a time from 0. Render the frame again."
+        )
+    tracks = None
+    if record.tracks_file:
+        if record.tracks_file != MOTION_TRACKS:
+            raise SchemaError(f"{path} names tracks {record.tracks_file!r}; not {MOTION_TRACKS!r}.")
+        place = folder / MOTION_TRACKS
+        tracks = read_tracks(place, len(record.bodies))
+        if file_sha256(place) != record.tracks_sha256:
+            raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
+    at_s = record.reference_s
+    receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
+    return FrameMotion(
+        span_s=record.span_s,
+        receiver=receiver,
+        emitter=emitter,
+        orthographic=record.receiver_kind == "orthographic",
+        bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
+        tracks=tracks,
+        reference_s=at_s,
+    )

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the paths of a view lie on its grid of pixels, told from their directions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Integers, Real
+from ...contract import CameraRecord
+from .table import PathRows
+
+#: Angles between rays of a sphere that are rounding, as a share of a pixel's side.
+_SAME = 1e-3
+#: Pixels whose median tells the pitch, which is the same for all.
+_ENOUGH = 1 << 12
+#: Most pixels of a grid: a table that says otherwise is not one of a grid.
+MOST_PX = 1 << 25
+
+
+def placed(rows: PathRows, camera: CameraRecord) -> NDArray[np.bool_]:
+    """Rows whose pixel is known, (n,): parallel rays are told by where they end, others by their
+    direction."""
+    if camera.kind == "orthographic":
+        return np.asarray(np.isfinite(rows["first_m"]).all(axis=1))
+    if camera.kind == "perspective":
+        backwards = np.array(camera.matrix_world, dtype=np.float64)[:3, 2]
+        return np.asarray(rows["direction"] @ backwards < 0)
+    return np.asarray(np.any(rows["direction"] != 0, axis=1))
+
+
+def grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integers, Integers]:
+    """Column and row of each path's pixel, counted from the first ones that are met.
+
+    Parameters
+    ----------
+    rows
+        Of one tile at one shift, all of them `placed`, one at least.
+    camera
+        The frame's.
+    count
+        Number of shifts of the tile, which share the solid angle.
+    """
+    pose = np.array(camera.matrix_world, dtype=np.float64)
+    # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one
+    # another longer than three columns take.
+    local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
+    area = count * rows["solid_angle_sr"]
+    if camera.kind == "equirectangular":
+        u = np.arctan2(local[:, 0], -local[:, 2])
+        u = (u - u[0] + math.pi) % (2 * math.pi)
+        v = np.arctan2(local[:, 1], np.hypot(local[:, 0], local[:, 2]))
+        # Pixels may be wider than high, but the mean of both sides tells what is rounding.
+        level = np.maximum(np.hypot(local[:, 0], local[:, 2]), 1e-12)
+        side = math.sqrt(float(np.median(area / level)))
+        step_u, step_v = (_least_step(places, _SAME * side) for places in (u, v))
+    elif camera.kind == "perspective":
+        u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
+        few = slice(None, None, -(-u.size // _ENOUGH))
+        step_u = step_v = math.sqrt(
+            float(np.median(area[few] * (1 + u[few] ** 2 + v[few] ** 2) ** 1.5))
+        )
+    else:
+        flat = (rows["first_m"] - pose[:3, 3]) @ pose[:3, :3]
+        u, v = flat[:, 0], flat[:, 1]
+        step_u = step_v = math.sqrt(float(np.median(area)))
+    col, row = (np.rint((x - x.min()) / s).astype(np.int64) for x, s in ((u, step_u), (v, step_v)))
+    return col, row
+
+
+def _least_step(places: Real, same: float) -> float:
+    steps = np.diff(np.sort(places))
+    steps = steps[steps > same]
+    return float(steps.min()) if steps.size else math.inf

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sub-pixel shifts of a pixel grid as replicates, and what edges along the grid make uncertain.
+
+The scatter of the shifts tells the error of their mean, but for edges that run along the grid: a
+side of 20.1 pixels holds 20 columns in all shifts, more often than not, and nothing of the
+tenth of a column is seen in their scatter. What can be said of such an edge is that it lies
+somewhere between the rays nearest to it. That bounds the error from below, run by run of pixels
+whose edge lies in one line; an edge aslant has short runs and adds little.
+
+One shift alone has no replicates. Its error is that of its edges, and what neighbouring pixels of
+one surface differ by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Integers, Real
+from ...contract import CameraRecord
+from .pixel_spacing import MOST_PX, grid_places, placed
+from .table import PathRows
+
+#: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
+_R2 = (0.7548776662466927, 0.5698402909980532)
+#: Shifts whose pairs are summed up; the variance of more is taken to fall as their number does.
+_MOST_PAIRED = 1024
+
+
+def shift_px(index: int) -> tuple[float, float]:
+    """Sub-pixel shift number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
+    sequence that starts off the pixel centre (a ray exactly on the shared edge of two triangles
+    counts both)."""
+    u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
+    v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
+    return u, v
+
+
+@lru_cache(maxsize=64)
+def shift_variances(count: int) -> tuple[float, float]:
+    """Variance of a side in pixels, of any length and place, as told by the first `count` shifts.
+
+    The points x_i of the shifts in an interval, less its length, are psi(a) - psi(b) with psi the
+    mean of the first Bernoulli polynomials of a - x_i; over all a and b the square of it is on
+    average (1/S^2) sum_ij B_2(frac(x_i - x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of
+    intervals on a circle (Kuipers & Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2).
+    Evenly spaced points have 1/(6 S^2).
+
+    Returns
+    -------
+    (float, float)
+        Across and down [square pixels].
+    """
+    paired = min(count, _MOST_PAIRED)
+    shifts = np.array([shift_px(i) for i in range(paired)])
+    across, down = (
+        float(np.mean(x**2 - x + 1 / 6))
+        for x in ((place[:, None] - place) % 1.0 for place in shifts.T)
+    )
+    return across * paired / count, down * paired / count
+
+
+def edge_variances(
+    rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
+) -> Real:
+    """Least variance of the mean value of what bears a label, by its edges along the grid.
+
+    Parameters
+    ----------
+    rows
+        Of one tile at one shift.
+    label
+        What each row belongs to, from 1; 0: nothing, (n,).
+    value
+        What is summed up, such as the power of the shift alone, (n,).
+    camera
+        The frame's.
+    count
+        Number of shifts that are averaged.
+
+    Returns
+    -------
+    ndarray
+        By label from 0, (labels + 1,).
+    """
+    total = np.zeros(int(label.max(initial=0)) + 1)
+    for labels, values in _images(rows, label, value, camera, count):
+        total += _edge_variance(labels, values, count, total.size)
+    return total
+
+
+def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraRecord) -> Real:
+    """Variance of the value of what bears a label, where there is one shift alone.
+
+    To what the edges leave open comes what differs within a surface: a grid of rays samples it
+    systematically, and neighbours of one surface and gate have the same expectation but for what
+    changes from one pixel to the next, so half the mean squared difference of two is the variance
+    of one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007,
+    ch. 8). Reflections left to chance and texture show in it; of a smooth surface little is left.
+    A pixel without neighbours may be wrong by all of itself.
+
+    Parameters
+    ----------
+    rows, label, value, camera
+        As for :func:`edge_variances`.
+
+    Returns
+    -------
+    ndarray
+        By label from 0, (labels + 1,).
+    """
+    lost = (label > 0) & ~placed(rows, camera)
+    total = np.bincount(
+        label[lost], value[lost] ** 2, minlength=int(label.max(initial=0)) + 1
+    ).astype(np.float64)
+    for labels, values in _images(rows, label, value, camera, 1):
+        total += _edge_variance(labels, values, 1, total.size)
+        total += _scatter_variance(labels, values, total.size)
+    return total
+
+
+def _images(
+    rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
+) -> Iterator[tuple[Integers, Real]]:
+    """Labels and values on the grid of pixels, gate by gate, with an empty rim."""
+    kept = np.flatnonzero((label > 0) & placed(rows, camera))
+    if kept.size == 0:
+        return
+    rows, label, value = rows[kept], label[kept], value[kept]
+    col, row = grid_places(rows, camera, count)
+    shape = (int(row.max()) + 3, int(col.max()) + 3)
+    if shape[0] * shape[1] > MOST_PX:
+        return
+    gate = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
+    for one in np.unique(gate):
+        here = gate == one
+        place = (row[here] + 1, col[here] + 1)
+        labels, values = np.zeros(shape, dtype=np.int64), np.zeros(shape)
+        labels[place], values[place] = label[here], value[here]
+        yield labels, values
+
+
+def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Real:
+    """By label, for the mean of so many shifts."""
+    total = np.zeros(size)
+    for axis, variance in zip((1, 0), shift_variances(count), strict=True):
+        for step in (1, -1):
+            edge = (labels > 0) & (np.roll(labels, step, axis) != labels)
+            # a side has two edges, and the variance is that of a side
+            total += variance / 2 * _squared_runs(edge, labels, values, axis, size)
+    return total
+
+
+def _scatter_variance(labels: Integers, values: Real, size: int) -> Real:
+    """By label, from the differences of neighbours that bear the same one."""
+    squares, pairs = np.zeros(size), np.zeros(size)
+    for axis in (0, 1):
+        # the rim is empty: nothing wraps around
+        pair = (labels > 0) & (np.roll(labels, 1, axis) == labels)
+        owner = labels[pair]
+        difference = values[pair] - np.roll(values, 1, axis)[pair]
+        squares += np.bincount(owner, difference**2, minlength=size)
+        pairs += np.bincount(owner, minlength=size)
+    own = labels > 0
+    pixels = np.bincount(labels[own], minlength=size)
+    whole = np.bincount(labels[own], values[own] ** 2, minlength=size)
+    return np.where(pairs > 0, pixels * squares / np.maximum(2 * pairs, 1), whole)
+
+
+def _squared_runs(
+    edge: NDArray[np.bool_], labels: Integers, values: Real, axis: int, size: int
+) -> Real:
+    """Sum by label of the squared values of each run of edge pixels in a line along the edge."""
+    if axis == 1:
+        edge, labels, values = edge.T, labels.T, values.T
+    on = edge.ravel()
+    label = labels.ravel()
+    begins = on.copy()
+    begins[1:] &= ~(on[:-1] & (label[1:] == label[:-1]))
+    run = np.cumsum(begins)[on] - 1
+    sums = np.bincount(run, values.ravel()[on], minlength=1)
+    return np.bincount(label[begins], sums[: int(begins.sum())] ** 2, minlength=size)

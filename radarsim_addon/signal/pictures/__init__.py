@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .animation import MapFile, animate_maps
+from .antennas import ANTENNA_PICTURE, plot_antennas
+from .echo import plot_echo
+from .figure import save
+from .frame_pictures import draw_results
+from .map import plot_range_doppler
+from .numbers import cell_width, decimals_for, fixed
+from .profile import plot_matched_filter
+from .rings import plot_rings
+
+__all__ = [
+    "ANTENNA_PICTURE",
+    "MapFile",
+    "animate_maps",
+    "cell_width",
+    "decimals_for",
+    "draw_results",
+    "fixed",
+    "plot_antennas",
+    "plot_echo",
+    "plot_matched_filter",
+    "plot_range_doppler",
+    "plot_rings",
+    "save",
+]

@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Picture of a range-Doppler map: levels with their reference, targets, labels of the foremost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Real
+from ..detection import Detection, Peak, target_count
+from ..maps import RangeDopplerMap, decibels
+from .cells import CellAxis, cell_axis, strongest
+from .figure import new_figure
+from .labels import Label, place_labels
+from .numbers import (
+    Unit,
+    cell_width,
+    decimals_for,
+    fixed,
+    frequency_unit,
+    range_unit,
+    reference_text,
+    speed_unit,
+    with_minus,
+)
+
+#: Decibels from the strongest cell to the bottom of a picture without noise.
+SPAN_DB = 80.0
+#: With noise the picture begins this far below its mean [dB].
+BELOW_NOISE_DB = 10.0
+#: Least that a picture spans [dB].
+LEAST_SPAN_DB = 20.0
+#: Most cells along an axis of a picture, see :mod:`.figurecells`.
+MOST_CELLS = 640
+#: Most labels, and most of what stands still among them.
+_LABELS, _STILL_LABELS = 5, 2
+#: A peak this far below a labelled one at its Doppler or at its range is hardly an own target [dB].
+_SHADOW_DB = 25.0
+#: Of targets so near one another in a picture only the stronger gets a label [share of an axis].
+_BESIDE = 0.03
+#: Windows are at most three cells wide to each side: what is slower stands still, for a label.
+_STILL_CELLS = 3.0
+
+
+@dataclass(frozen=True)
+class MapAxes:
+    """Cells of a picture and the units of its axes.
+
+    `rate_per_hz` is range rate over Doppler [m], `pulses` how many rows the map has.
+    """
+
+    doppler: CellAxis
+    ranges: CellAxis
+    doppler_unit: Unit
+    range_unit: Unit
+    rate_unit: Unit
+    rate_per_hz: float
+    pulses: int
+
+
+def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float = 0.0) -> MapAxes:
+    """Axes of a picture from the centres of a map's cells.
+
+    Parameters
+    ----------
+    doppler_hz, range_m
+        Centres, evenly spaced, (pulses,) [Hz] and (ranges,) [m].
+    rate_per_hz
+        -lambda / 2 [m].
+    prf_hz
+        Width of the one cell of a single pulse; 0: 1 Hz is drawn.
+    """
+    fastest_hz = float(np.abs(doppler_hz).max())
+    hertz, length = frequency_unit(fastest_hz), range_unit(float(np.abs(range_m).max()))
+    return MapAxes(
+        cell_axis(doppler_hz, MOST_CELLS, hertz.size, prf_hz or 1.0),
+        cell_axis(range_m, MOST_CELLS, length.size),
+        hertz,
+        length,
+        speed_unit(fastest_hz * abs(rate_per_hz)),
+        rate_per_hz,
+        doppler_hz.size,
+    )
+
+
+def joined_level(power: Real, axes: MapAxes, reference: float, floor_db: float) -> Real:
+    """Decibels of the cells of a picture, (ranges, Doppler); of joined cells the strongest."""
+    return decibels(strongest(power, (axes.doppler.step, axes.ranges.step)), reference, floor_db).T
+
+
+def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = None) -> float:
+    """Where the colours begin, re `top` (None: the strongest cell) [dB], in steps of 5 dB.
+
+    `BELOW_NOISE_DB` below the mean noise where that is known, however far down; else `SPAN_DB`, or
+    less where more than half of the map is noise: the mean of exponential noise is its median over
+    ln 2.
+    """
+    top = float(power.max(initial=0.0)) if top is None else top
+    floor_db = -SPAN_DB
+    if top > 0 and noise_power > 0:
+        floor_db = 10 * math.log10(noise_power / top) - BELOW_NOISE_DB
+    elif top > 0 and (middle := float(np.median(power)) / math.log(2)) > 0:
+        floor_db = max(floor_db, 10 * math.log10(middle / top) - BELOW_NOISE_DB)
+    return min(5.0 * math.floor(floor_db / 5), -LEAST_SPAN_DB)
+
+
+def draw_map(
+    figure: Any,
+    power: Real,
+    axes: MapAxes,
+    *,
+    reference: float,
+    floor_db: float,
+    noise_power: float = 0.0,
+    unit: str = "",
+    of: str = "strongest cell",
+) -> tuple[Any, Any]:
+    """Draw a map into an empty figure; returns the axes and the image.
+
+    Parameters
+    ----------
+    figure
+        Empty.
+    power
+        (Doppler, ranges).
+    axes
+        From `map_axes`.
+    reference
+        Power of 0 dB; 0: an empty map.
+    floor_db
+        Where the colours begin.
+    noise_power
+        Mean noise of a cell, marked at the colours; 0: none.
+    unit
+        Of the reference in decibels, such as "dBW"; "": not told.
+    of
+        What the reference is.
+    """
+    axis = figure.subplots()
+    image = axis.imshow(
+        joined_level(power, axes, reference or 1.0, floor_db),
+        aspect="auto",
+        origin="lower",
+        extent=(axes.doppler.low, axes.doppler.high, axes.ranges.low, axes.ranges.high),
+        vmin=floor_db,
+        vmax=0,
+        cmap="viridis",
+        interpolation="nearest",
+    )
+    axis.set_xlim(axes.doppler.low, axes.doppler.end)
+    axis.set_ylim(axes.ranges.low, axes.ranges.end)
+    bar = figure.colorbar(image, ax=axis, pad=0.02)
+    if reference > 0:
+        bar.set_label(f"power [dB re {of}{reference_text(reference, unit)}]")
+    else:
+        bar.set_label("power [dB]")
+        axis.text(
+            0.5, 0.5, "no echo", color="white", fontsize=14, ha="center", va="center",
+            transform=axis.transAxes,
+        )  # fmt: skip
+    if reference > 0 and noise_power > 0:
+        mark_noise(bar, 10 * math.log10(noise_power / reference))
+    axis.set_ylabel(f"one-way range [{axes.range_unit.name}]")
+    axis.ticklabel_format(useOffset=False)
+    if axes.pulses == 1:
+        axis.set_xticks([])
+        axis.set_xlabel("one pulse: Doppler is not resolved")
+        return axis, image
+    axis.set_xlabel(
+        f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$: receding ($v>0$) on the left"
+    )
+    factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
+    if factor:
+        upper = axis.secondary_xaxis("top", functions=(lambda f: f * factor, lambda v: v / factor))
+        upper.xaxis.get_major_formatter().set_useOffset(False)
+        upper.set_xlabel(f"range rate $v$ [{axes.rate_unit.name}]")
+    return axis, image
+
+
+def mark_noise(bar: Any, noise_db: float) -> None:
+    """A line at the colours where the mean noise is."""
+    bar.ax.axhline(noise_db, color="white", lw=1.2)
+    bar.ax.annotate(
+        "noise",
+        (0.5, noise_db),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 2),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        fontsize=7,
+        color="white",
+    )
+
+
+def plot_range_doppler(
+    rd_map: RangeDopplerMap,
+    peaks: Sequence[Peak] = (),
+    title: str = "Range-Doppler map",
+    floor_db: float | None = None,
+    *,
+    targets: Sequence[Detection] = (),
+    left_out: int = 0,
+    noise_power: float = 0.0,
+    unit: str = "",
+) -> Any:
+    """Map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    peaks
+        Movers, the foremost first: circled and labelled.
+    title
+        Above the picture.
+    floor_db
+        Where the colours begin, re the strongest cell; None: see `picture_floor_db`.
+    targets
+        Of a CFAR: all are marked, the smaller the more there are; the strongest get what labels
+        the peaks leave, what moves before what stands still.
+    left_out
+        Peaks of the CFAR beyond the most that it keeps.
+    noise_power
+        Mean thermal noise of a cell (:func:`.noisefloor.map_noise_gain` times that of a sample),
+        marked at the colours; 0: not known.
+    unit
+        Unit of the map's powers in decibels, "dBW" with the weighting "radar-equation".
+    """
+    power = rd_map.power
+    top = float(power.max(initial=0.0))
+    floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
+    axes = map_axes(
+        rd_map.doppler_hz,
+        rd_map.range_m,
+        -rd_map.radar.waveform.wavelength_m / 2,
+        rd_map.radar.burst.prf_hz,
+    )
+    figure = new_figure(8, 6.5)
+    axis, image = draw_map(
+        figure, power, axes, reference=top, floor_db=floor_db, noise_power=noise_power, unit=unit
+    )
+    axis.set_title(title, fontsize=10)
+    chosen = foremost(rd_map, peaks, targets)
+    places = np.array([_place(item, axes) for item in targets]).reshape(-1, 2)
+    if targets:
+        size, width = _marker(len(targets))
+        axis.plot(
+            places[:, 0], places[:, 1], "o", ls="", mfc="none", mec="C1", ms=size, mew=width,
+            label=f"CFAR: {target_count(len(targets), left_out)}",
+        )  # fmt: skip
+        axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
+    for item in chosen:
+        axis.plot(*_place(item, axes), "o", mfc="none", mec="w", ms=9, mew=1.0)
+    place_labels(
+        axis,
+        [Label(*_place(item, axes), label_text(item, rd_map, axes)) for item in chosen],
+        drawn=np.concatenate([_bright(np.asarray(image.get_array()), axes, floor_db), places]),
+    )
+    return figure
+
+
+def foremost(
+    rd_map: RangeDopplerMap, peaks: Sequence[Peak], targets: Sequence[Detection]
+) -> list[Peak | Detection]:
+    """What gets a label: peaks, then targets that move, then those that stand still.
+
+    Each by falling level. Targets right beside one that has a label, and those 25 dB below it at
+    its Doppler or at its range, where its sidelobes are, get none.
+    """
+    cell_m = cell_width(rd_map.range_m)
+    cell_hz = cell_width(rd_map.doppler_hz)
+    chosen: list[Peak | Detection] = list(peaks[:_LABELS])
+    moving = [t for t in targets if abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
+    still = [t for t in targets if not abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
+    for group, most in ((moving, _LABELS), (still, _STILL_LABELS)):
+        left = most
+        for target in sorted(group, key=lambda item: -item.level_db):
+            if len(chosen) >= _LABELS or not left:
+                break
+            if not any(
+                _hidden(target, other, cell_hz, cell_m, rd_map.values.shape) for other in chosen
+            ):
+                chosen.append(target)
+                left -= 1
+    return chosen
+
+
+def _hidden(
+    item: Detection,
+    other: Peak | Detection,
+    cell_hz: float,
+    cell_m: float,
+    shape: tuple[int, ...],
+) -> bool:
+    """Whether a target is the other one, or may be its sidelobe."""
+    apart_hz = abs(item.doppler_hz - other.doppler_hz)
+    apart_m = abs(item.range_m - other.range_m)
+    beside_hz, beside_m = (
+        max(guard * cell, _BESIDE * cell * count)
+        for guard, cell, count in zip((4, 8), (cell_hz, cell_m), shape, strict=True)
+    )
+    if apart_hz <= beside_hz and apart_m <= beside_m:
+        return True
+    aligned = apart_hz <= 2 * cell_hz or apart_m <= 4 * cell_m
+    return aligned and item.level_db < other.level_db - _SHADOW_DB
+
+
+def label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
+    """Range, and range rate with Doppler where there is any, in the digits that the cells bear."""
+    length, rate, hertz = axes.range_unit, axes.rate_unit, axes.doppler_unit
+    step_m, step_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
+    text = fixed(item.range_m / length.size, decimals_for(step_m / length.size)) + f" {length.name}"
+    if axes.pulses == 1:
+        return text
+    speed_digits = decimals_for(step_hz * abs(axes.rate_per_hz) / rate.size)
+    speed = fixed(item.velocity_mps / rate.size, speed_digits, signed=True)
+    doppler = fixed(item.doppler_hz / hertz.size, decimals_for(step_hz / hertz.size), signed=True)
+    lines = [text, f"{speed} {rate.name}"]
+    if float(doppler):
+        lines.append(f"{doppler} {hertz.name}")
+    return with_minus("\n".join(lines))
+
+
+def _place(item: Peak | Detection, axes: MapAxes) -> tuple[float, float]:
+    return item.doppler_hz / axes.doppler_unit.size, item.range_m / axes.range_unit.size
+
+
+def _marker(count: int) -> tuple[float, float]:
+    """Size and line width of marks, so that many do not hide the map [pt]."""
+    if count <= 20:
+        return 8.0, 1.0
+    return (5.0, 0.8) if count <= 60 else (2.5, 0.5)
+
+
+def _bright(level: Real, axes: MapAxes, floor_db: float) -> Real:
+    """Centres of the picture's cells in the upper two thirds of its colours, (cells, 2)."""
+    rows, cols = np.nonzero(level > 0.67 * floor_db)
+    doppler, ranges = axes.doppler, axes.ranges
+    return np.column_stack(
+        [
+            doppler.low + (cols + 0.5) * (doppler.high - doppler.low) / level.shape[1],
+            ranges.low + (rows + 0.5) * (ranges.high - ranges.low) / level.shape[0],
+        ]
+    )

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""DOCSTRING."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from ...atomic_files import make_folder
+from ...contract import PRODUCTS_DIR, SystemRecord
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..pictures import ANTENNA_PICTURE, plot_antennas
+from ..pictures import figure as plots
+from ..radar import half_power_width_rad, make_system, read_system
+from ..runs import open_run
+
+
+def add_antennas_parser(commands: Any) -> None:
+    """Add the command to an argparse collection of commands."""
+    parser = commands.add_parser("antennas", help="picture of the antennas' patterns")
+    parser.add_argument("source", metavar="DIR|FILE", help="folder of a run, or a system file")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="where the picture goes; else DIR/products of a run, the folder of a system file",
+    )
+    parser.add_argument("--carrier-ghz", type=float, help="carrier, for a system file")
+
+
+def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> int:
+    """Draw the antennas of a run or of a system file; returns the exit code.
+
+    Parameters
+    ----------
+    source
+        Folder of a run, or a system file.
+    out
+        Folder for the picture, made where missing; None: where the run's products are
+        (``antennas.png``, as processing names it), or beside the file, under its name.
+    carrier_ghz
+        Carrier [GHz]; None: the run's.
+
+    Raises
+    ------
+    ConfigError
+        No system, or no carrier.
+    """
+    path = Path(source)
+    record: SystemRecord | None
+    if path.is_dir():
+        run = open_run(path)
+        record, wavelength_m = run.record.system, run.radar.waveform.wavelength_m
+        place, name = path / PRODUCTS_DIR, ANTENNA_PICTURE
+        if record is None:
+            raise ConfigError(f"{path} is a run without a system; give a system file instead.")
+    else:
+        record, wavelength_m = read_system(path), math.nan
+        place, name = path.parent, f"{path.stem}_{ANTENNA_PICTURE}"
+    if carrier_ghz is not None:
+        wavelength_m = SPEED_OF_LIGHT_MPS / (carrier_ghz * 1e9)
+    if not wavelength_m > 0:
+        given = "No carrier" if carrier_ghz is None else f"Carrier of {carrier_ghz:g} GHz"
+        raise ConfigError(f"{given}: a system file holds none, give --carrier-ghz, above 0.")
+    system = make_system(record, wavelength_m)
+    folder = make_folder(place if out is None else Path(out))
+    target = plots.save(plot_antennas(system), folder / name)
+    for end, antenna in (("transmitter", system.transmitter), ("receiver", system.receiver)):
+        widths = [math.degrees(half_power_width_rad(antenna, p)) for p in ("azimuth", "elevation")]
+        print(
+            f"{end:12} peak {10 * math.log10(antenna.peak_gain):7.2f} dBi   half-power beamwidth "
+            f"{widths[0]:.3g} x {widths[1]:.3g} degrees"
+        )
+    print(f"wrote {target}")
+    return 0

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ``radarsim`` command: ``radarsim process DIR`` and ``radarsim info DIR``.
+
+Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from ... import __version__
+from ...errors import RadarSimError
+from ...framewarnings import FrameWarnings
+from ...printable import printable
+from ..detection import target_count
+from ..maps import level_unit
+from .antennas_command import add_antennas_parser, print_antennas
+from .console import detection_lines, map_digits
+from .info_command import _info
+from .objects_command import add_rcs_parser, print_rcs
+from .process import FrameResult, Progress, process_run
+from .process_arguments import add_process_parser, frame_numbers, process_options
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="radarsim", description="Radar products from a run that Blender rendered."
+    )
+    parser.add_argument("--version", action="version", version=f"radarsim {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    info = commands.add_parser("info", help="what a run is, and whether it is complete")
+    info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    add_process_parser(commands)
+    add_rcs_parser(commands, frame_numbers)
+    add_antennas_parser(commands)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    chosen = _parser().parse_args(arguments)  # exits with 2 on bad arguments
+    for stream in (sys.stdout, sys.stderr):
+        # a console that cannot show a path's letters must not end a run
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        if chosen.command == "antennas":
+            return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
+        if chosen.command == "rcs":
+            return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.system)
+        return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
+    except RadarSimError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return error.exit_code
+    except BrokenPipeError:
+        # Whoever read our output has seen enough (| head): no word more, not at exit either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        print("Interrupted: files written so far are whole.", file=sys.stderr)
+        return 130  # 128 + SIGINT, as shells have it
+
+
+def _process(chosen: argparse.Namespace) -> int:
+    options = process_options(chosen)
+    live = sys.stderr.isatty()
+    events = process_run(
+        chosen.folder,
+        options,
+        out=chosen.out,
+        frames=chosen.frames,
+        allow_incomplete=chosen.allow_incomplete,
+    )
+    warnings = FrameWarnings()
+    try:
+        for event in events:
+            if isinstance(event, FrameResult):
+                if live:
+                    print(end="\r\x1b[K", file=sys.stderr)
+                _print_frame(event)
+                warnings.add(event.frame, event.warnings)
+            elif "skipped" in event.text:
+                print(event.text, file=sys.stderr)
+            elif event.text.startswith("animation"):
+                print(event.text)
+            elif live:
+                _show(event)
+    finally:  # of the frames that are done, whatever ended the run
+        for line in warnings.lines():
+            print(f"warning: {printable(line)}")
+    return 0
+
+
+def _show(progress: Progress) -> None:
+    share = 100 * progress.done / progress.total
+    print(f"\r\x1b[K{share:3.0f} %  {progress.text}", end="", file=sys.stderr, flush=True)
+
+
+def _print_frame(result: FrameResult) -> None:
+    statistics = result.statistics
+    unit = level_unit(result.echoes.weighting)
+    digits = map_digits(result.rd_map)
+    print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
+    for edge in result.edges:
+        place = digits.range_text(edge.range_m)
+        print(f"  leading edge {place}   level {edge.level_db:z8.2f} {unit}")
+    for peak in result.movers:
+        print(
+            f"  mover        {digits.range_text(peak.range_m)}   "
+            f"level {peak.level_db:z8.2f} {unit}   "
+            f"{digits.motion_text(peak.velocity_mps, peak.doppler_hz)}   "
+            f"{peak.above_db:.1f} dB above its surroundings"
+        )
+    if result.detections is not None:
+        found = result.detections
+        count = target_count(len(found.targets), found.left_out)
+        cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
+        print(f"  CFAR         {count}, {cells} above the threshold")
+        for line in detection_lines(found.targets, result.rd_map):
+            print(f"  {line}")
+    for line in result.budget.lines() if result.budget is not None else []:
+        print(f"  {line}")
+    if result.files:
+        print(f"  {len(result.files)} files in {result.files[0].parent}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a console shows: figures in columns, in the digits that a map's cells bear, and names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..detection import Detection
+from ..maps import RangeDopplerMap
+from ..pictures import cell_width, decimals_for, fixed
+
+
+@dataclass(frozen=True)
+class Digits:
+    """Digits behind the point of ranges [m], range rates [m/s] and Doppler [Hz]."""
+
+    range: int = 2
+    rate: int = 3
+    doppler: int = 2
+
+    def range_text(self, range_m: float) -> str:
+        """A range in metres, right-aligned."""
+        return f"{fixed(range_m, self.range):>10} m"
+
+    def motion_text(self, velocity_mps: float, doppler_hz: float) -> str:
+        """Range rate and Doppler, right-aligned; what stands still has no sign."""
+        rate = fixed(velocity_mps, self.rate, signed=True)
+        doppler = fixed(doppler_hz, self.doppler, signed=True)
+        return f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"
+
+
+def map_digits(rd_map: RangeDopplerMap | None) -> Digits:
+    """Digits for what is interpolated between the cells of a map; at least the usual ones."""
+    if rd_map is None:
+        return Digits()
+    step_hz = cell_width(rd_map.doppler_hz)
+    step_mps = step_hz * rd_map.radar.waveform.wavelength_m / 2
+    usual = Digits()
+    return Digits(
+        max(usual.range, decimals_for(cell_width(rd_map.range_m))),
+        max(usual.rate, decimals_for(step_mps)),
+        max(usual.doppler, decimals_for(step_hz)),
+    )
+
+
+def detection_lines(
+    targets: Sequence[Detection], rd_map: RangeDopplerMap | None = None, most: int = 10
+) -> list[str]:
+    """For people, one target a line; `rd_map` tells the digits that its cells bear."""
+    digits = map_digits(rd_map)
+    lines = [
+        f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
+        f"{digits.motion_text(t.velocity_mps, t.doppler_hz)}"
+        for t in targets[:most]
+    ]
+    if len(targets) > most:
+        lines.append(f"{len(targets) - most} more targets in the files")
+    return lines

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``radarsim rcs DIR --object NAME``: cross section and power of objects, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ...errors import FrameFileError
+from ...printable import printable
+from ..detection import (
+    BudgetReport,
+    FrameBudget,
+    matching_objects,
+    object_echoes,
+    projection_warnings,
+    require_objects,
+)
+from ..radar import read_system
+from ..runs import open_run
+
+
+def add_rcs_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
+    """Add the command to an argparse collection of commands."""
+    rcs = commands.add_parser("rcs", help="radar cross section of objects, from their paths")
+    rcs.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    rcs.add_argument(
+        "--object",
+        metavar="NAME",
+        help="object, collection, or a pattern with * and ?; several are taken together "
+        "[each object by itself]",
+    )
+    rcs.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
+    rcs.add_argument("--system", metavar="FILE", help="power budget (JSON) [the run's own]")
+
+
+def print_rcs(
+    folder: str, pattern: str | None, frames: Sequence[int] | None, system_file: str | None
+) -> int:
+    """Print a line for each frame and object; returns the exit code.
+
+    Raises
+    ------
+    RadarSimError
+        No such run, frame or object; a run of rings.
+    """
+    run = open_run(folder)
+    system = run.record.system if system_file is None else read_system(system_file)
+    chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
+    warnings: dict[str, None] = {}
+    for frame in chosen:
+        require_objects(frame)
+        gaps = frame.missing()
+        if gaps:
+            raise FrameFileError(f"{frame.path}: {gaps[0].reason}. Render the run again.")
+        groups = None if pattern is None else {pattern: matching_objects(frame, pattern)}
+        link = FrameBudget(frame, run.radar, system).link
+        echoes = object_echoes(frame, run.radar.waveform.carrier_hz, link, groups)
+        total_w = sum(echo.power_w for echo in echoes)
+        print(f"frame {frame.number}: t = {frame.time_s:g} s")
+        for line in BudgetReport(total_w, None, echoes).lines():
+            print(f"  {line}")
+        for echo in echoes:
+            if echo.shared_power_w > 0.01 * echo.power_w:
+                print(
+                    f"  {printable(echo.name)}: another {echo.shared_power_w:.3g} W come by way of "
+                    "other objects too and are not in its cross section"
+                )
+        warnings |= dict.fromkeys(projection_warnings(frame))
+    for warning in warnings:
+        print(f"warning: {warning}")
+    return 0

@@ -1,0 +1,367 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run's folder to its products, frame by frame.
+
+    for event in process_run("out/paper"):
+        print(event)
+
+yields a :class:`Progress` after each step and a :class:`FrameResult` after each frame. Memory is
+bounded by one frame, however many there are, as long as the caller lets go of the results.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...atomic_files import make_folder, remove_file
+from ...contract import PRODUCTS_DIR
+from ...errors import FrameFileError, OutputError, RadarSimError
+from ..decoding import iter_paths
+from ..detection import (
+    SLOWEST_CELLS,
+    FrameBudget,
+    FrameResult,
+    ProcessOptions,
+    Progress,
+    StatisticsSum,
+    detect_targets,
+    find_edges,
+    find_movers,
+    heard_recording,
+    statistics_warnings,
+)
+from ..echoes import (
+    Echoes,
+    EchoOptions,
+    blended,
+    check_window,
+    receive,
+    shown_times_s,
+    synthesizer_for,
+)
+from ..maps import (
+    ProfileAccumulator,
+    cancel,
+    compress,
+    dynamics_db,
+    expected_power,
+    map_noise_gain,
+    power_unit,
+    range_doppler,
+)
+from ..pictures import ANTENNA_PICTURE, MapFile, animate_maps, draw_results, plot_antennas
+from ..pictures import figure as plots
+from ..products import remove_stale, write_products, write_results
+from ..radar import Radar, implausible, make_system
+from ..runs import RadarFrame, Run, open_run
+from ..scattering import FrameSpeckle
+
+#: The moving picture of all frames' maps, in the folder of the products.
+ANIMATION_FILE = "range_doppler.gif"
+
+__all__ = ["FrameResult", "ProcessOptions", "Progress", "process_run"]
+
+#: Carriers that differ by more than this are worth a word about materials.
+_CARRIER_SLACK = 0.01
+
+
+def process_run(
+    path: str | Path,
+    options: ProcessOptions | None = None,
+    *,
+    out: str | Path | None = None,
+    frames: Sequence[int] | None = None,
+    allow_incomplete: bool = False,
+) -> Iterator[Progress | FrameResult]:
+    """Process a run frame by frame.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``run.json``.
+    options
+        How; the defaults where None.
+    out
+        Folder for the products, made where missing; default ``products`` in the run's folder.
+    frames
+        Frames to process; all where None.
+    allow_incomplete
+        Skip frames whose renders are not all there, instead of raising.
+
+    Yields
+    ------
+    Progress or FrameResult
+        Files of a frame, in `out`: ``frame_0001_amplitude_t0.exr`` and the other three products;
+        ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
+        velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; where asked for
+        ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
+        ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``. With a
+        system ``antennas.png``, once; with several frames ``range_doppler.gif`` in the end.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds, see :mod:`radarsim_addon.errors`.
+    """
+    run = open_run(path)
+    options = (options or ProcessOptions()).for_run(run)
+    chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
+    folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    try:
+        yield from _process_frames(run, chosen, folder, options, allow_incomplete)
+    except RadarSimError:
+        # What cannot be read or written is no error of its own where all is gone.
+        for place, kind in ((run.path, FrameFileError), (folder, OutputError)):
+            if not place.is_dir():
+                raise kind(
+                    f"The folder {place} has vanished during the processing: it was removed or "
+                    "renamed, or its drive is gone. Put it back, or process again."
+                ) from None
+        raise
+
+
+def _process_frames(
+    run: Run,
+    chosen: Sequence[RadarFrame],
+    folder: Path,
+    options: ProcessOptions,
+    allow_incomplete: bool,
+) -> Iterator[Progress | FrameResult]:
+    draws = plots.has_matplotlib() if options.plots is None else options.plots
+    if options.system is not None and draws:
+        wavelength_m = (options.radar or run.radar).waveform.wavelength_m
+        system = make_system(options.system, wavelength_m)
+        plots.save(plot_antennas(system), folder / ANTENNA_PICTURE)
+    steps = run.record.rings + 3
+    total, finished, complete = steps * len(chosen), 0, 0
+    maps: list[MapFile] = []
+    noise_power, unit = 0.0, ""
+    for frame in chosen:
+        gaps = frame.missing()
+        if gaps and not allow_incomplete:
+            raise FrameFileError(_gaps_text(frame, len(gaps), gaps[0].reason))
+        if gaps:
+            finished += steps
+            text = f"frame {frame.number} skipped: {len(gaps)} of its renders are missing"
+            yield Progress(finished, total, text)
+            continue
+        complete += 1
+        for event in _process_frame(run, frame, folder, options):
+            if isinstance(event, FrameResult):
+                remove_stale(folder, event.frame, event.files)
+                stem = f"frame_{event.frame:04d}"
+                maps.append(MapFile(folder / f"{stem}_map.npz", event.frame, event.time_s))
+                noise_power = event.map_noise_power
+                unit = power_unit(event.echoes.weighting)
+                yield event
+            else:
+                finished += 1
+                yield Progress(finished, total, event)
+    if not complete:
+        raise FrameFileError(
+            f"{run.path} has no complete frame to process. Render the run again: it goes on where "
+            "it stopped."
+        )
+    if options.animate or (options.animate is None and draws and len(maps) > 1):
+        path = animate_maps(maps, folder / ANIMATION_FILE, noise_power=noise_power, unit=unit)
+        yield Progress(total, total, f"animation: {path}")
+    else:
+        remove_file(folder / ANIMATION_FILE)
+
+
+def _gaps_text(frame: RadarFrame, count: int, first: str) -> str:
+    return (
+        f"{frame.path} lacks {count} of {frame.planned} renders; the first: "
+        f"{first}. Render the run again: it goes on where it stopped. Or process only what is "
+        "complete with --allow-incomplete."
+    )
+
+
+def _process_frame(
+    run: Run, frame: RadarFrame, folder: Path, options: ProcessOptions
+) -> Iterator[str | FrameResult]:
+    window_m = check_window(options.window_m or run.window_m)
+    assert options.weighting is not None and options.radar is not None  # by `for_run`
+    radar = options.radar
+    budget = FrameBudget(frame, radar, options.system)
+    seed = options.speckle_seed if options.weighting == "radar-equation" else None
+    speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_m)
+    synthesizer = _synthesizer(radar, window_m, options, seed)
+    accumulator = ProfileAccumulator(
+        radar,
+        window_m,
+        window=options.window,
+        weighting=options.weighting,
+        receiver_gain=options.receiver_gain,
+        method=options.method,
+    )
+    total = StatisticsSum(radar, options.receiver_gain)
+    # What is expected of a pixel is spread over all that it covers, where that is known.
+    spread = frame.acquisition == "paths" and options.weighting == "radar-equation"
+    for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
+        paths = budget.apply(paths)
+        synthesizer.add(speckle.apply(paths))
+        if not spread:
+            accumulator.add(paths)
+        total.add(paths)
+        if frame.acquisition == "rings":
+            yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
+    incoming = synthesizer.result()
+    if frame.renders_per_burst > 1:
+        others = (
+            _echoes_of_render(frame.of_burst(number), window_m, options, seed)
+            for number in range(1, frame.renders_per_burst)
+        )
+        incoming = blended(itertools.chain([incoming], others), shown_times_s(frame))
+    reception = receive(incoming, options.receiver)
+    echoes = reception.echoes
+    compressed = compress(echoes, options.window)
+    filtered = cancel(compressed, options.mti) if options.mti else compressed
+    rd_map = range_doppler(filtered, options.doppler_window)
+    expected = None
+    if spread:
+        expected = expected_power(
+            frame,
+            radar,
+            window_m,
+            window=options.window,
+            doppler_window=options.doppler_window,
+            receiver_gain=options.receiver_gain,
+            link=budget.link,
+            points_to=accumulator.add,
+        )
+    profile = accumulator.result()
+    statistics = total.result(echoes.outside)
+    scatterers = speckle.report()
+    report = budget.report(
+        statistics.power_w,
+        options.window,
+        options.doppler_window,
+        window_m=window_m,
+        mti=options.mti,
+    )
+    heard = heard_recording(echoes, rd_map, options.mti)
+    result = FrameResult(
+        frame=frame.number,
+        time_s=frame.time_s,
+        statistics=statistics,
+        echoes=echoes,
+        compressed=compressed,
+        profile=profile,
+        rd_map=rd_map,
+        edges=find_edges(profile),
+        movers=find_movers(
+            echoes,
+            rd_map,
+            options.mti,
+            tolerance=options.tolerance,
+            # rounding follows the strong echoes: from pulse to pulse it may add up in phase
+            noise_power=(reception.noise_power_w + reception.rounding_power_w * radar.burst.pulses)
+            * map_noise_gain(radar, options.window, options.doppler_window),
+            # what is blended over the burst has sidelobes of its own beside 0 Hz
+            slowest_cells=SLOWEST_CELLS if frame.renders_per_burst == 1 else 3.0,
+            noisy_columns=options.receiver.phase_noise is not None
+            or options.receiver.adc_bits is not None,
+            recording=heard,
+        ),
+        warnings=statistics_warnings(statistics, radar)
+        + report.warnings
+        + speckle.warnings
+        + (expected.warnings if expected is not None else [])
+        + _inexact(echoes)
+        + (scatterers.warnings if scatterers is not None else [])
+        + _radar_warnings(run, radar, window_m, statistics.power_w > 0)
+        + _reception_warnings(reception.clipped, echoes.samples.size),
+        files=[],
+        expected=expected,
+        budget=report,
+        speckle=scatterers,
+        reception=reception,
+        detections=None
+        if options.cfar is None
+        else detect_targets(
+            rd_map, options.cfar, dynamics_db(options.tolerance), wide=heard.rd_map
+        ),
+    )
+    yield f"frame {frame.number}: echoes, map"
+    result.files.extend(write_results(result, folder, options))
+    if options.products and frame.acquisition == "rings":
+        result.files.extend(write_products(frame, folder))
+    yield f"frame {frame.number}: products"
+    if plots.has_matplotlib() if options.plots is None else options.plots:
+        result.files.extend(draw_results(frame, result, folder, options))
+    yield f"frame {frame.number}: pictures"
+    yield result
+
+
+def _synthesizer(
+    radar: Radar, window_m: tuple[float, float], options: ProcessOptions, seed: int | None
+) -> Any:
+    assert options.weighting is not None  # by `for_run`
+    return synthesizer_for(
+        radar,
+        window_m,
+        EchoOptions(
+            weighting=options.weighting,
+            receiver_gain=options.receiver_gain,
+            method=options.method,
+            tolerance=options.tolerance,
+            synthesis=options.synthesis,
+            speckle_seed=seed,
+        ),
+        phase_noise=options.receiver.phase_noise,
+        phase_noise_seed=options.receiver.phase_noise_seed,
+    )
+
+
+def _echoes_of_render(
+    render: RadarFrame,
+    window_m: tuple[float, float],
+    options: ProcessOptions,
+    seed: int | None,
+) -> Echoes:
+    """Echoes of one of the renders of a burst, for all pulses."""
+    assert options.radar is not None  # by `for_run`
+    budget = FrameBudget(render, options.radar, options.system)
+    speckle = FrameSpeckle(render, options.radar, seed, options.speckle_cell_m)
+    synthesizer = _synthesizer(options.radar, window_m, options, seed)
+    for paths in iter_paths(render, max_speed_mps=options.max_speed_mps):
+        synthesizer.add(speckle.apply(budget.apply(paths)))
+    echoes: Echoes = synthesizer.result()
+    return echoes
+
+
+def _inexact(echoes: Echoes) -> list[str]:
+    """Warnings where the echoes may miss their tolerance."""
+    if echoes.report is None:
+        return []
+    texts = [echoes.report.accuracy_warning(), echoes.report.ramp_warning()]
+    return [text for text in texts if text]
+
+
+def _radar_warnings(
+    run: Run, radar: Radar, window_m: tuple[float, float], echoing: bool
+) -> list[str]:
+    # A run without an echo ends where it begins: its window tells nothing of a scene.
+    found = implausible(radar, window_m[1] if echoing else None)
+    own_hz, now_hz = run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
+    if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
+        found.append(
+            f"The carrier is {now_hz / 1e9:g} GHz, the run was rendered for {own_hz / 1e9:g} GHz: "
+            "materials are those of the latter. Render again where they depend on frequency."
+        )
+    if window_m[1] > radar.waveform.unambiguous_range_m * (1 + 1e-9):
+        found.append(
+            f"The range window reaches to {window_m[1]:g} m, the waveform to "
+            f"{radar.waveform.unambiguous_range_m:.6g} m: profile and map end there."
+        )
+    return found
+
+
+def _reception_warnings(clipped: int, samples: int) -> list[str]:
+    if not clipped:
+        return []
+    text = f"The ADC clipped {clipped} values of I and Q of {samples} samples"
+    return [f"{text}. Raise its full scale, or let it be chosen."]

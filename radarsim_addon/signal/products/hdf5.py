@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All results of a frame in one HDF5 file, with units and conventions in attributes."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import __version__
+from ...atomic_files import replaced
+from ...errors import MissingDependencyError
+from ..detection import Detection, FrameResult, ProcessOptions
+from ..echoes import line_times_s
+from ..maps import level_unit
+from ..radar import waveform_to_dict
+
+#: Version of the layout below.
+LAYOUT_VERSION = 1
+_SIGN = "range rate positive = receding; Doppler = -2 v / wavelength; echoes exp(-j 2 pi f0 tau)"
+_UNITS = {
+    "range_m": "m",
+    "velocity_mps": "m/s",
+    "doppler_hz": "Hz",
+    "level_db": "dB",  # dBW where powers are watts, see `level_unit`
+    "noise_db": "dB",
+    "snr_db": "dB",
+    "row": "1",
+    "col": "1",
+}
+
+
+def _h5py() -> Any:
+    if importlib.util.find_spec("h5py") is None:
+        raise MissingDependencyError(
+            "h5py is not installed; it writes HDF5. Install it with 'pip install h5py' (outside "
+            "Blender: radarsim process reads the same folder), or write no HDF5."
+        )
+    return importlib.import_module("h5py")
+
+
+def write_hdf5(path: Path, result: FrameResult, options: ProcessOptions) -> Path:
+    """Write a frame's results.
+
+    Groups: ``echoes`` (samples [pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
+    expected_power, coherent_range_m, coherent_power), ``map`` (values [Doppler, range] complex,
+    doppler_hz, velocity_mps, range_m), ``detections`` (one column each), ``uncertainty`` (profile
+    and map of expected power with standard errors). Every dataset has the attributes ``units`` and
+    ``description``; axes are HDF5 dimension scales.
+
+    Raises
+    ------
+    MissingDependencyError
+        h5py is not installed, as inside Blender.
+    OutputError
+        The folder cannot be written to.
+    """
+    h5py = _h5py()
+    with replaced(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        radar = result.rd_map.radar
+        file.attrs["title"] = f"radarsim frame {result.frame}"
+        file.attrs["software"] = f"radarsim {__version__}"
+        file.attrs["layout_version"] = LAYOUT_VERSION
+        file.attrs["frame"] = result.frame
+        file.attrs["time_s"] = result.time_s
+        file.attrs["sign_convention"] = _SIGN
+        file.attrs["range_convention"] = "one-way range = half the length of the path"
+        file.attrs["waveform"] = json.dumps(waveform_to_dict(radar.waveform))
+        file.attrs["prf_hz"] = radar.burst.prf_hz
+        file.attrs["pulses"] = radar.burst.pulses
+        file.attrs["options"] = json.dumps(options.record())
+        file.attrs["warnings"] = json.dumps(result.warnings)
+        _write_echoes(file.create_group("echoes"), result)
+        _write_profile(file.create_group("profile"), result)
+        _write_map(file.create_group("map"), result)
+        if result.detections is not None:
+            _write_detections(file.create_group("detections"), result)
+        if result.expected is not None:
+            _write_uncertainty(file.create_group("uncertainty"), result)
+    return path
+
+
+def _put(
+    group: Any, name: str, values: NDArray[Any], units: str, description: str, *axes: str
+) -> None:
+    """One dataset; `axes` name datasets of the group that are its dimension scales."""
+    packed = {"compression": "gzip", "compression_opts": 1} if values.size > 4096 else {}
+    data = group.create_dataset(name, data=values, **packed)
+    data.attrs["units"], data.attrs["description"] = units, description
+    for number, axis in enumerate(axes):
+        if not group[axis].is_scale:
+            group[axis].make_scale(axis)
+        data.dims[number].attach_scale(group[axis])
+
+
+def _unit(result: FrameResult, power: bool) -> str:
+    if result.echoes.weighting == "radar-equation":
+        return "W" if power else "sqrt(W)"
+    return "(B r^2)^2" if power else "B r^2"
+
+
+def _write_echoes(group: Any, result: FrameResult) -> None:
+    echoes = result.echoes
+    line = echoes.radar.waveform.family == "line"
+    slow_s = line_times_s(echoes.radar) if line else echoes.slow_time_s
+    since = "the pulse began" if line else "the middle of the transmitted pulse"
+    _put(group, "fast_time_s", echoes.fast_time_s, "s", f"time of the samples since {since}")
+    _put(group, "slow_time_s", slow_s, "s", "time of the rows since the frame's time")
+    _put(group, "samples", echoes.samples, _unit(result, False), "raw I/Q, carrier taken off",
+         "slow_time_s", "fast_time_s")  # fmt: skip
+    if result.reception is not None:
+        group.attrs["noise_power_w"] = result.reception.noise_power_w
+        group.attrs["clipped"] = result.reception.clipped
+        if result.reception.step is not None:
+            group.attrs["adc_step"] = result.reception.step
+
+
+def _write_profile(group: Any, result: FrameResult) -> None:
+    power = np.mean(np.abs(result.compressed.values) ** 2, axis=0)
+    unit = _unit(result, True)
+    group.attrs["window"] = result.compressed.window
+    _put(group, "range_m", result.profile.range_m, "m", "one-way range")
+    _put(group, "expected_power", result.profile.power, unit, "without speckle and noise",
+         "range_m")  # fmt: skip
+    _put(group, "coherent_range_m", result.compressed.range_m, "m", "one-way range")
+    _put(group, "coherent_power", power, unit, "mean of the pulses", "coherent_range_m")
+
+
+def _write_map(group: Any, result: FrameResult) -> None:
+    rd_map = result.rd_map
+    group.attrs["window"], group.attrs["doppler_window"] = rd_map.window, rd_map.doppler_window
+    _put(group, "doppler_hz", rd_map.doppler_hz, "Hz", "Doppler, receding negative")
+    _put(group, "velocity_mps", rd_map.velocity_mps, "m/s", "range rate, receding positive")
+    _put(group, "range_m", rd_map.range_m, "m", "one-way range")
+    _put(group, "values", rd_map.values, _unit(result, False),
+         "complex map; a path of power P peaks at |.|^2 = P", "doppler_hz", "range_m")  # fmt: skip
+
+
+def _write_detections(group: Any, result: FrameResult) -> None:
+    found = result.detections
+    assert found is not None
+    for name, value in dataclasses.asdict(found.cfar).items():
+        group.attrs[f"cfar_{name}"] = value
+    group.attrs["cells_above_threshold"] = found.cells
+    group.attrs["independent_training_cells"] = found.independent_cells
+    for field in dataclasses.fields(Detection):
+        column = np.array([getattr(target, field.name) for target in found.targets])
+        unit = _UNITS[field.name]
+        if field.name in ("level_db", "noise_db"):
+            unit = level_unit(result.echoes.weighting)
+        _put(group, field.name, column, unit, f"{field.name} of each target")
+
+
+def _write_uncertainty(group: Any, result: FrameResult) -> None:
+    expected = result.expected
+    assert expected is not None
+    unit = _unit(result, True)
+    _put(group, "range_m", expected.range_m, "m", "one-way range")
+    _put(group, "doppler_hz", expected.doppler_hz, "Hz", "Doppler, receding negative")
+    for name, values in (("profile", expected.profile), ("profile_error", expected.profile_error)):
+        _put(group, name, values, unit, _expected_text(name), "range_m")
+    for name, values in (("map", expected.map), ("map_error", expected.map_error)):
+        _put(group, name, values, unit, _expected_text(name), "doppler_hz", "range_m")
+
+
+def _expected_text(name: str) -> str:
+    return "standard error of the expected power" if "error" in name else "expected power"

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""ROOM."""
+
+from .antennas import self_contained
+from .config import Burst, Radar
+from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
+from .link_budget import RadarSystem, make_system, read_system, weighting_of
+from .parameter_checks import implausible, length_text
+from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
+from .pulse_replicas import (
+    band_window,
+    frequencies_hz,
+    matched_filter,
+    replica,
+    replica_count,
+    replica_spectrum,
+)
+from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
+from .radar_files import burst_from_dict, load_radar, waveform_from_dict, waveform_to_dict
+from .waveform import AnyWaveform, check_count
+from .windows import WINDOW_NAMES, slow_time_window, window_at
+
+__all__ = [
+    "WINDOW_NAMES",
+    "AnyWaveform",
+    "ArbitraryPulse",
+    "Burst",
+    "FmcwWaveform",
+    "LineWaveform",
+    "PhaseCodedPulse",
+    "PmcwWaveform",
+    "Radar",
+    "RadarSystem",
+    "SteppedWaveform",
+    "Waveform",
+    "band_window",
+    "burst_from_dict",
+    "check_count",
+    "cut_dbi",
+    "frequencies_hz",
+    "half_power_width_rad",
+    "implausible",
+    "length_text",
+    "load_radar",
+    "make_system",
+    "matched_filter",
+    "peak_direction",
+    "read_system",
+    "replica",
+    "replica_count",
+    "replica_spectrum",
+    "self_contained",
+    "slow_time_window",
+    "waveform_from_dict",
+    "waveform_to_dict",
+    "weighting_of",
+    "window_at",
+]

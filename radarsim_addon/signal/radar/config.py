@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The radar's numbers and what follows from them. SI, float64; standard library only.
+
+Sign convention, here and in every product: range rate is positive when the range grows
+(receding), and Doppler is ``f_D = -2 (dr/dt) / lambda``: a receding target is at negative Doppler.
+Eq. 12 of the paper carries the opposite sign, its Fig. 9 the one used here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .waveform import AnyWaveform, check_positive
+
+#: Relative slack when two numbers that should be equal come from a user interface in float32.
+_SLACK = 1e-6
+#: What the error calls the time that a waveform takes.
+_DURATION_NAMES = {
+    "lfm": "Chirp length",
+    "fmcw": "Chirp (ramp and idle time) of",
+    "pmcw": "Train of codes of",
+    "stepped": "Ramp of steps of",
+}
+
+
+@dataclass(frozen=True)
+class Burst:
+    """A train of equal pulses: ``pulses`` of them, ``prf_hz`` a second."""
+
+    prf_hz: float
+    pulses: int
+
+    def __post_init__(self) -> None:
+        check_positive("PRF", self.prf_hz, "hertz")
+        if not (isinstance(self.pulses, int) and self.pulses >= 1):
+            raise ConfigError(f"Number of pulses is {self.pulses!r}; expected an integer from 1.")
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """c / 2 PRF [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.prf_hz)
+
+
+@dataclass(frozen=True)
+class Radar:
+    """Waveform and burst together, checked against each other."""
+
+    waveform: AnyWaveform
+    burst: Burst
+
+    def __post_init__(self) -> None:
+        interval_s = 1 / self.burst.prf_hz
+        if self.waveform.duration_s > interval_s * (1 + _SLACK):
+            what = _DURATION_NAMES.get(self.waveform.kind, "Waveform of")
+            raise ConfigError(
+                f"{what} {self.waveform.duration_s:g} s is longer than the pulse "
+                f"interval {interval_s:g} s (PRF {self.burst.prf_hz:g} Hz). "
+                "Shorten the chirp or lower the PRF."
+            )
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Where echoes begin to fold: c / 2 PRF or the waveform's own limit, the lesser [m]."""
+        return min(self.burst.unambiguous_range_m, self.waveform.unambiguous_range_m)
+
+    @property
+    def max_velocity_mps(self) -> float:
+        """Largest unambiguous |range rate|, lambda PRF / 4 [m/s]."""
+        return self.waveform.wavelength_m * self.burst.prf_hz / 4
+
+    @property
+    def velocity_resolution_mps(self) -> float:
+        """lambda PRF / (2 M) [m/s] for M pulses."""
+        return self.waveform.wavelength_m * self.burst.prf_hz / (2 * self.burst.pulses)
+
+    def doppler_hz(self, range_rate_mps: float) -> float:
+        """Doppler shift of a range rate: -2 v / lambda [Hz] (receding is negative)."""
+        return -2 * range_rate_mps / self.waveform.wavelength_m

@@ -1,0 +1,336 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Waveforms whose receiver samples frequencies: FMCW with de-chirp, stepped frequency, PMCW.
+
+Frozen, in SI, checked on construction; they satisfy :class:`.config.AnyWaveform`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Protocol, runtime_checkable
+
+from ...array_types import Complex
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .chips import ChipNumbers
+from .codes import m_sequence
+from .waveform import AnyWaveform, WaveformNumbers, check_carrier, check_count, check_positive
+
+#: More samples of one chirp than this is a slip of the unit.
+_MOST_SAMPLES = 1 << 22
+
+
+class LineNumbers(WaveformNumbers):
+    """What follows for the family "line" from the grid of frequencies.
+
+    Frequency k of `grid_count` is f0 + (k - grid_middle) grid_step_hz, observed at the time
+    `grid_start_s` + k `grid_interval_s` of each pulse.
+    """
+
+    family: ClassVar[Literal["pulse", "line"]] = "line"
+
+    @property
+    def sample_spacing_m(self: LineWaveform) -> float:
+        """One-way range between two independent samples, c / (2 N df) [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.grid_count * self.grid_step_hz)
+
+    @property
+    def range_period_m(self: LineWaveform) -> float:
+        """Range after which the profile repeats, c / 2 df [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.grid_step_hz)
+
+    @property
+    def grid_middle(self: LineWaveform) -> float:
+        """Index of the carrier in the grid: (N-1)/2."""
+        return (self.grid_count - 1) / 2
+
+    @property
+    def grid_middle_s(self: LineWaveform) -> float:
+        """Time of the middle of the band in each pulse [s]."""
+        return self.grid_start_s + self.grid_middle * self.grid_interval_s
+
+
+@runtime_checkable
+class LineWaveform(AnyWaveform, Protocol):
+    """Protocol of the family "line", see :class:`LineNumbers`."""
+
+    @property
+    def grid_count(self) -> int:
+        """Number N of frequencies."""
+        ...
+
+    @property
+    def grid_step_hz(self) -> float:
+        """Their distance df [Hz]."""
+        ...
+
+    @property
+    def grid_start_s(self) -> float:
+        """Time of the first one in each pulse [s]."""
+        ...
+
+    @property
+    def grid_interval_s(self) -> float:
+        """Time between two [s]; 0: all at once."""
+        ...
+
+    @property
+    def grid_middle(self) -> float:
+        """Index of the carrier in the grid, where it falls between two a half."""
+        ...
+
+    @property
+    def grid_middle_s(self) -> float:
+        """Time of the middle of the band in each pulse [s]."""
+        ...
+
+    @property
+    def range_period_m(self) -> float:
+        """Range after which the profile repeats, c / 2 df [m]."""
+        ...
+
+
+@dataclass(frozen=True)
+class FmcwWaveform(LineNumbers):
+    """Linear FMCW with de-chirp: the beat of each chirp is sampled.
+
+    Parameters
+    ----------
+    carrier_hz
+        Frequency in the middle of the sampled part of the ramp [Hz].
+    bandwidth_hz
+        Swept while the ADC samples, N times slope / fs [Hz].
+    adc_samples
+        Samples N per chirp.
+    sampling_rate_hz
+        Of the ADC [Hz].
+    adc_start_s
+        From the start of the ramp to the first sample [s].
+    ramp_s
+        Length of the ramp [s]; None: it ends with the last sample.
+    idle_s
+        Pause before the next chirp [s].
+    real_adc
+        Whether the mixer and the ADC have one (real) channel; else I and Q.
+    """
+
+    carrier_hz: float
+    bandwidth_hz: float
+    adc_samples: int
+    sampling_rate_hz: float
+    adc_start_s: float = 0.0
+    ramp_s: float | None = None
+    idle_s: float = 0.0
+    real_adc: bool = False
+
+    kind: ClassVar[str] = "fmcw"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        check_positive("Bandwidth", self.bandwidth_hz, "hertz")
+        check_positive("ADC sampling rate", self.sampling_rate_hz, "hertz")
+        check_count("Number of ADC samples", self.adc_samples, 2, _MOST_SAMPLES)
+        for name, value in (("ADC start", self.adc_start_s), ("Idle time", self.idle_s)):
+            if not (math.isfinite(value) and value >= 0):
+                raise ConfigError(f"{name} is {value!r} s; expected 0 or more seconds.")
+        sampled_s = self.adc_start_s + self.adc_samples / self.sampling_rate_hz
+        if self.ramp_s is not None and not self.ramp_s >= sampled_s * (1 - 1e-6):
+            raise ConfigError(
+                f"Ramp of {self.ramp_s!r} s ends before the ADC, which samples until "
+                f"{sampled_s:g} s after its start. Lengthen the ramp, sample faster or less."
+            )
+        if not isinstance(self.real_adc, bool):
+            raise ConfigError(f"real_adc is {self.real_adc!r}; expected true or false.")
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def slope_hz_per_s(self) -> float:
+        """Chirp rate K = B fs / N [Hz/s]."""
+        return self.bandwidth_hz * self.sampling_rate_hz / self.adc_samples
+
+    @property
+    def duration_s(self) -> float:
+        """Ramp and idle time [s]."""
+        sampled_s = self.adc_start_s + self.adc_samples / self.sampling_rate_hz
+        return (sampled_s if self.ramp_s is None else self.ramp_s) + self.idle_s
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Where the beat leaves the ADC's band: c fs / 2K, half of it with a real ADC [m]."""
+        whole_m = SPEED_OF_LIGHT_MPS * self.sampling_rate_hz / (2 * self.slope_hz_per_s)
+        return whole_m / 2 if self.real_adc else whole_m
+
+    @property
+    def grid_count(self) -> int:
+        """Frequencies: one per ADC sample."""
+        return self.adc_samples
+
+    @property
+    def grid_step_hz(self) -> float:
+        """What the ramp climbs between samples, K / fs [Hz]."""
+        return self.bandwidth_hz / self.adc_samples
+
+    @property
+    def grid_start_s(self) -> float:
+        """The first sample, from the start of the ramp [s]."""
+        return self.adc_start_s
+
+    @property
+    def grid_interval_s(self) -> float:
+        """1 / fs [s]."""
+        return 1 / self.sampling_rate_hz
+
+
+@dataclass(frozen=True)
+class SteppedWaveform(LineNumbers):
+    """Stepped frequency: N tones, one complex sample of each.
+
+    Parameters
+    ----------
+    carrier_hz
+        Middle of the steps [Hz].
+    step_hz
+        Distance of two steps [Hz]; the range repeats with c / 2 step.
+    steps
+        Number N of steps.
+    step_time_s
+        Time on each step, over which the receiver averages [s].
+    """
+
+    carrier_hz: float
+    step_hz: float
+    steps: int
+    step_time_s: float
+
+    kind: ClassVar[str] = "stepped"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        check_positive("Frequency step", self.step_hz, "hertz")
+        check_positive("Time per step", self.step_time_s, "seconds")
+        check_count("Number of steps", self.steps, 2, _MOST_SAMPLES)
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """N steps [Hz]."""
+        return self.steps * self.step_hz
+
+    @property
+    def sampling_rate_hz(self) -> float:
+        """One sample a step [Hz]."""
+        return 1 / self.step_time_s
+
+    @property
+    def duration_s(self) -> float:
+        """All steps [s]."""
+        return self.steps * self.step_time_s
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """c / 2 step [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.step_hz)
+
+    @property
+    def grid_count(self) -> int:
+        """Number of steps."""
+        return self.steps
+
+    @property
+    def grid_step_hz(self) -> float:
+        """Distance of two steps [Hz]."""
+        return self.step_hz
+
+    @property
+    def grid_start_s(self) -> float:
+        """The first sample is taken in the middle of the first step [s]."""
+        return self.step_time_s / 2
+
+    @property
+    def grid_interval_s(self) -> float:
+        """Time per step [s]."""
+        return self.step_time_s
+
+
+@dataclass(frozen=True)
+class PmcwWaveform(ChipNumbers, LineNumbers):
+    """Phase-modulated continuous wave: an m-sequence sent over and over.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier frequency f0 [Hz].
+    chip_length_s
+        Length of one chip [s]; the bandwidth is its inverse.
+    degree
+        Of the m-sequence: 2^degree - 1 chips.
+    repeats
+        Codes that the correlator adds up for one pulse of the burst.
+    samples_per_chip
+        Complex samples per chip, from 1.
+    """
+
+    carrier_hz: float
+    chip_length_s: float
+    degree: int
+    repeats: int = 1
+    samples_per_chip: int = 1
+
+    kind: ClassVar[str] = "pmcw"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        m_sequence(self.degree)
+        self.check_chips(64)
+        check_count("Number of repeats", self.repeats, 1, 1 << 16)
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def code_length(self) -> int:
+        """Chips of the code."""
+        return int(2**self.degree - 1)
+
+    @property
+    def code_s(self) -> float:
+        """Length of one code [s]."""
+        return self.code_length * self.chip_length_s
+
+    @property
+    def duration_s(self) -> float:
+        """All repeats [s]."""
+        return self.repeats * self.code_s
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """c / 2 times the length of the code [m]."""
+        return SPEED_OF_LIGHT_MPS * self.code_s / 2
+
+    @property
+    def grid_count(self) -> int:
+        """Samples, and so frequencies, of one code."""
+        return self.code_length * self.samples_per_chip
+
+    @property
+    def grid_step_hz(self) -> float:
+        """Lines of a periodic code: 1 / its length [Hz]."""
+        return 1 / self.code_s
+
+    @property
+    def grid_start_s(self) -> float:
+        """Sampling begins with the code [s]."""
+        return 0.0
+
+    @property
+    def grid_interval_s(self) -> float:
+        """0: a code holds all its frequencies at once [s]."""
+        return 0.0
+
+    @property
+    def grid_middle(self) -> float:
+        """N // 2, as a discrete Fourier transform has its frequencies."""
+        return self.grid_count // 2
+
+    def replica_samples(self) -> Complex:
+        """One code, (chips x samples_per_chip,)."""
+        return self.sampled(m_sequence(self.degree))

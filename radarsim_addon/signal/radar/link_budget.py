@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The radar's power budget: transmit power, antennas, losses, noise.
+
+Without a system a path brings the power that an emitter of the lamp's EIRP in all directions gives
+to an isotropic receiver. With one, each path's power is that times
+
+    P_t G_t(direction at the emitter) G_r(direction at the receiver) / (L EIRP of the lamp),
+
+so that no new render is needed: the lamp's watts are the light level of the renders and cancel.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast, get_args
+
+from ...contract import AntennaRecord, SystemRecord, Weighting
+from ...errors import ConfigError
+from ...physics.checks import real_array
+from ...physics.noise import noise_power_w
+from ...physics.radar_equation import from_db
+from ...textfile import read_text
+from .antennas import PeakedAntenna, make_antenna, self_contained
+
+#: A file with two antenna tables of a degree's step has about 2 MB.
+_MAX_BYTES = 64 * 1024 * 1024
+_RECORD_ONLY = ("schema", "schema_version")
+
+
+@dataclass(frozen=True)
+class RadarSystem:
+    """A power budget that was checked, its antennas ready for use.
+
+    Attributes
+    ----------
+    record
+        The numbers.
+    transmitter, receiver
+        Antennas; each looks along the -z of the lamp or camera, y up.
+    wavelength_m
+        At which the antennas are [m].
+    """
+
+    record: SystemRecord
+    transmitter: PeakedAntenna
+    receiver: PeakedAntenna
+    wavelength_m: float
+
+    @property
+    def loss(self) -> float:
+        """All losses together, linear, over 1."""
+        record = self.record
+        total_db = record.transmit_loss_db + record.receive_loss_db + record.other_loss_db
+        return float(from_db(total_db))
+
+    def noise_power_w(self, bandwidth_hz: float) -> float:
+        """Thermal noise in a bandwidth at the receiver's input, k (T_a + (F-1) T_0) B [W]."""
+        record = self.record
+        return float(
+            noise_power_w(bandwidth_hz, record.noise_figure_db, record.antenna_temperature_k)
+        )
+
+
+def make_system(record: SystemRecord, wavelength_m: float) -> RadarSystem:
+    """Check a power budget and make its antennas.
+
+    Raises
+    ------
+    ConfigError
+        A number out of range, an antenna that cannot be made, an unknown weighting.
+    """
+    real_array("Transmit power", record.transmit_power_w, "W", above=0.0)
+    for name in ("transmit_loss_db", "receive_loss_db", "other_loss_db", "noise_figure_db"):
+        real_array(name.removesuffix("_db").replace("_", " ").capitalize(), getattr(record, name),
+                   "dB", minimum=0.0)  # fmt: skip
+    real_array("Antenna temperature", record.antenna_temperature_k, "K", minimum=0.0)
+    weighting_of(record)
+    return RadarSystem(
+        record,
+        make_antenna(record.transmitter, wavelength_m, "Transmitter's"),
+        make_antenna(record.receiver, wavelength_m, "Receiver's"),
+        wavelength_m,
+    )
+
+
+def weighting_of(record: SystemRecord | None) -> Weighting:
+    """A budget's weighting, see :func:`.paths.path_amplitude`; "radar-equation" without one.
+
+    Raises
+    ------
+    ConfigError
+        The weighting is unknown.
+    """
+    for name in get_args(Weighting):
+        if record is not None and record.weighting == name:
+            return cast(Weighting, name)
+    if record is None:
+        return "radar-equation"
+    raise ConfigError(
+        f"Weighting {record.weighting!r}; expected one of {', '.join(get_args(Weighting))}."
+    )
+
+
+def read_system(path: str | Path) -> SystemRecord:
+    """Read a power budget from JSON; the fields of `SystemRecord`, those left out as there.
+
+    Antenna tables may be named by ``"file"``, relative to the JSON file. A ``run.json`` will do
+    as well: its system is taken.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or holds an unknown field or a value of a wrong kind.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(read_text(path, _MAX_BYTES))
+    except FileNotFoundError:
+        raise ConfigError(f"System file {path} does not exist; check the path.") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(f"System file {path} cannot be read as JSON ({error}).") from error
+    if isinstance(data, dict) and data.get("schema") == "radarsim/run":
+        data = data.get("system")
+        if data is None:
+            raise ConfigError(f"{path} is a run without a system; expected one with a system.")
+    record: SystemRecord = _from_json(SystemRecord, data, str(path))
+    return dataclasses.replace(
+        record,
+        transmitter=self_contained(record.transmitter, path.parent),
+        receiver=self_contained(record.receiver, path.parent),
+    )
+
+
+def _from_json(kind: Any, data: Any, where: str) -> Any:
+    if not isinstance(data, dict):
+        raise ConfigError(f"{where} holds {data!r:.60}; expected a JSON object.")
+    fields = {item.name: item for item in dataclasses.fields(kind)}
+    for name in data:
+        if name not in fields:
+            known = ", ".join(key for key in fields if key not in _RECORD_ONLY)
+            raise ConfigError(f"{where} has the unknown field {name!r}; expected some of {known}.")
+    values = {}
+    for name, value in data.items():
+        if name in _RECORD_ONLY:
+            continue
+        place = f"{where}: {name}"
+        if name in ("transmitter", "receiver"):
+            values[name] = _from_json(AntennaRecord, value, place)
+        elif name == "parameters":
+            if not isinstance(value, dict):
+                raise ConfigError(f"{place} is {value!r:.60}; expected a JSON object.")
+            values[name] = value
+        elif name in ("kind", "weighting"):
+            if not isinstance(value, str):
+                raise ConfigError(f"{place} is {value!r:.60}; expected text.")
+            values[name] = value
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise ConfigError(f"{place} is {value!r:.60}; expected a number.")
+        else:
+            values[name] = float(value)
+    return kind(**values)

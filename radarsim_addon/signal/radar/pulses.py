@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pulses beside the linear chirp: phase-coded, and any samples from a file.
+
+Frozen, in SI, checked on construction; they satisfy :class:`.config.AnyWaveform`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from ...array_types import Complex
+from ...errors import ConfigError
+from .chips import ChipNumbers
+from .codes import barker
+from .config import _SLACK
+from .waveform import PulseNumbers, check_carrier, check_positive
+
+#: More samples in one pulse, chirp or code than this is a slip of the unit.
+MAX_WAVEFORM_SAMPLES = 1 << 22
+
+
+@dataclass(frozen=True)
+class PhaseCodedPulse(ChipNumbers, PulseNumbers):
+    """A pulse of chips of phase 0 or pi, after a Barker code.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier frequency f0 [Hz].
+    chip_length_s
+        Length of one chip [s]; the bandwidth is its inverse.
+    code_length
+        Chips: 2, 3, 4, 5, 7, 11 or 13.
+    samples_per_chip
+        Complex samples per chip, from 1.
+    """
+
+    carrier_hz: float
+    chip_length_s: float
+    code_length: int = 13
+    samples_per_chip: int = 2
+
+    kind: ClassVar[str] = "barker"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        barker(self.code_length)
+        self.check_chips(1024)
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def duration_s(self) -> float:
+        """Pulse length [s]."""
+        return self.code_length * self.chip_length_s
+
+    def replica_samples(self) -> Complex:
+        """The transmitted samples, (chips x samples_per_chip,)."""
+        return self.sampled(barker(self.code_length))
+
+
+@dataclass(frozen=True)
+class ArbitraryPulse(PulseNumbers):
+    """A pulse of given complex samples, read from a file by :mod:`.waveform_files`.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier frequency f0, 0 Hz of the samples [Hz].
+    sampling_rate_hz
+        Complex sampling rate [Hz].
+    samples
+        Complex samples, (n,); scaled so that the mean of |w|^2 is 1.
+    band_hz
+        Band |f| <= B/2 that the samples use, over which windows are laid [Hz]; None: all of the
+        sampling rate.
+    source
+        Name of the file, for records.
+    """
+
+    carrier_hz: float
+    sampling_rate_hz: float
+    samples: Complex = field(repr=False, compare=False)
+    band_hz: float | None = None
+    source: str = ""
+
+    kind: ClassVar[str] = "arbitrary"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        check_positive("Sampling rate", self.sampling_rate_hz, "hertz")
+        if self.band_hz is not None:
+            check_positive("Bandwidth", self.band_hz, "hertz")
+            if self.band_hz > self.sampling_rate_hz * (1 + 1e-6):
+                raise ConfigError(
+                    f"Bandwidth {self.band_hz:g} Hz is above the sampling rate "
+                    f"{self.sampling_rate_hz:g} Hz; complex samples carry no more than that."
+                )
+        samples = np.array(self.samples, dtype=np.complex128)
+        if samples.ndim != 1 or not 2 <= samples.size <= MAX_WAVEFORM_SAMPLES:
+            raise ConfigError(
+                f"Waveform samples have the shape {samples.shape}; expected one row of 2 to "
+                f"{MAX_WAVEFORM_SAMPLES} complex numbers."
+            )
+        power = float(np.mean(np.abs(samples) ** 2))
+        if not (math.isfinite(power) and power > 0):
+            raise ConfigError(
+                f"Waveform samples have the mean power {power}; expected finite samples that are "
+                "not all zero."
+            )
+        samples /= math.sqrt(power)
+        samples.setflags(write=False)
+        object.__setattr__(self, "samples", samples)
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """`band_hz`, or the sampling rate [Hz]."""
+        return self.sampling_rate_hz if self.band_hz is None else self.band_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Pulse length [s]."""
+        return self.samples.size / self.sampling_rate_hz
+
+    def replica_samples(self) -> Complex:
+        """The transmitted samples, mean power 1."""
+        return self.samples
+
+
+@dataclass(frozen=True)
+class Waveform(PulseNumbers):
+    """A linear FM pulse.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier frequency f0 [Hz].
+    bandwidth_hz
+        Swept bandwidth B [Hz].
+    chirp_length_s
+        Pulse length T_p [s].
+    sampling_rate_hz
+        Complex (I/Q) sampling rate [Hz]; at least the bandwidth.
+    """
+
+    carrier_hz: float
+    bandwidth_hz: float
+    chirp_length_s: float
+    sampling_rate_hz: float
+
+    kind: ClassVar[str] = "lfm"
+
+    def __post_init__(self) -> None:
+        check_positive("Carrier frequency", self.carrier_hz, "hertz")
+        check_positive("Bandwidth", self.bandwidth_hz, "hertz")
+        check_positive("Chirp length", self.chirp_length_s, "seconds")
+        check_positive("Sampling rate", self.sampling_rate_hz, "hertz")
+        if self.sampling_rate_hz < self.bandwidth_hz * (1 - _SLACK):
+            raise ConfigError(
+                f"Sampling rate {self.sampling_rate_hz:g} Hz is below the bandwidth "
+                f"{self.bandwidth_hz:g} Hz: complex samples would alias. "
+                "Raise the sampling rate or lower the bandwidth (FM rate x chirp length)."
+            )
+        if not self._samples >= 2:
+            raise ConfigError(
+                f"Chirp of {self.chirp_length_s:g} s holds {self._samples:.3g} samples at "
+                f"{self.sampling_rate_hz:g} Hz; expected at least 2. Lengthen the chirp or raise "
+                "the sampling rate, and check their units (the panel takes us and MHz)."
+            )
+        check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def _samples(self) -> float:
+        # a tiny slack: 2.5e-6 * 60e6 is 149.99999999999997
+        return self.chirp_length_s * self.sampling_rate_hz * (1 + 1e-9)
+
+    @property
+    def sample_count(self) -> int:
+        """Whole samples in the pulse, at least 2."""
+        return math.floor(self._samples)
+
+    @property
+    def duration_s(self) -> float:
+        """Pulse length [s]."""
+        return self.chirp_length_s
+
+    @property
+    def fm_rate_hz_per_s(self) -> float:
+        """Chirp rate K = B / T_p [Hz/s]."""
+        return self.bandwidth_hz / self.chirp_length_s

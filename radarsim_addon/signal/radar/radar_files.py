@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Waveforms and radars as plain dictionaries and files: run.json, radar.json, tables of samples."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Complex
+from ...errors import ConfigError, FrameFileError
+from ...textfile import TextTooLongError, read_text
+from .config import Burst, Radar
+from .continuous_wave import FmcwWaveform, PmcwWaveform, SteppedWaveform
+from .pulses import MAX_WAVEFORM_SAMPLES, ArbitraryPulse, PhaseCodedPulse, Waveform
+from .waveform import AnyWaveform
+
+#: Kind in a file -> class.
+KINDS: dict[str, Any] = {
+    kind.kind: kind
+    for kind in (
+        Waveform,
+        FmcwWaveform,
+        PhaseCodedPulse,
+        PmcwWaveform,
+        SteppedWaveform,
+        ArbitraryPulse,
+    )
+}
+#: A radar file holds a few numbers; the samples of an arbitrary waveform are in their own file.
+_MAX_RADAR_BYTES = 1 << 20
+_MAX_SAMPLE_BYTES = 64 * MAX_WAVEFORM_SAMPLES
+#: Fields of each kind that are not numbers.
+_WHOLE = {"adc_samples", "steps", "degree", "repeats", "samples_per_chip", "code_length"}
+
+
+def waveform_to_dict(waveform: AnyWaveform) -> dict[str, Any]:
+    """The fields of a waveform as JSON holds them, with its kind.
+
+    An LFM pulse carries no kind: so it always was in run.json. Of an arbitrary waveform the
+    samples go along as two lists.
+    """
+    fields: Any = waveform
+    data: dict[str, Any] = {}
+    if waveform.kind != Waveform.kind:
+        data["kind"] = waveform.kind
+    for item in dataclasses.fields(fields):
+        value = getattr(waveform, item.name)
+        if isinstance(value, np.ndarray):
+            value = {"real": value.real.tolist(), "imag": value.imag.tolist()}
+        data[item.name] = value
+    return data
+
+
+def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
+    """A waveform from its fields and "kind" (none: "lfm").
+
+    Parameters
+    ----------
+    data
+        Kind and fields by name, SI. "arbitrary" takes "samples" as {"real": [...],
+        "imag": [...]}, or "file", see :func:`load_samples`.
+    folder
+        What the name of such a file is relative to.
+
+    Raises
+    ------
+    ConfigError
+        Unknown kind or field, a missing field, or numbers that do not fit.
+    FrameFileError
+        The file of samples cannot be read.
+    """
+    if not isinstance(data, dict):
+        raise ConfigError(f"Waveform is {data!r:.60}; expected an object with its fields.")
+    given = dict(data)
+    name = given.pop("kind", Waveform.kind)
+    if name not in KINDS:
+        raise ConfigError(
+            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(KINDS))}."
+        )
+    kind = KINDS[name]
+    if kind is ArbitraryPulse:
+        given["samples"] = _given_samples(given, folder)
+        given.setdefault("source", "")
+    known = {item.name: item for item in dataclasses.fields(kind)}
+    needed = {
+        n
+        for n, item in known.items()
+        if item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
+    }
+    strange, lacking = sorted(set(given) - set(known)), sorted(needed - set(given))
+    if strange or lacking:
+        raise ConfigError(
+            f"Waveform {name!r} "
+            + (f"lacks {', '.join(lacking)}" if lacking else f"knows no {', '.join(strange)}")
+            + f"; its fields are {', '.join(known)} (SI units)."
+        )
+    for field, value in given.items():
+        # JSON of other programs writes 128.0 for 128
+        if field in _WHOLE and isinstance(value, float) and value == int(value):
+            given[field] = int(value)
+        elif field not in ("samples", "source", "real_adc") and not (
+            value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+        ):
+            raise ConfigError(f"Waveform {name!r}: {field} is {value!r:.60}; expected a number.")
+    try:
+        return kind(**given)
+    except (TypeError, OverflowError) as error:
+        raise ConfigError(
+            f"Waveform {name!r} cannot be made of {given!r:.200}: {error}."
+        ) from error
+
+
+def _given_samples(given: dict[str, Any], folder: Path | None) -> Complex:
+    if "file" in given:
+        path = Path(str(given.pop("file")))
+        given["source"] = path.name
+        return load_samples(path if folder is None else folder / path)
+    samples = given.get("samples")
+    if isinstance(samples, dict) and set(samples) == {"real", "imag"}:
+        try:
+            parts = [np.asarray(samples[key], dtype=np.float64) for key in ("real", "imag")]
+            return np.asarray(parts[0] + 1j * parts[1], dtype=np.complex128)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"Waveform samples cannot be read: {error}.") from error
+    raise ConfigError(
+        "Waveform 'arbitrary' needs \"file\", the name of a .npy or .csv file of complex samples, "
+        'or "samples" with the lists "real" and "imag".'
+    )
+
+
+def load_samples(path: str | Path) -> Complex:
+    """Complex samples from a file, (n,).
+
+    Parameters
+    ----------
+    path
+        ``.npy``: a row of complex numbers, never pickled objects. ``.csv``: real and imaginary
+        part in two columns, a line each; lines that begin with # are comments, one line of
+        headings may lead.
+
+    Raises
+    ------
+    FrameFileError
+        No such file, too large, of another kind, or not numbers.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+        if size > _MAX_SAMPLE_BYTES:
+            raise FrameFileError(
+                f"{path} holds {size} bytes; a waveform has at most {MAX_WAVEFORM_SAMPLES} "
+                "samples. Give the pulse alone, without the pause behind it."
+            )
+        if path.suffix.lower() == ".npy":
+            samples = np.load(path, allow_pickle=False)
+        elif path.suffix.lower() == ".csv":
+            samples = _csv_samples(path)
+        else:
+            raise FrameFileError(
+                f"{path} is of no kind that holds samples; expected .npy (complex) or .csv "
+                "(real, imaginary)."
+            )
+    except (OSError, ValueError, EOFError, UnicodeDecodeError) as error:
+        raise FrameFileError(
+            f"{path} cannot be read as samples ({error}). Expected a .npy file of complex numbers "
+            "or a .csv file with real and imaginary part in two columns."
+        ) from error
+    if not isinstance(samples, np.ndarray) or samples.dtype.kind not in "fc" or samples.ndim != 1:
+        what = getattr(samples, "dtype", type(samples).__name__)
+        shape = getattr(samples, "shape", "")
+        raise FrameFileError(
+            f"{path} holds {what} of shape {shape}; expected one row of complex numbers."
+        )
+    if not np.isfinite(samples).all():
+        place = int(np.flatnonzero(~np.isfinite(samples))[0])
+        raise FrameFileError(
+            f"{path}: sample {place} is {samples[place]}; expected finite numbers."
+        )
+    return np.asarray(samples, dtype=np.complex128)
+
+
+def _csv_samples(path: Path) -> Complex:
+    values: list[complex] = []
+    headings = 0
+    with open(path, encoding="utf-8-sig", newline="") as stream:
+        for number, row in enumerate(csv.reader(stream), 1):
+            if not row or row[0].lstrip().startswith("#"):
+                continue
+            try:
+                real, imaginary = (float(text) for text in row)
+            except ValueError:
+                if not values and not headings:
+                    headings = number
+                    continue
+                raise ValueError(f"line {number} is {','.join(row)[:60]!r}") from None
+            values.append(complex(real, imaginary))
+    return np.array(values, dtype=np.complex128)
+
+
+def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -> Burst:
+    """A burst from "prf_hz" and "pulses".
+
+    Without "prf_hz" pulses follow one another as fast as the waveform lets them.
+
+    Raises
+    ------
+    ConfigError
+        Other fields, or numbers that do not fit.
+    """
+    if not isinstance(data, dict) or not {"pulses"} <= set(data) <= {"prf_hz", "pulses"}:
+        raise ConfigError(
+            f"Burst is {data!r:.100}; expected an object with pulses and prf_hz (hertz)."
+        )
+    pulses = data["pulses"]
+    if isinstance(pulses, bool) or not isinstance(pulses, int | float) or pulses != pulses // 1:
+        raise ConfigError(f"pulses is {pulses!r}; expected a whole number.")
+    prf_hz = data.get("prf_hz")
+    if prf_hz is None:
+        if waveform is None:
+            raise ConfigError("Burst without prf_hz; give pulses a second in hertz.")
+        prf_hz = 1 / waveform.duration_s
+    return Burst(prf_hz=prf_hz, pulses=int(pulses))
+
+
+def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
+    """A radar from a JSON file: {"waveform": {"kind": ..., ...}, "burst": {...}}.
+
+    Parameters
+    ----------
+    path
+        The file.
+    burst
+        Taken where the file holds none.
+
+    Raises
+    ------
+    FrameFileError
+        No such file, too large, or no JSON.
+    ConfigError
+        Numbers that do not fit together.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(read_text(path, _MAX_RADAR_BYTES))
+    except TextTooLongError as error:
+        raise FrameFileError(
+            f"{path} holds more than {_MAX_RADAR_BYTES} bytes, which no radar file does. "
+            "Put samples into a file of their own."
+        ) from error
+    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise FrameFileError(
+            f"{path} cannot be read as JSON ({error}). Expected a radar file: "
+            '{"waveform": {"kind": "fmcw", ...}, "burst": {"pulses": ..., "prf_hz": ...}}.'
+        ) from error
+    if not isinstance(data, dict) or not {"waveform"} <= set(data) <= {"waveform", "burst"}:
+        found = sorted(data) if isinstance(data, dict) else type(data).__name__
+        raise ConfigError(f"{path} holds {found}; expected the objects waveform and burst.")
+    try:
+        waveform = waveform_from_dict(data["waveform"], path.parent)
+        if "burst" in data:
+            burst = burst_from_dict(data["burst"], waveform)
+        if burst is None:
+            raise ConfigError("It holds no burst; expected pulses and prf_hz.")
+        return Radar(waveform, burst)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error

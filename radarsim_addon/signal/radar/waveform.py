@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""DOCSTRING."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal, Protocol
+
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+
+#: Above 10 THz it is no radar but a slip of the unit, such as hertz where gigahertz are asked for.
+_HIGHEST_CARRIER_HZ = 1e13
+
+
+def check_positive(name: str, value: float, unit: str) -> None:
+    """A finite number above 0, or a ConfigError that names it."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and math.isfinite(value) and value > 0):
+        raise ConfigError(f"{name} is {value!r}; expected a positive number of {unit}.")
+
+
+def check_count(name: str, value: object, least: int, most: int) -> None:
+    """A whole number within limits, or a ConfigError that names it."""
+    if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
+        raise ConfigError(f"{name} is {value!r}; expected a whole number from {least} to {most}.")
+
+
+def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
+    """Carrier and bandwidth that fit together, or a ConfigError that names the likely slip."""
+    if carrier_hz > _HIGHEST_CARRIER_HZ:
+        raise ConfigError(
+            f"Carrier frequency is {carrier_hz:g} Hz; expected at most "
+            f"{_HIGHEST_CARRIER_HZ:g} Hz. Check the unit: the panel and --carrier-ghz take GHz."
+        )
+    if carrier_hz <= bandwidth_hz / 2:
+        raise ConfigError(
+            f"Carrier {carrier_hz:g} Hz is not above half the bandwidth "
+            f"{bandwidth_hz:g} Hz; check the units (the panel takes GHz and MHz)."
+        )
+
+
+class AnyWaveform(Protocol):
+    """What all waveforms have in common, see :mod:`.waveform_pulses`,
+    :mod:`.waveform_lines`.
+
+    Two families differ in what the receiver samples. "pulse": the echo against fast time, at
+    `sampling_rate_hz`; a matched filter makes the range profile. "line": the scene's response at
+    evenly spaced frequencies (de-chirped FMCW, stepped frequency, the spectrum of a periodic
+    code); a Fourier transform makes the profile, which repeats with `unambiguous_range_m`.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind in files, such as "lfm"."""
+        ...
+
+    @property
+    def family(self) -> Literal["pulse", "line"]:
+        """See the class."""
+        ...
+
+    @property
+    def carrier_hz(self) -> float:
+        """Middle of the band [Hz]."""
+        ...
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Band that the waveform uses [Hz]."""
+        ...
+
+    @property
+    def sampling_rate_hz(self) -> float:
+        """Samples a second of the raw record [Hz]."""
+        ...
+
+    @property
+    def duration_s(self) -> float:
+        """Time that one pulse, chirp, ramp or train of codes takes, pauses included [s]."""
+        ...
+
+    @property
+    def wavelength_m(self) -> float:
+        """c / f0 [m]."""
+        ...
+
+    @property
+    def range_resolution_m(self) -> float:
+        """c / 2B [m]."""
+        ...
+
+    @property
+    def sample_spacing_m(self) -> float:
+        """One-way range between two independent samples of the profile [m]."""
+        ...
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range with which the profile repeats or ends [m]; infinite for single pulses."""
+        ...
+
+
+class WaveformNumbers:
+    """What follows for all waveforms from carrier and bandwidth."""
+
+    @property
+    def wavelength_m(self: AnyWaveform) -> float:
+        """Carrier wavelength c / f0 [m]."""
+        return SPEED_OF_LIGHT_MPS / self.carrier_hz
+
+    @property
+    def range_resolution_m(self: AnyWaveform) -> float:
+        """c / 2B [m]; the unweighted half-power width is 0.886 of it."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.bandwidth_hz)
+
+
+class PulseNumbers(WaveformNumbers):
+    """What follows for the family "pulse"."""
+
+    family: ClassVar[Literal["pulse", "line"]] = "pulse"
+
+    @property
+    def sample_spacing_m(self: AnyWaveform) -> float:
+        """One-way range between two samples, c / 2 fs [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.sampling_rate_hz)
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Infinite: what limits it is the PRF, see `Radar.unambiguous_range_m`."""
+        return math.inf

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Float32 EXR files in and out, one array per channel.
+
+Outside Blender the PyPI package ``OpenEXR`` does it, inside a Blender program the ``OpenImageIO``
+that Blender ships: PyPI's OpenEXR crashes some Blender builds on import, so there it is never
+tried. Files are judged by :mod:`.exrheader` first, because both libraries accept damaged ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Single
+from ...contract import CHANNELS
+from ...errors import FrameFileError, MissingDependencyError, OutputError
+from .exr_header import read_header
+
+
+def inside_blender_program() -> bool:
+    """Whether this Python is the one embedded in Blender, not a bpy wheel in a plain Python."""
+    app = getattr(sys.modules.get("bpy"), "app", None)
+    return bool(getattr(app, "binary_path", ""))
+
+
+def exr_backend() -> tuple[str, ModuleType]:
+    """Name and module of the library that reads EXR files here: OpenEXR or OpenImageIO.
+
+    Raises
+    ------
+    MissingDependencyError
+        Neither is installed; what to install is said.
+    """
+    names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
+    for name in names:
+        if importlib.util.find_spec(name) is not None:
+            return name, importlib.import_module(name)
+    if inside_blender_program():
+        raise MissingDependencyError(
+            "This Blender has no OpenImageIO module, which reads and writes EXR files here. "
+            "Install it (Debian: python3-openimageio), or process the run outside Blender with "
+            "'radarsim process DIR'."
+        )
+    raise MissingDependencyError(
+        "Neither OpenEXR nor OpenImageIO is installed; one of them reads and writes EXR files. "
+        "Install it with 'pip install OpenEXR'."
+    )
+
+
+def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, Single]:
+    """Read float32 channels of a single-part EXR file.
+
+    Parameters
+    ----------
+    path
+        File to read.
+    channels
+        Names of the channels wanted; others in the file are left alone.
+
+    Returns
+    -------
+    dict
+        Channel name to float32 array (height, width), row 0 on top, in the file's units.
+
+    Raises
+    ------
+    FrameFileError
+        Missing, truncated or oversized file, other channels, half float, NaN or Inf.
+    MissingDependencyError
+        No EXR library is installed.
+    """
+    path = Path(path)
+    header = read_header(path)
+    missing = [name for name in channels if name not in header.channels]
+    if missing:
+        raise FrameFileError(
+            f"{path} lacks channel {', '.join(missing)}; found {', '.join(header.channels)}. "
+            "Give an EXR that radarsim rendered (colour mode RGB)."
+        )
+    for name in channels:
+        if header.channels[name] != "float":
+            raise FrameFileError(
+                f"{path}: channel {name} is {header.channels[name]}; expected 32 bit float. "
+                "Half float makes metres of range error: set Color Depth to Float (Full)."
+            )
+    kind, module = exr_backend()
+    shape = (header.height_px, header.width_px)
+    try:
+        read = _read_openexr if kind == "OpenEXR" else _read_openimageio
+        images = read(module, path, channels)
+    except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:
+        raise FrameFileError(
+            f"{path} cannot be decoded ({error}). Remove it and render the run again: "
+            "it goes on where files are missing."
+        ) from error
+    for name, image in images.items():
+        if image.shape != shape or image.dtype != np.float32:
+            raise FrameFileError(
+                f"{path}: channel {name} came out as {image.shape} {image.dtype}; "
+                f"expected {shape} float32."
+            )
+        _require_finite(path, name, image)
+    return images
+
+
+def _require_finite(path: Path, name: str, image: Single) -> None:
+    bad = ~np.isfinite(image)
+    count = int(np.count_nonzero(bad))
+    if count:
+        row, col = (int(i) for i in np.argwhere(bad)[0])
+        raise FrameFileError(
+            f"{path}: channel {name} holds {count} value(s) that are NaN or Inf, the first "
+            f"({image[row, col]}) at row {row}, column {col}. A material in the scene emits or "
+            "divides by zero: mend it and render this frame again."
+        )
+
+
+def _read_openexr(module: Any, path: Path, channels: Sequence[str]) -> dict[str, Single]:
+    with module.File(str(path), separate_channels=True) as file:
+        found = file.channels()
+        # copies: the library's own buffers die with the file
+        return {name: np.array(found[name].pixels) for name in channels}
+
+
+def _read_openimageio(module: Any, path: Path, channels: Sequence[str]) -> dict[str, Single]:
+    source = module.ImageInput.open(str(path))
+    if source is None:
+        raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
+    try:
+        names = list(source.spec().channelnames)
+        pixels = source.read_image(module.FLOAT)
+        if pixels is None:
+            raise RuntimeError(source.geterror() or "OpenImageIO cannot read its pixels")
+    finally:
+        source.close()
+    pixels = np.asarray(pixels)
+    return {name: np.ascontiguousarray(pixels[..., names.index(name)]) for name in channels}
+
+
+def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
+    """Write a lossless float32 ZIP EXR under a temporary name, then rename.
+
+    Parameters
+    ----------
+    path
+        File to write; its folder must exist.
+    images
+        Channel name to array (height, width), all of one shape. Converted to float32.
+
+    Raises
+    ------
+    OutputError
+        The folder is missing, read-only or full.
+    ValueError
+        No channel, or channels of unequal shape.
+    MissingDependencyError
+        No EXR library is installed.
+    """
+    path = Path(path)
+    planes = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in sorted(images.items())}
+    shapes = {plane.shape for plane in planes.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2 or 0 in next(iter(shapes)):
+        raise ValueError(f"Channels of one shape (height, width) are needed; got {shapes}.")
+    kind, module = exr_backend()
+    write = _write_openexr if kind == "OpenEXR" else _write_openimageio
+    temporary = path.with_name(path.name + ".part.exr")  # OpenImageIO goes by the suffix
+    try:
+        # the libraries' own messages hide why a file cannot be made; open() says it
+        with open(temporary, "wb"):
+            pass
+        write(module, temporary, planes)
+        read_header(temporary)  # a full disk can end a file without an error
+        os.replace(temporary, path)
+    except (OSError, RuntimeError, FrameFileError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(
+            f"Cannot write {path}: {reason}. "
+            "Choose an output folder that exists, is writable and has room."
+        ) from error
+    finally:
+        # if the folder itself is gone or read-only, the error above says so
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _write_openexr(module: Any, path: Path, planes: Mapping[str, Single]) -> None:
+    header = {"compression": module.ZIP_COMPRESSION, "type": module.scanlineimage}
+    with module.File(header, dict(planes)) as file:
+        file.write(str(path))
+
+
+def _write_openimageio(module: Any, path: Path, planes: Mapping[str, Single]) -> None:
+    pixels = np.stack(list(planes.values()), axis=-1)
+    height, width, count = pixels.shape
+    spec = module.ImageSpec(width, height, count, module.FLOAT)
+    spec.channelnames = tuple(planes)
+    spec.attribute("compression", "zip")
+    target = module.ImageOutput.create(str(path))
+    if target is None or not target.open(str(path), spec):
+        raise RuntimeError(module.geterror() or "OpenImageIO cannot create it")
+    written = target.write_image(pixels)
+    message = target.geterror()
+    if not (target.close() and written):
+        raise RuntimeError(message or "OpenImageIO cannot write its pixels")

@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run's folder: its plan, what of it is there, and its renders one at a time.
+
+Nothing is read before it is asked for and nothing is kept, so the memory needed does not grow with
+the number of frames or rings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...array_types import Single
+from ...contract import (
+    CHANNELS,
+    PATHS_FILE,
+    PATHS_TABLE,
+    RUN_FILE,
+    SCENE_FILE,
+    RenderRecord,
+    RunRecord,
+    SceneRecord,
+    burst_dir,
+    frame_dir,
+    render_stem,
+)
+from ...errors import ConfigError, FrameFileError, SchemaError
+from ...sidecar import file_sha256, read_record
+from ..radar import Radar, burst_from_dict, waveform_from_dict
+from .exr import read_exr
+
+#: Slack between numbers of the plan and of a sidecar: they went through Blender's float32.
+_RELATIVE_SLACK = 1e-5
+
+
+@dataclass(frozen=True)
+class MissingRender:
+    """One render of the plan that is not (wholly) there."""
+
+    frame: int
+    ring: int
+    pass_index: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class RadarFrame:
+    """One radar frame of a run: `rings` images at t, and as many at t + delta t.
+
+    Made by :meth:`Run.frame`; holds no pixels.
+    """
+
+    run_path: Path
+    record: RunRecord
+    number: int
+    render: int = 0
+
+    @property
+    def path(self) -> Path:
+        """Folder of the frame's renders, or of one of the renders of its burst."""
+        return self.run_path / burst_dir(self.number, self.render)
+
+    @property
+    def renders_per_burst(self) -> int:
+        """How often the burst was rendered; 1 but for paths whose visibility changes in it."""
+        return self.record.renders_per_burst
+
+    def of_burst(self, render: int) -> RadarFrame:
+        """One of the renders of the burst, from 0: a frame of its own with another table."""
+        return dataclasses.replace(self, render=render)
+
+    @property
+    def time_s(self) -> float:
+        """Scene time t of pass 0 [s], as planned."""
+        return self.record.frame_times_s[self.record.frames.index(self.number)]
+
+    @property
+    def acquisition(self) -> str:
+        """ "rings" (images) or "paths" (a table)."""
+        return self.record.acquisition
+
+    @property
+    def rings(self) -> int:
+        """Number of rings."""
+        return self.record.rings
+
+    @property
+    def max_bounces(self) -> int:
+        """Reflections after the first one that the renders hold."""
+        return self.record.max_bounces
+
+    @property
+    def passes(self) -> int:
+        """1, or 2 where the frame was rendered again at t + delta t."""
+        return self.record.passes
+
+    @property
+    def planned(self) -> int:
+        """Renders of the plan: images, or tables for the acquisition "paths"."""
+        if self.acquisition == "paths":
+            return self.renders_per_burst
+        return self.rings * self.passes
+
+    def missing(self) -> list[MissingRender]:
+        """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
+        if self.acquisition == "paths":
+            renders = map(self.of_burst, range(self.renders_per_burst))
+            return [gap for render in renders for gap in render._missing_table()]
+        found = []
+        for pass_index in range(self.passes):
+            for ring in range(self.rings):
+                stem = self.path / render_stem(ring, pass_index)
+                for suffix, kind in ((".exr", "EXR"), (".json", "sidecar")):
+                    file = stem.with_name(stem.name + suffix)
+                    if not file.is_file() or file.stat().st_size == 0:
+                        reason = f"{kind} {file.name} is missing or empty"
+                        found.append(MissingRender(self.number, ring, pass_index, reason))
+                        break
+        return found
+
+    def _missing_table(self) -> list[MissingRender]:
+        for name in (PATHS_FILE, PATHS_TABLE):
+            file = self.path / name
+            if not file.is_file() or file.stat().st_size == 0:
+                return [MissingRender(self.number, 0, 0, f"{name} is missing or empty")]
+        return []
+
+    def scene(self) -> SceneRecord | None:
+        """Where the objects truly are, or None where the run holds no such record."""
+        path = self.run_path / frame_dir(self.number) / SCENE_FILE
+        return read_record(path, SceneRecord) if path.is_file() else None
+
+    def image(self, ring: int, pass_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:
+        """Read one render and check it against its sidecar and the run's plan.
+
+        Parameters
+        ----------
+        ring
+            Ring, from 0.
+        pass_index
+            0 at t, 1 at t + delta t.
+
+        Returns
+        -------
+        record, channels
+            The sidecar, and float32 arrays (height, width) "R", "G", "B".
+
+        Raises
+        ------
+        FrameFileError
+            The EXR or its sidecar is missing, damaged, of a wrong kind, or holds NaN, Inf or
+            negative radiance.
+        SchemaError
+            The sidecar is of a newer schema, or does not match its EXR or the plan.
+        """
+        if self.acquisition != "rings":
+            raise SchemaError(
+                f"{self.path} holds a table of paths, no ring images. Read it with iter_paths."
+            )
+        if not (0 <= ring < self.rings and 0 <= pass_index < self.passes):
+            raise IndexError(
+                f"ring {ring}, pass {pass_index}: the run has {self.rings} rings and "
+                f"{self.passes} passes, both counted from 0"
+            )
+        stem = render_stem(ring, pass_index)
+        exr, sidecar = self.path / f"{stem}.exr", self.path / f"{stem}.json"
+        record = read_record(sidecar, RenderRecord)
+        self._check_plan(record, ring, pass_index, sidecar)
+        images = read_exr(exr, CHANNELS)
+        self._check_image(record, images, exr, sidecar)
+        return record, images
+
+    def _check_plan(self, record: RenderRecord, ring: int, pass_index: int, sidecar: Path) -> None:
+        plan = self.record
+        expected = {
+            "acquisition": plan.acquisition,
+            "frame": self.number,
+            "pass_index": pass_index,
+            "ring": ring,
+            "width_px": plan.width_px,
+            "height_px": plan.height_px,
+            "exr_file": f"{render_stem(ring, pass_index)}.exr",
+        }
+        for name, value in expected.items():
+            if getattr(record, name) != value:
+                raise SchemaError(
+                    f"{sidecar}: {name} is {getattr(record, name)!r}, the run's plan has "
+                    f"{value!r}. The file is of another run: remove it and render this run again."
+                )
+        for name in ("metres_per_unit", "code_length_m"):
+            value = getattr(record, name)
+            if not math.isclose(value, getattr(plan, name), rel_tol=_RELATIVE_SLACK) or value <= 0:
+                raise SchemaError(
+                    f"{sidecar}: {name} is {value!r}, the run's plan has {getattr(plan, name)!r}. "
+                    "The file belongs to another run: remove it and render this run again."
+                )
+
+    def _check_image(
+        self, record: RenderRecord, images: dict[str, Single], exr: Path, sidecar: Path
+    ) -> None:
+        height, width = next(iter(images.values())).shape
+        if (width, height) != (record.width_px, record.height_px):
+            raise SchemaError(
+                f"{exr} is {width} x {height} pixels, its sidecar {sidecar.name} says "
+                f"{record.width_px} x {record.height_px}. Remove both and render the run again."
+            )
+        digest = file_sha256(exr)
+        if digest != record.exr_sha256:
+            raise SchemaError(
+                f"{exr} does not match its sidecar {sidecar.name}: SHA-256 {digest[:12]}..., "
+                f"expected {record.exr_sha256[:12]}... The file was changed or replaced: remove "
+                "both and render the run again."
+            )
+        for name, image in images.items():
+            negative = image < 0
+            if negative.any():
+                row, col = (int(i) for i in np.argwhere(negative)[0])
+                raise FrameFileError(
+                    f"{exr}: channel {name} is negative ({image[row, col]}) in "
+                    f"{int(negative.sum())} pixel(s), the first at row {row}, column {col}; "
+                    "radiance cannot be. Look for a light or a material of negative strength, "
+                    "mend it and render this frame again."
+                )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run's folder, opened by :func:`open_run`."""
+
+    path: Path
+    record: RunRecord
+    radar: Radar
+
+    def frame(self, number: int) -> RadarFrame:
+        """One radar frame by its number in Blender.
+
+        Raises
+        ------
+        FrameFileError
+            The plan holds no such frame.
+        """
+        if number not in self.record.frames:
+            raise FrameFileError(
+                f"{self.path} has no frame {number}; it has "
+                f"{_ranges_text(self.record.frames)}. Give one of these."
+            )
+        return RadarFrame(self.path, self.record, number)
+
+    def frames(self) -> Iterator[RadarFrame]:
+        """All radar frames of the plan, in its order; nothing is read yet."""
+        for number in self.record.frames:
+            yield RadarFrame(self.path, self.record, number)
+
+    def missing(self) -> list[MissingRender]:
+        """All renders of the plan that are not there."""
+        return [gap for frame in self.frames() for gap in frame.missing()]
+
+    @property
+    def renders(self) -> int:
+        """Number of renders in the plan; of tables for the acquisition "paths"."""
+        return sum(frame.planned for frame in self.frames())
+
+    @property
+    def window_m(self) -> tuple[float, float]:
+        """One-way ranges that the rings cover: (0, rings x step) [m]."""
+        return 0.0, self.record.rings * self.record.ring_step_m
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a run's folder and check its plan.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``run.json``.
+
+    Raises
+    ------
+    FrameFileError
+        No run there, or its plan is damaged.
+    SchemaError
+        The plan is of a newer schema.
+    ConfigError
+        Its numbers do not fit together (ring step zero, chirp longer than the pulse interval...).
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise FrameFileError(
+            f"{path} is not a folder. Give the folder of a run: the one that holds {RUN_FILE}."
+        )
+    record = read_record(path / RUN_FILE, RunRecord)
+    where = path / RUN_FILE
+    if not record.frames or len(record.frames) != len(record.frame_times_s):
+        raise FrameFileError(
+            f"{where} lists {len(record.frames)} frames and {len(record.frame_times_s)} times; "
+            "expected as many of both, at least one. Render the run again."
+        )
+    if record.acquisition not in ("rings", "paths"):
+        raise SchemaError(
+            f"{where}: acquisition {record.acquisition!r}; this version knows 'rings' and 'paths'. "
+            "Update radarsim to process this run."
+        )
+    if record.passes not in (1, 2):
+        raise ConfigError(f"{where}: passes is {record.passes}; expected 1 or 2.")
+    if record.passes == 2 and record.delta_t_s <= 0:
+        raise ConfigError(
+            f"{where}: delta t is {record.delta_t_s!r} s; two passes need a positive time between."
+        )
+    for name, unit in (
+        ("rings", "rings"),
+        ("ring_step_m", "metres"),
+        ("metres_per_unit", "metres per Blender unit"),
+        ("code_length_m", "metres"),
+        ("width_px", "pixels"),
+        ("height_px", "pixels"),
+    ):
+        if not getattr(record, name) > 0:
+            raise ConfigError(
+                f"{where}: {name} is {getattr(record, name)!r}; expected a positive number of "
+                f"{unit}. Set it in the Radar tab and render the run again."
+            )
+    return Run(path, record, _radar(record, where))
+
+
+def _radar(record: RunRecord, where: Path) -> Radar:
+    try:
+        waveform = waveform_from_dict(dict(record.waveform), where.parent)
+        return Radar(waveform, burst_from_dict(dict(record.burst)))
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def _ranges_text(numbers: list[int]) -> str:
+    """Frame numbers as text that stays short: "1-10, 15"."""
+    parts: list[str] = []
+    first = last = numbers[0]
+    for number in [*numbers[1:], None]:
+        if number is not None and number == last + 1:
+            last = number
+            continue
+        parts.append(f"{first}" if first == last else f"{first}-{last}")
+        if number is not None:
+            first = last = number
+    return "frame " + ", ".join(parts if len(parts) < 12 else [*parts[:12], "..."])

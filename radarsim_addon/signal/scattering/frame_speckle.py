@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle of a frame as a stage of processing: finds what surfaces it has, applies it to paths."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...contract import MOTION_FILE, MotionRecord, PathsRecord, SceneRecord
+from ...physics.rough import kirchhoff_limits
+from ...sidecar import read_record
+from ..motion import KinematicMotion
+from ..paths import Paths, join_paths, open_frame_table
+from ..radar import Radar
+from ..runs import RadarFrame
+from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
+
+#: Factors below this are none.
+_LEAST_FACTOR = 1e-6
+#: Objects whose surface is warned of one by one.
+_MOST_NAMED = 8
+
+
+class FrameSpeckle:
+    """Applies the scatterers of a frame's surfaces to its paths as they stream by.
+
+    Parameters
+    ----------
+    frame
+        Radar frame. One of rings has no scatterers: its paths stay as they are.
+    radar
+        Waveform and burst.
+    seed
+        Of the realisation; None: no speckle.
+    cell_m
+        Edge of a scatterer's cell [m]; None: from the footprints of the pixels.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        The frame's table or sidecars are missing or damaged.
+    """
+
+    def __init__(
+        self, frame: RadarFrame, radar: Radar, seed: int | None, cell_m: float | None = None
+    ) -> None:
+        self._speckle: SurfaceSpeckle | None = None
+        self._warnings = kirchhoff_warnings(frame.scene(), radar.waveform.wavelength_m)
+        if seed is None or frame.acquisition != "paths":
+            return
+        record, self._table = open_frame_table(frame.path, frame.number)
+        bodies, columns = _bodies(frame.path, record)
+        self._speckle = SurfaceSpeckle(
+            record,
+            self._table,
+            bodies,
+            columns,
+            radar.waveform.carrier_hz,
+            radar.waveform.range_resolution_m,
+            seed,
+            roughness_of(frame.scene(), record.objects),
+            cell_m,
+        )
+
+    def apply(self, paths: Paths) -> Paths:
+        """The paths for the echo synthesis, with the factors of their scatterers.
+
+        Of a path that moves, what goes over the scatterer moves with the scatterer; where it has a
+        coherent part too, that is a row of its own. Powers are to be added up before.
+        """
+        if self._speckle is None or not len(paths):
+            return paths
+        rows = np.array(self._table[paths.row])
+        known = np.flatnonzero(self._speckle.known(rows))
+        found = self._speckle.scattering(rows[known])
+        phasors = np.full(len(paths), np.nan + 0j)
+        phasors[known] = self._speckle.factors_at_rest(found)
+        motion = paths.motion
+        moving = np.zeros(0, dtype=np.intp)
+        if isinstance(motion, KinematicMotion):
+            rough = np.abs(found.rough) > _LEAST_FACTOR
+            moving = np.flatnonzero(motion.moving[known] & rough)
+        if not moving.size:
+            return dataclasses.replace(paths, phasors=phasors)
+        mine = known[moving]
+        phasors[mine] = found.coherent[moving]
+        stay = np.ones(len(paths), dtype=bool)
+        stay[mine] = found.coherent[moving] > _LEAST_FACTOR
+        own = dataclasses.replace(paths, phasors=phasors).select(stay)
+        going = np.zeros(len(paths), dtype=bool)
+        going[mine] = True
+        scattered = paths.select(going)
+        assert isinstance(scattered.motion, KinematicMotion)
+        length_m = scattered.length_m + found.longer_m[moving]
+        leaders = self._table[found.leader[moving]]
+        one = scattered.motion.order == 1
+        tracks = (np.where(one, leaders["track"], leaders["first_track"]), leaders["track"])
+        over = dataclasses.replace(
+            scattered.motion,
+            length_m=length_m,
+            first_m=found.first_m[moving],
+            last_m=found.last_m[moving],
+            tracks=np.stack(tracks, axis=-1).astype(np.int32),
+        )
+        scattered = dataclasses.replace(
+            scattered, length_m=length_m, motion=over, phasors=found.rough[moving]
+        )
+        return join_paths([own, scattered])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Objects on which the Kirchhoff model does not hold at the carrier, in whole sentences."""
+        return self._warnings
+
+    def report(self) -> SpeckleReport | None:
+        """What the frame's scatterers are like; None without any."""
+        return None if self._speckle is None else self._speckle.report()
+
+
+def _bodies(folder: Path, record: PathsRecord) -> tuple[dict[int, Body], tuple[str, str]]:
+    """What scatterers are fixed to, and the table's columns that number it.
+
+    Bodies of the motion file, each with its pose at t; without one the objects, in world space.
+    """
+    if not record.motion_file:
+        bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(record.objects, start=1)}
+        return bodies, ("first_object", "object")
+    motion = read_record(folder / MOTION_FILE, MotionRecord)
+    bodies = {
+        number: Body(f"{body.object}\0{body.instance}", np.array(body.pose, dtype=np.float64))
+        for number, body in enumerate(motion.bodies, start=1)
+    }
+    return bodies, ("first_body", "body")
+
+
+def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[str]:
+    """Objects of known roughness on which the rough lobe is no model of it, and why."""
+    found = []
+    for item in scene.objects if scene is not None else []:
+        if not item.rms_height_m or not item.correlation_length_m:
+            continue
+        reasons = kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
+        if reasons:
+            found.append(f"{item.name!r}: the Kirchhoff model does not hold. {' '.join(reasons)}")
+    if len(found) > _MOST_NAMED:
+        rest = len(found) - _MOST_NAMED
+        found = [*found[:_MOST_NAMED], f"The Kirchhoff model does not hold on {rest} objects more."]
+    return found
+
+
+def roughness_of(scene: SceneRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
+    """Roughness of the objects that the scene's record has one of, by number from 1."""
+    found = {}
+    numbers = {name: number for number, name in enumerate(objects, start=1)}
+    for item in scene.objects if scene is not None else []:
+        number = numbers.get(item.name.rsplit("/", 1)[-1])
+        if number is not None and item.rms_height_m is not None:
+            found[number] = Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
+    return found

@@ -1,0 +1,381 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle that belongs to the surface: scatterers tied to the objects' own coordinates.
+
+A rough surface is cut into cells of an edge c in the axes of its object. Each cell has a scatterer
+at a random place in it, of random height h: both come from a hash of seed, object and cell, so they
+are the same at every pulse, in every frame and view, and for every grid of pixels. With the
+wavevector change kappa = k |u_in - u_out| (2 k cos for a facet that mirrors back) a path has
+
+    sqrt(P) [ m + g (exp(j kappa h) - m) exp(-j k (l_c - l)) ],   m = exp(-(kappa h_rms)^2 / 2):
+
+a coherent part that roughness weakens by m^2 = exp(-(2 k h cos)^2) in power (Ament 1953), and a
+rough part of zero mean and the remaining power 1 - m^2. It goes over the scatterer, whose path has
+the length l_c instead of l. All paths of one cell meet there; g = sqrt(P / P_cell) keeps their
+power, so the mean power is the sum of the powers however fine the pixels are. Where the height is
+unknown m = 0: fully developed speckle. The scatterer moves with its body, and the rough parts of
+all paths of its cell move with it: on a body that turns they would else drift out of phase.
+
+Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
+be hit or missed by chance.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from ...contract import PathsRecord
+from ...errors import ConfigError
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..paths import PathRows, iter_rows
+from .random_phases import hash_step, uniform
+
+Hash = NDArray[np.uint64]
+
+#: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
+_FOOTPRINTS = 1.5
+#: Cells in the range resolution, at most: finer ones gain nothing.
+_CELLS_IN_RESOLUTION = 8
+#: Larger cells than this are a slip of the unit [m].
+_LARGEST_CELL_M = 1e6
+#: Where the origin lies in its cell: at no simple fraction of it.
+_OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
+#: Scatterers in a resolution cell from which its intensity is taken to be exponential.
+ENOUGH_SCATTERERS = 40
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Rms height and correlation length of a surface [m]; correlation length 0: unknown."""
+
+    rms_height_m: float
+    correlation_length_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """What cells are fixed to: a name that nothing else has, and its pose (4, 4) [m]."""
+
+    name: str
+    pose: Real
+
+    @property
+    def rotation(self) -> Real:
+        """The nearest rotation to the pose's axes, (3, 3); a mirror stays one."""
+        left, _, right = np.linalg.svd(self.pose[:3, :3])
+        return np.asarray(left @ right, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class SpeckleReport:
+    """What the cells of a frame are like.
+
+    Attributes
+    ----------
+    cell_m
+        Edge of a cell [m]; larger where a material's correlation length is.
+    cells
+        Cells that paths hit.
+    median_scatterers
+        Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
+        median over the power.
+    poor_share
+        Share of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
+    """
+
+    cell_m: float
+    cells: int
+    median_scatterers: float
+    poor_share: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """In whole sentences."""
+        if self.poor_share < 0.2:
+            return []
+        text = (
+            f"{100 * self.poor_share:.0f} % of the power is in range cells of fewer than "
+            f"{ENOUGH_SCATTERERS} independent scatterers (median {self.median_scatterers:.3g}): "
+            "there speckle is not exponential, and a map shows one realisation of few. More pixels "
+            "or shifts give more; the expected-power profile does not depend on it."
+        )
+        return [text]
+
+
+@dataclass(frozen=True)
+class Scattering:
+    """How n paths scatter.
+
+    Attributes
+    ----------
+    coherent
+        Factor of the amplitude of what keeps the path's own way, (n,).
+    rough
+        Complex factor of what goes over the scatterer, (n,), without the phase of its length.
+    first_m, last_m
+        Scatterers of the first and last vertex, equal at order 1, (n, 3) [m].
+    longer_m
+        Length over the scatterers minus the path's own, (n,) [m].
+    leader
+        Row of the table that stands for all paths of the cell, (n,).
+    """
+
+    coherent: Real
+    rough: Complex
+    first_m: Real
+    last_m: Real
+    longer_m: Real
+    leader: NDArray[np.intp]
+
+
+class SurfaceSpeckle:
+    """Amplitude factors of the paths of one frame.
+
+    Parameters
+    ----------
+    record, table
+        The frame's paths.
+    bodies
+        By number in the columns ``body_columns``, from 1.
+    body_columns
+        Names of the columns of first and last vertex.
+    carrier_hz
+        Carrier [Hz].
+    resolution_m
+        Range resolution, for the statistics and the finest cell [m].
+    seed
+        Another one is another realisation.
+    roughness
+        By the number of the object in the record, from 1; objects left out are fully rough.
+    cell_m
+        Edge of a cell [m]; None: from the footprints, a power of two.
+    """
+
+    def __init__(
+        self,
+        record: PathsRecord,
+        table: PathRows,
+        bodies: Mapping[int, Body],
+        body_columns: tuple[str, str],
+        carrier_hz: float,
+        resolution_m: float,
+        seed: int,
+        roughness: Mapping[int, Roughness] | None = None,
+        cell_m: float | None = None,
+    ) -> None:
+        self._table, self._bodies, self._columns = table, dict(bodies), body_columns
+        self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
+        self._seed = np.uint64(seed % 2**64)
+        self._receiver_m = np.asarray(record.camera.matrix_world, dtype=np.float64)[:3, 3]
+        self._emitter_m = np.asarray(record.emitter.matrix_world, dtype=np.float64)[:3, 3]
+        self._orthographic = record.camera.kind == "orthographic"
+        self._resolution_m = resolution_m
+        self._heights = np.full(len(record.objects) + 1, np.nan)
+        self._lengths = np.zeros(len(record.objects) + 1)
+        for number, surface in (roughness or {}).items():
+            self._heights[number] = surface.rms_height_m
+            self._lengths[number] = surface.correlation_length_m
+        self._names = {
+            number: np.uint64(int.from_bytes(hashlib.sha256(body.name.encode()).digest()[:8]))
+            for number, body in self._bodies.items()
+        }
+        if cell_m is not None and not (math.isfinite(cell_m) and 0 < cell_m <= _LARGEST_CELL_M):
+            raise ConfigError(
+                f"Edge of a speckle cell is {cell_m!r} m; expected more than 0 and at most "
+                f"{_LARGEST_CELL_M:g} m, or none for one that fits the pixels."
+            )
+        self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
+        self._keys, self._powers, self._ranges, self._leaders = self._add_up()
+
+    # -- cells -------------------------------------------------------------------------------------
+
+    def _automatic_cell_m(self) -> float:
+        """Power of two above the footprint that half of the power has at most."""
+        least_m = self._resolution_m / _CELLS_IN_RESOLUTION
+        footprints, powers = [np.zeros(0)], [np.zeros(0)]
+        for rows in iter_rows(self._table):
+            reach_m = np.ones(rows.size)
+            if not self._orthographic:  # whose pixels have areas
+                reach_m = np.linalg.norm(rows["first_m"] - self._receiver_m, axis=-1)
+            known = np.isfinite(reach_m)
+            footprints.append((np.sqrt(rows["solid_angle_sr"]) * reach_m)[known])
+            powers.append(rows["power_w"][known])
+        footprint, power = np.concatenate(footprints), np.concatenate(powers)
+        wanted_m = least_m
+        if power.sum() > 0:
+            order = np.argsort(footprint)
+            middle = np.searchsorted(np.cumsum(power[order]), power.sum() / 2)
+            wanted_m = max(least_m, _FOOTPRINTS * float(footprint[order[middle]]))
+        return float(2.0 ** math.ceil(math.log2(wanted_m)))
+
+    def _vertices(self, rows: PathRows, first: bool) -> tuple[Hash, Real, Real]:
+        """Hash, scatterer (n, 3) [m] and unit Gaussian height of the cells of a vertex."""
+        points = rows["first_m"] if first else rows["last_m"]
+        numbers = rows[self._columns[0] if first else self._columns[1]]
+        objects = rows["first_object"] if first else rows["object"]
+        state = np.zeros(rows.size, dtype=np.uint64)
+        scatterer = np.array(points)
+        edge = np.maximum(self.cell_m, self._lengths[objects])
+        for number in np.unique(numbers):
+            mine = np.flatnonzero(numbers == number)
+            body = self._bodies.get(int(number))
+            rotation, origin_m = np.eye(3), np.zeros(3)
+            name = np.uint64(0)
+            if body is not None:
+                rotation, origin_m = body.rotation, body.pose[:3, 3]
+                name = self._names[int(number)]
+            local = (points[mine] - origin_m) @ rotation / edge[mine, None]
+            # Faces lie on round coordinates more often than not: no border of cells may.
+            cell = np.floor(local + _OFFSET)
+            # Mixed before the cells come in: seed 1 must not be seed 0 with its cells swapped.
+            hashed = hash_step(np.full(mine.size, self._seed ^ name, dtype=np.uint64))
+            for axis in range(3):
+                hashed = hash_step(hashed ^ cell[:, axis].astype(np.int64).view(np.uint64))
+            draw = hashed
+            place = np.empty((mine.size, 3))
+            for axis in range(3):
+                draw = hash_step(draw)
+                place[:, axis] = uniform(draw)
+            place += cell - _OFFSET
+            scatterer[mine] = (edge[mine, None] * place) @ rotation.T + origin_m
+            state[mine] = hashed
+        first_draw = hash_step(state ^ np.uint64(0x5851F42D4C957F2D))
+        second_draw = hash_step(first_draw)
+        # Box and Muller; 1 - u is never 0
+        height = np.sqrt(-2 * np.log(1 - uniform(first_draw))) * np.cos(
+            2 * np.pi * uniform(second_draw)
+        )
+        return state, scatterer, height
+
+    def known(self, rows: PathRows) -> NDArray[np.bool_]:
+        """Paths whose vertices are all known, (n,): those of one and two reflections."""
+        finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(
+            axis=-1
+        )
+        return np.asarray(finite & (rows["order"] >= 1) & (rows["order"] <= 2))
+
+    def _path_keys(self, rows: PathRows, first: Hash, last: Hash) -> Hash:
+        """One number for all paths over the same cells, in the same way."""
+        way = rows["order"].astype(np.uint64) << np.uint64(32)
+        way |= rows["transparent_depth"].astype(np.uint64)
+        return hash_step(hash_step(first ^ way) ^ last)
+
+    def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp]]:
+        """Keys of all cells (sorted), the power over each, its one-way range and first row."""
+        keys = np.zeros(0, dtype=np.uint64)
+        powers, ranges = np.zeros(0), np.zeros(0)
+        leaders, start = np.zeros(0, dtype=np.intp), 0
+        for rows in iter_rows(self._table):
+            known = self.known(rows)
+            number = start + np.flatnonzero(known)
+            start += rows.size
+            rows = rows[known]
+            found = self._path_keys(
+                rows, self._vertices(rows, True)[0], self._vertices(rows, False)[0]
+            )
+            every = np.concatenate([keys, found])
+            power = np.concatenate([powers, rows["power_w"]])
+            length = np.concatenate([ranges, rows["length_m"] / 2])
+            number = np.concatenate([leaders, number])
+            keys, place, back = np.unique(every, return_index=True, return_inverse=True)
+            powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
+            leaders = number[place]
+        return keys, powers, ranges, leaders
+
+    def report(self) -> SpeckleReport:
+        """How many scatterers share a range cell."""
+        if not self._powers.sum() > 0:
+            return SpeckleReport(self.cell_m, int(self._keys.size), 0.0, 0.0)
+        number = np.floor(self._ranges / self._resolution_m).astype(np.int64)
+        _, where = np.unique(number, return_inverse=True)
+        power = np.bincount(where, self._powers)
+        square = np.bincount(where, self._powers**2)
+        held = power > 0
+        power, effective = power[held], power[held] ** 2 / square[held]
+        order = np.argsort(effective)
+        share = np.cumsum(power[order]) / power.sum()
+        middle = min(int(np.searchsorted(share, 0.5)), share.size - 1)
+        poor = float(power[effective < ENOUGH_SCATTERERS].sum() / power.sum())
+        return SpeckleReport(
+            self.cell_m, int(self._keys.size), float(effective[order[middle]]), poor
+        )
+
+    # -- paths -------------------------------------------------------------------------------------
+
+    def _length_m(self, first_m: Real, last_m: Real, order: Real, direction: Real) -> Real:
+        """Length over two points, or over one at order 1 [m]."""
+        if self._orthographic:
+            back = np.sum(direction * (first_m - self._receiver_m), axis=-1)
+        else:
+            back = np.linalg.norm(first_m - self._receiver_m, axis=-1)
+        between = np.where(order == 2, np.linalg.norm(last_m - first_m, axis=-1), 0.0)
+        return np.asarray(back + between + np.linalg.norm(last_m - self._emitter_m, axis=-1))
+
+    def _turns(self, rows: PathRows) -> tuple[Real, Real]:
+        """|u_in - u_out| at the first and at the last vertex."""
+        into_first = rows["direction"]
+        out_last = _unit(self._emitter_m - rows["last_m"])
+        between = _unit(rows["last_m"] - rows["first_m"])
+        two = (rows["order"] == 2)[:, None]
+        first = np.where(two, into_first - between, 0.0)
+        last = np.where(two, between, into_first) - out_last
+        return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
+
+    def factors(self, rows: PathRows) -> tuple[Complex, NDArray[np.bool_]]:
+        """Complex factors of the amplitudes of some rows at t, (n,), and which of them are known.
+
+        Rows of three and more reflections, or of unknown vertices, have none.
+        """
+        known = self.known(rows)
+        result = np.ones(rows.size, dtype=np.complex128)
+        found = self.scattering(rows[known])
+        result[known] = self.factors_at_rest(found)
+        return result, known
+
+    def factors_at_rest(self, found: Scattering) -> Complex:
+        """Both ways in one factor, (n,): exact as long as path and scatterer move alike."""
+        return np.asarray(
+            found.coherent + found.rough * np.exp(-1j * self._wavenumber * found.longer_m)
+        )
+
+    def scattering(self, rows: PathRows) -> Scattering:
+        """How rows scatter whose vertices are all known."""
+        first, first_m, first_height = self._vertices(rows, True)
+        last, last_m, last_height = self._vertices(rows, False)
+        order = rows["order"]
+        one = (order == 1)[:, None]
+        first_m = np.where(one, last_m, first_m)
+        over_m = self._length_m(first_m, last_m, order, rows["direction"])
+        own_m = self._length_m(rows["first_m"], rows["last_m"], order, rows["direction"])
+        place = np.searchsorted(self._keys, self._path_keys(rows, first, last))
+        share = np.sqrt(rows["power_w"] / self._powers[place])
+        heights = [self._heights[rows["first_object"]], self._heights[rows["object"]]]
+        turns = self._turns(rows)
+        exponent, phase = np.zeros(rows.size), np.zeros(rows.size)
+        for rms_m, turn, unit in zip(heights, turns, (first_height, last_height), strict=True):
+            # A height that is unknown is one of many wavelengths; no vertex, no height.
+            kappa_h = np.where(turn > 0, self._wavenumber * turn * rms_m, 0.0)
+            kappa_h = np.where(np.isnan(kappa_h), 1e3, kappa_h)
+            exponent += kappa_h**2 / 2
+            unknown = np.isnan(rms_m) & (turn > 0)
+            phase += np.where(unknown, 2 * np.pi * _wrapped(unit), kappa_h * unit)
+        mean = np.exp(-exponent)
+        rough = share * (np.exp(1j * phase) - mean)
+        return Scattering(mean, rough, first_m, last_m, over_m - own_m, self._leaders[place])
+
+
+def _wrapped(unit: Real) -> Real:
+    """A Gaussian number as one that is even over [0, 1)."""
+    return np.asarray(1e3 * unit % 1.0, dtype=np.float64)
+
+
+def _unit(vectors: Real) -> Real:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(length > 0, vectors / length, 0.0)

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spectra of moving paths, whatever the waveform.
+
+    S[m, n] = sum_i a_i exp(j 2 pi [-f_n tau_i(t_m) + extra(tau_i(t_m))]),  f_n = start + n step
+
+Every waveform is built on this sum, tau_i = l_i / c:
+
+- Pulse with spectrum W(f): s_m = inverse FFT of W(f_n - f0) S[m, n].
+- Stepped frequency: S itself.
+- FMCW after de-chirp, chirp f0 + K t, sample n at t_n: f_n = f0 + K t_n, and
+  extra(tau) = K tau^2 / 2, the residual video phase.
+
+::
+
+    accumulator = SpectrumAccumulator(FrequencyGrid(76.5e9, 1e6, 512), times_s, tolerance=1e-6)
+    for paths in iter_paths(frame):
+        accumulator.add(paths.lengths, amplitudes)
+    spectrum = accumulator.result()
+    spectrum.values                        # (pulses, frequencies)
+    print(*spectrum.report.lines(), sep="\\n")
+
+Stop and go: tau_i is taken at the pulse time t_m, nothing moves while the pulse is under way. With
+a :class:`Ramp` the frequencies come one after the other, and paths move meanwhile, see
+:mod:`.synthesis_ramp`; it brings the residual video phase with it.
+
+What is chosen: paths that stand still are transformed once for all pulses (1-D type 1). Lengths
+of the others are sampled at Chebyshev nodes of the burst (:mod:`.synthesis_motion`); where they
+keep to a constant rate within the share of the tolerance that is set aside for it, all pulses are
+one 2-D type-3 transform (:mod:`.synthesis_linear`) if that is cheaper; else it goes pulse by
+pulse, with lengths from the fitted polynomial where that is within the bound, and sampled at each
+pulse where it is not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from ...errors import ConfigError, PathDataError
+from ..motion import JoinedMotion, PathMotion
+from .grid import ExtraCycles, FrequencyGrid, Listening, Ramp, Sums
+from .moving import Method, MovingSum, check_finite
+from .nufft import Backend, choose_backend
+from .ordered_executor import Lanes, available_threads
+from .pulse_blocks import PulseBlock, TransformPool
+from .report import SynthesisReport, Transform
+from .transform import ErrorSum, PulseTransform
+
+Weights = NDArray[np.inexact[Any]]
+
+__all__ = [
+    "TOLERANCE",
+    "ExtraCycles",
+    "FrequencyGrid",
+    "Listening",
+    "Method",
+    "Ramp",
+    "Spectrum",
+    "SpectrumAccumulator",
+    "SynthesisReport",
+]
+
+#: Default tolerance, relative L2.
+TOLERANCE = 1e-6
+#: Blocks of paths that stand still and wait for their turn, so that threads have work.
+_BLOCKS = 4
+
+_RAMP_NOTE = "Moving paths move while the frequencies go by, to the second order in time."
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """S[m, n], in two parts.
+
+    Attributes
+    ----------
+    still
+        Of paths that do not move, the same at every pulse, (frequencies,).
+    moving
+        Of the others, (pulses, frequencies); None where nothing moves.
+    grid
+        Frequencies.
+    times_s
+        Pulse times, (pulses,) [s].
+    report
+        What was chosen, its cost and its error.
+    """
+
+    still: Complex
+    moving: Complex | None
+    grid: FrequencyGrid
+    times_s: Real
+    report: SynthesisReport
+
+    @property
+    def values(self) -> Complex:
+        """(pulses, frequencies)."""
+        if self.moving is None:
+            return np.tile(self.still, (self.times_s.size, 1))
+        return np.asarray(self.moving + self.still)
+
+
+class SpectrumAccumulator:
+    """Adds up the spectra of paths that come in parts.
+
+    Parameters
+    ----------
+    grid
+        Frequencies, carrier included.
+    times_s
+        Pulse times in rising order, counted from the time of the paths' lengths, (pulses,) [s].
+    tolerance
+        Relative L2 error of the result against the direct sum, 1e-13 to 1e-2. See
+        :class:`.synthesis_report.SynthesisReport` for what is known of it afterwards.
+    method
+        "auto" chooses by bound and cost. "type3": constant rates by type 3 whatever the cost.
+        "per-pulse": every moving path pulse by pulse, at lengths sampled at every pulse.
+        "direct": the same, term by term; slow, for checks.
+    backend
+        Engine of the type-1 transforms; "numpy" has no type 3 and goes pulse by pulse.
+    extra_cycles
+        Further phase, in cycles, as a function of delay [s] (vectorised); see the module.
+    listening
+        Delays that are heard, and folding of echoes of earlier pulses. None: all delays, after
+        their own pulse. The spectrum repeats itself in delay with 1/step: what is heard should be
+        shorter than that.
+    ramp
+        Frequencies come one after the other; `times_s` are then those of frequency count//2 of
+        each pulse. None: all at once. Not beside `extra_cycles` or folding in range.
+    interval_s
+        From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
+    chunk
+        Paths in one transform.
+    threads
+        Threads; None: as many as there are processors. The result does not depend on it.
+
+    Raises
+    ------
+    ConfigError
+        Numbers out of their range.
+    MissingDependencyError
+        finufft is asked for and not installed.
+    """
+
+    def __init__(
+        self,
+        grid: FrequencyGrid,
+        times_s: Real,
+        *,
+        tolerance: float = TOLERANCE,
+        method: Method = "auto",
+        backend: Backend = "auto",
+        extra_cycles: ExtraCycles | None = None,
+        listening: Listening | None = None,
+        ramp: Ramp | None = None,
+        interval_s: float | None = None,
+        chunk: int = 1 << 17,
+        threads: int | None = None,
+    ) -> None:
+        if chunk < 1:
+            raise ConfigError(f"Chunk of {chunk!r} paths; expected 1 or more.")
+        if not 1e-13 <= tolerance <= 1e-2:
+            raise ConfigError(f"Tolerance is {tolerance!r}; expected 1e-13 to 1e-2.")
+        if method not in get_args(Method):
+            raise ConfigError(f"Synthesis {method!r}; expected one of {get_args(Method)}.")
+        times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        if times_s.ndim != 1 or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
+            raise ConfigError("Pulse times must be finite numbers in rising order.")
+        self.grid, self.times_s = grid, times_s
+        self._sums = Sums.of(grid, listening or Listening(), extra_cycles, ramp)
+        self._tolerance = tolerance
+        self._method: Method = method
+        self._backend = choose_backend("direct" if method == "direct" else backend)
+        self._chunk = chunk
+        # a transform of few paths is all FFT
+        self._block = max(chunk, 2 * grid.count) if chunk > 1 << 10 else chunk
+        self._lanes = Lanes(threads or available_threads())
+        self._pool = TransformPool(
+            lambda: PulseTransform(self._sums, tolerance, self._backend),
+            grid.count,
+            self._lanes.threads,
+        )
+        self._still = np.zeros(grid.count, dtype=np.complex128)
+        self._still_rows: list[tuple[Real, Weights]] = []
+        self._still_error = ErrorSum()
+        self._added, self._heard, self._folded, self._wall_s = 0, 0, 0, 0.0
+        self._report = SynthesisReport(
+            self._backend, tolerance, pulses=times_s.size, frequencies=grid.count
+        )
+        if interval_s is None:
+            interval_s = float(np.diff(times_s).min()) if times_s.size > 1 else 0.0
+        self._moving = MovingSum(
+            self._sums,
+            times_s,
+            tolerance,
+            method,
+            self._backend,
+            min(self._block, max(1 << 15, 4 * grid.count)),
+            self._lanes,
+            self._report,
+            interval_s,
+        )
+
+    def add(self, motion: PathMotion, amplitude: Weights) -> None:
+        """Add paths.
+
+        Parameters
+        ----------
+        motion
+            Their lengths over the burst: ``paths.lengths``.
+        amplitude
+            a_i, real or complex, (n,).
+
+        Raises
+        ------
+        PathDataError
+            A length or an amplitude is NaN or infinite; says in which row.
+        """
+        started = time.perf_counter()
+        amplitude = np.asarray(amplitude)
+        if isinstance(motion, JoinedMotion):
+            first = 0
+            for joined in motion.parts:
+                self.add(joined, amplitude[first : first + joined.moving.size])
+                first += joined.moving.size
+            return
+        moving = motion.moving
+        if amplitude.shape != moving.shape:
+            raise PathDataError(
+                f"{amplitude.size} amplitudes for {moving.size} paths; expected one for each."
+            )
+        check_finite(amplitude, slice(0, amplitude.size), "amplitude", self._added)
+        # one pulse without a ramp sees no motion
+        frozen = self.times_s.size == 1 and self._sums.ramp is None
+        for start in range(0, moving.size, self._block):
+            part = slice(start, min(start + self._block, moving.size))
+            here = moving[part]
+            if frozen or not here.any():
+                self._add_still(motion, part, amplitude[part])
+                continue
+            rows = start + np.flatnonzero(here)
+            if rows.size < here.size:
+                still = start + np.flatnonzero(~here)
+                self._add_still(motion, still, amplitude[still])
+            self._moving.add(motion, rows, amplitude[rows], self._added)
+        # what waits must not hang on arrays of the caller
+        self._still_rows = [(r, np.array(a)) for r, a in self._still_rows]
+        self._added += moving.size
+        self._wall_s += time.perf_counter() - started
+
+    def result(self) -> Spectrum:
+        """Spectrum of all paths added so far."""
+        started = time.perf_counter()
+        self._flush_still()
+        self._moving.flush()
+        self._lanes.close()
+        self._wall_s += time.perf_counter() - started
+        return Spectrum(self._still, self._moving.values, self.grid, self.times_s, self._finish())
+
+    def _add_still(
+        self, motion: PathMotion, rows: slice | NDArray[np.intp], amplitude: Weights
+    ) -> None:
+        length_m = motion.lengths_m(self.times_s[:1], rows)[:, 0]
+        check_finite(length_m, rows, "length", self._added)
+        self._still_rows.append((length_m, amplitude))
+        if sum(a.size for _, a in self._still_rows) >= _BLOCKS * self._block:
+            self._flush_still()
+
+    def _flush_still(self) -> None:
+        if not self._still_rows:
+            return
+        parts, self._still_rows = self._still_rows, []
+        length_m = np.concatenate([p[0] for p in parts]) if len(parts) > 1 else parts[0][0]
+        amplitude = np.concatenate([p[1] for p in parts]) if len(parts) > 1 else parts[0][1]
+
+        blocks = [
+            slice(start, start + self._block) for start in range(0, length_m.size, self._block)
+        ]
+
+        def job(part: slice) -> Callable[[], PulseBlock]:
+            return partial(
+                self._pool.block, slice(0, 1), lambda: length_m[None, part], amplitude[part]
+            )
+
+        pulses, cpu_s = self.times_s.size, 0.0
+        for found in self._lanes.run(map(job, blocks), len(blocks)):
+            self._still += found.values[0]
+            self._still_error.add(found.error)
+            self._heard += found.heard * pulses
+            self._folded += found.folded
+            cpu_s += found.cpu_s
+        way: Transform = "direct sum" if self._backend == "direct" else "once"
+        self._report.count("still", way, length_m.size, len(blocks), cpu_s)
+
+    def _finish(self) -> SynthesisReport:
+        """The report, as things are now."""
+        pulses = self.times_s.size
+        values, energy = self._moving.values, 0.0
+        for pulse in range(pulses if values is not None else 1):
+            line = self._still if values is None else self._still + values[pulse]
+            energy += float(np.vdot(line, line).real)
+        if values is None:
+            energy *= pulses
+        still, moving = self._still_error, self._moving.error
+        norm, root = float(np.sqrt(energy)), float(np.sqrt(pulses))
+        expected = pulses * still.energy + moving.energy
+        heard = norm > 0 and expected > 0
+        return replace(
+            self._report,
+            steps=[replace(step) for step in self._report.steps],
+            paths=self._added,
+            error_estimate=(root * still.random + moving.random) / norm if heard else 0.0,
+            error_bound=(root * still.bound + moving.bound) / norm if heard else 0.0,
+            cancellation_db=10 * float(np.log10(energy / expected)) if heard else None,
+            outside=max(self._added - (self._heard + self._moving.heard) / pulses, 0.0),
+            folded_range=self._folded
+            + self._moving.folded
+            - (-self._moving.folded_pulses // pulses),
+            folded_doppler=self._moving.fast,
+            ramp_left_out_rad=self._moving.left_out_rad,
+            wall_s=self._wall_s,
+            notes=[_RAMP_NOTE] if values is not None and self._sums.ramp is not None else [],
+        ).with_warnings()

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion over a burst, sampled and fitted: still, linear, smooth, or none of these.
+
+Lengths are taken at Chebyshev nodes of the burst. Their interpolating polynomial has coefficients
+c_k of T_k; what lies beyond degree 1 bounds the departure from a constant range rate, for
+|T_k| <= 1. Nodes are uneven, so motion that repeats itself cannot hide between them; lengths at
+other times are compared with the polynomial as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...array_types import Mask, Real
+
+#: Nodes of the fit: a polynomial of degree 15.
+NODES = 16
+#: Where the polynomial is compared with the motion, as shares of the burst; no node is there.
+_CHECKS = np.array([0.0, 0.137, 0.4142, 0.7391, 1.0])
+
+
+@dataclass(frozen=True)
+class FittedMotion:
+    """Polynomials of rows of a motion.
+
+    Attributes
+    ----------
+    coefficients_m
+        c_k of T_k over the burst, (rows, NODES) [m].
+    linear
+        c_0 + c_1 T_1 is within the bound, (rows,).
+    smooth
+        The polynomial is within the bound, (rows,); holds where `linear` does.
+    nearest_m, farthest_m
+        Bounds of the length over the burst; where not `smooth`, of the nodes alone, (rows,) [m].
+    fastest_mps
+        Largest rate of the length between nodes, (rows,) [m/s].
+    """
+
+    coefficients_m: Real
+    linear: Mask
+    smooth: Mask
+    nearest_m: Real
+    farthest_m: Real
+    fastest_mps: Real
+
+
+class BurstBasis:
+    """Chebyshev polynomials over the time of a burst.
+
+    Parameters
+    ----------
+    times_s
+        Pulse times, at least two different ones [s].
+    """
+
+    def __init__(self, times_s: Real) -> None:
+        first_s, last_s = float(times_s.min()), float(times_s.max())
+        self.middle_s = (first_s + last_s) / 2
+        self.half_s = (last_s - first_s) / 2
+        nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        self.nodes_s: Real = self.middle_s + self.half_s * nodes
+        self.checks_s: Real = first_s + (last_s - first_s) * _CHECKS
+        self._inverse = np.linalg.inv(self.at(self.nodes_s)).T
+        self._at_checks = self.at(self.checks_s).T
+
+    def at(self, times_s: Real) -> Real:
+        """T_k at these times, (times, NODES)."""
+        place = np.clip((times_s - self.middle_s) / self.half_s, -1.0, 1.0)
+        return np.asarray(np.polynomial.chebyshev.chebvander(place, NODES - 1), dtype=np.float64)
+
+    def sample_times_s(self) -> Real:
+        """Times at which `fit` wants lengths: the nodes, then the checks [s]."""
+        return np.concatenate([self.nodes_s, self.checks_s])
+
+    def fit(self, lengths_m: Real, bound_m: float) -> FittedMotion:
+        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by `bound_m`."""
+        at_nodes = lengths_m[:, :NODES]
+        # from the first node, so that a long path leaves no rounding in the higher coefficients
+        offset_m = at_nodes[:, :1]
+        departure = at_nodes - offset_m
+        coefficients = departure @ self._inverse
+        size = np.abs(coefficients)
+        left_m = np.abs(coefficients @ self._at_checks - (lengths_m[:, NODES:] - offset_m))
+        unseen_m = size[:, -3:].sum(axis=1) + left_m.max(axis=1)
+        smooth = unseen_m <= bound_m / 2
+        linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= bound_m)
+        swing_m = size[:, 1:].sum(axis=1) + unseen_m
+        coefficients[:, 0] += offset_m[:, 0]
+        rates = np.abs(np.diff(at_nodes, axis=1) / np.diff(self.nodes_s))
+        return FittedMotion(
+            coefficients_m=coefficients,
+            linear=linear,
+            smooth=smooth,
+            nearest_m=coefficients[:, 0] - swing_m,
+            farthest_m=coefficients[:, 0] + swing_m,
+            fastest_mps=rates.max(axis=1),
+        )

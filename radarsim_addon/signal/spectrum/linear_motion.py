@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths of constant range rate: all pulses at once, by 2-D type-3 transforms.
+
+With tau_i(t) = tau_i + beta_i (t - t_b), f_n = f_c + k df and t_b the middle of a block of pulses,
+
+    f_n tau_i(t_m) = f_c tau_i + k df tau_i + f_n (t_m - t_b) beta_i:
+
+the first term is a phase of each path, the others are a 2-D transform of the points
+(tau_i, beta_i) at the frequencies (k df, f_n (t_m - t_b)). Nothing is left out: range migration
+and the Doppler shift of every frequency are in it. Where frequencies come one after the other,
+each has its own time t_m + k dt, and the motion meanwhile is in it as well.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .grid import Sums
+from .nufft import TIGHTEST, nufft2d3
+from .phase import phasors, reduce_cycles, reduced_cycles
+from .transform import RANDOM_STATE, ErrorSum, engine_tolerance
+
+Weights = NDArray[np.inexact[Any]]
+
+#: Points of the fine grid of one transform (16 bytes each, twice over) and targets (100 bytes).
+_MAX_GRID = 1 << 23
+_MAX_TARGETS = 1 << 21
+#: So that two threads have work; not their number, on which the result would then hang.
+_LEAST_BLOCKS = 2
+#: Seconds: of a path and of a target in a type-3 transform of width 9, of a point of its grid; of
+#: a path, a frequency and the overhead of a pulse on its own. Measured, one thread, finufft 2.5 on
+#: a 2024 server; only their ratios matter, and those by a factor of two or so.
+_PATH_3, _TARGET_3, _GRID_3 = 1.0e-7, 3.0e-7, 2.0e-8
+_PATH_1, _FREQUENCY_1, _PULSE_1 = 6.0e-8, 5.0e-8, 1.2e-4
+
+
+@dataclass(frozen=True)
+class LinearRows:
+    """Paths of constant range rate.
+
+    Attributes
+    ----------
+    length_m
+        Length at `time_s`, (n,) [m].
+    rate_mps
+        Rate of the length (twice the range rate), (n,) [m/s].
+    time_s
+        Time at which `length_m` holds, (n,) [s].
+    order
+        Pulse intervals by which the echo is folded, (n,).
+    amplitude
+        (n,).
+    """
+
+    length_m: Real
+    rate_mps: Real
+    time_s: Real
+    order: Real
+    amplitude: Weights
+
+    def __len__(self) -> int:
+        return int(self.length_m.size)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> LinearRows:
+        """Some of them."""
+        return LinearRows(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @classmethod
+    def join(cls, parts: list[LinearRows]) -> LinearRows:
+        """One of several."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+
+@dataclass(frozen=True)
+class BlockResult:
+    """Spectra of the pulses `pulses`, with their error, processor time and tightness."""
+
+    pulses: slice
+    values: Complex
+    error: ErrorSum
+    cpu_s: float
+
+
+@dataclass(frozen=True)
+class LinearPlan:
+    """Blocks of pulses for type 3, and what either way would cost [s]."""
+
+    blocks: list[slice]
+    type3_s: float
+    pulses_s: float
+
+
+def plan_linear(rows: LinearRows, sums: Sums, times_s: Real) -> LinearPlan:
+    """How type 3 would be done, and what it costs beside one transform per pulse."""
+    grid = sums.grid
+    pulses = times_s.size
+    rate = rows.rate_mps / SPEED_OF_LIGHT_MPS
+    spread_rate = float(rate.max() - rate.min())
+    delay = rows.length_m / SPEED_OF_LIGHT_MPS
+    spread_s = float(delay.max() - delay.min())
+    burst_s = float(times_s.max() - times_s.min())
+    if sums.ramp is not None:
+        burst_s += grid.count * sums.ramp.interval_s
+    fast = 4 * max(abs(grid.step_hz) * grid.count * (spread_s + spread_rate * burst_s), 8.0)
+    slow = 4 * grid.highest_hz * spread_rate * burst_s
+    blocks = max(
+        _LEAST_BLOCKS,
+        math.ceil(fast * slow / _MAX_GRID),
+        math.ceil(pulses * grid.count / _MAX_TARGETS),
+    )
+    blocks = min(blocks, pulses)
+    points = fast * max(slow / blocks, 32.0)
+    type3 = blocks * (
+        _PATH_3 * len(rows) + _TARGET_3 * grid.count * pulses / blocks + _GRID_3 * points
+    )
+    if points > 4 * _MAX_GRID:
+        type3 = math.inf  # paths so far apart in delay that one transform does not hold them
+    each = _PATH_1 * len(rows) + _FREQUENCY_1 * grid.count + _PULSE_1
+    edges = np.linspace(0, pulses, blocks + 1).astype(int).tolist()
+    return LinearPlan([slice(a, b) for a, b in itertools.pairwise(edges)], type3, pulses * each)
+
+
+def linear_block(
+    rows: LinearRows, sums: Sums, times_s: Real, pulses: slice, tolerance: float
+) -> BlockResult:
+    """Spectra of some pulses by one transform; times are in rising order."""
+    start = time.thread_time()
+    grid, times = sums.grid, times_s[pulses]
+    middle_s = float(times[0] + times[-1]) / 2
+    moved_m = rows.rate_mps * (middle_s - rows.time_s)
+    reference_m = float(rows.length_m[0])
+    period_s = sums.listening.period_s or 0.0
+    delay = (rows.length_m - reference_m + moved_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
+    cycles = rows.order * sums.shift_centre
+    cycles -= reduced_cycles(rows.length_m, sums.centre)
+    cycles -= reduced_cycles(moved_m, sums.centre)
+    values = np.empty(len(rows), dtype=np.complex128)
+    phasors(rows.amplitude, reduce_cycles(cycles), values)
+    k = np.arange(grid.count) - grid.count // 2
+    frequency_hz = float(grid.exact_centre_hz) + k * grid.step_hz
+    shape = (times.size, grid.count)
+    fast = np.broadcast_to(2 * np.pi * grid.step_hz * k, shape).ravel()
+    since_s = (times - middle_s)[:, None]
+    if sums.ramp is not None:
+        since_s = since_s + k * sums.ramp.interval_s
+    slow = (2 * np.pi * since_s * frequency_hz).ravel()
+    size = np.abs(values)
+    squares, total = float(np.dot(size, size)), float(size.sum())
+    rate = rows.rate_mps / SPEED_OF_LIGHT_MPS
+    expected = math.sqrt(grid.count * times.size * squares)
+    for engine in (engine_tolerance(tolerance), TIGHTEST):
+        result = nufft2d3(delay, rate, values, fast, slow, engine).reshape(shape)
+        if RANDOM_STATE * engine * expected <= tolerance / 3 * float(np.linalg.norm(result)):
+            break
+    # delays are counted from the first path's
+    fraction = float(reduced_cycles(np.array([reference_m]), sums.step)[0])
+    turn = reduce_cycles(np.asarray(-k * fraction, dtype=np.float64))
+    result *= np.exp(2j * np.pi * turn)
+    error = ErrorSum.of(engine, shape[0] * shape[1], squares, total)
+    return BlockResult(pulses, result, error, time.thread_time() - start)

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Non-uniform Fourier sums: scattered delays to frequencies.
+
+    type 1:  F[k] = sum_i c_i exp(-j k x_i),                  k = -N//2 ... (N-1)//2
+    type 3:  F[l] = sum_i c_i exp(-j (s_l x_i + u_l y_i)),    any s_l, u_l
+
+finufft does it where it is installed; else gridding in numpy with the same kernel, the
+"exponential of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479,
+2019), to the same tolerance. Either agrees with the direct sum, which is here as well.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from ...errors import ConfigError, MissingDependencyError
+
+Backend = Literal["auto", "finufft", "numpy", "direct"]
+
+#: Default tolerance, relative to sum |c_i|.
+TOLERANCE = 1e-9
+#: What float64 leaves of a transform: tighter tolerances than this are not asked of the engines.
+TIGHTEST = 1e-14
+#: Points spread at a time by the numpy engine: its temporaries stay near 30 MB.
+_CHUNK = 1 << 15
+#: Up to this many frequencies the fine grid stays in the cache: sorting the points costs more (23
+#: of 45 ms for a million) than it saves.
+_UNSORTED = 1 << 14
+
+
+def has_finufft() -> bool:
+    """Whether finufft is installed."""
+    return importlib.util.find_spec("finufft") is not None
+
+
+def nufft1(
+    points: Real,
+    values: NDArray[np.complex128] | Real,
+    size: int,
+    tolerance: float = TOLERANCE,
+    backend: Backend = "auto",
+) -> Complex:
+    """Sum c_i exp(-j k x_i) for k = -size//2 ... (size-1)//2.
+
+    Parameters
+    ----------
+    points
+        x_i [rad], (n,); any real number, taken modulo 2 pi.
+    values
+        c_i, (n,), real or complex.
+    size
+        Number of frequencies N.
+    tolerance
+        Largest error relative to sum |c_i|, 1e-13 to 1e-2.
+    backend
+        "auto" takes finufft where it is installed, else "numpy"; "direct" sums term by term.
+
+    Returns
+    -------
+    ndarray
+        (size,), complex128, k ascending: index size//2 is k = 0.
+
+    Raises
+    ------
+    ConfigError
+        The tolerance is beyond 1e-13 to 1e-2.
+    """
+    if not 1e-13 <= tolerance <= 1e-2:
+        raise ConfigError(f"NUFFT tolerance is {tolerance!r}; expected 1e-13 to 1e-2.")
+    engine = Type1(size, tolerance, backend)
+    if points.size == 0:
+        return np.zeros(size, dtype=np.complex128)
+    # into [-pi, pi]: neither engine takes points far outside without losing digits
+    wrapped = points - 2 * np.pi * np.round(points / (2 * np.pi))
+    return engine(wrapped, np.ascontiguousarray(values, dtype=np.complex128))
+
+
+def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
+    """What "auto" stands for here.
+
+    Raises
+    ------
+    ConfigError
+        No such backend.
+    MissingDependencyError
+        finufft is asked for and not installed.
+    """
+    if backend not in get_args(Backend):
+        raise ConfigError(f"NUFFT backend {backend!r}; expected one of {get_args(Backend)}.")
+    if backend == "auto":
+        return "finufft" if has_finufft() else "numpy"
+    if backend == "finufft" and not has_finufft():
+        raise MissingDependencyError(
+            "finufft is not installed. Install it with 'pip install finufft', or use the "
+            "numpy backend, which has the same accuracy."
+        )
+    return backend
+
+
+class Type1:
+    """One-dimensional type-1 transforms of one size, planned once. For one thread at a time.
+
+    Always one thread each: sums are then the same from run to run, and for several transforms
+    threads are better spent on one transform each.
+    """
+
+    def __init__(self, size: int, tolerance: float, backend: Backend = "auto") -> None:
+        self._size = size
+        self._tolerance = tolerance
+        self.backend = choose_backend(backend)
+        self._plan: Any = None
+        self._gridding: _Gridding | None = None
+
+    def __call__(self, points: Real, values: Complex) -> Complex:
+        """F[k] of points within [-pi, pi] and contiguous complex values."""
+        if self.backend == "direct":
+            return _direct(points, values, self._size)
+        if self.backend == "numpy":
+            if self._gridding is None:
+                self._gridding = _Gridding(self._size, self._tolerance)
+            return self._gridding(points, values)
+        if self._plan is None:
+            finufft = importlib.import_module("finufft")
+            sort = 0 if self._size <= _UNSORTED else 2
+            self._plan = finufft.Plan(
+                1, (self._size,), eps=self._tolerance, isign=-1, nthreads=1, spread_sort=sort
+            )
+        self._plan.setpts(points)
+        result: Complex = self._plan.execute(values)
+        return result
+
+
+def nufft2d3(x: Real, y: Real, values: Complex, s: Real, u: Real, tolerance: float) -> Complex:
+    """Sum c_i exp(-j (s_l x_i + u_l y_i)) at each l: a 2-D type-3 transform by finufft.
+
+    Parameters
+    ----------
+    x, y
+        Points, (n,), in any unit.
+    values
+        c_i, (n,).
+    s, u
+        Frequencies, (targets,), in radians per unit of x and y.
+    tolerance
+        As :func:`nufft1`.
+    """
+    finufft = importlib.import_module("finufft")
+    result: Complex = finufft.nufft2d3(x, y, values, s, u, eps=tolerance, isign=-1, nthreads=1)
+    return result
+
+
+def _direct(points: Real, values: Complex, size: int) -> Complex:
+    """Term by term, in blocks that bound memory: the definition."""
+    k = np.arange(size, dtype=np.float64) - size // 2
+    total = np.zeros(size, dtype=np.complex128)
+    block = max(1, (1 << 20) // size)
+    for start in range(0, points.size, block):
+        part = slice(start, start + block)
+        total += values[part] @ np.exp(-1j * np.outer(points[part], k))
+    return total
+
+
+class _Gridding:
+    """Spread onto a grid twice as fine, FFT, divide by the kernel's transform."""
+
+    def __init__(self, size: int, tolerance: float) -> None:
+        self._width = max(4, math.ceil(-math.log10(tolerance)) + 2)
+        self._beta = 2.30 * self._width
+        self._grid_size = _even_smooth(max(2 * size, 2 * self._width))
+        k = np.arange(size) - size // 2
+        self._kept = k % self._grid_size
+        self._divisor = _kernel_transform(np.asarray(k / self._grid_size), self._width, self._beta)
+
+    def __call__(self, points: Real, values: Complex) -> Complex:
+        width, grid_size = self._width, self._grid_size
+        real, imaginary = np.zeros(grid_size), np.zeros(grid_size)
+        offsets = np.arange(width)
+        for start in range(0, points.size, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            position = points[part] * (grid_size / (2 * np.pi))
+            first = np.ceil(position - width / 2)
+            # distance of each grid point from the path, in half widths: -1 to 1
+            distance = ((first - position)[:, None] + offsets) * (2 / width)
+            kernel = np.exp(self._beta * (np.sqrt(np.maximum(1 - distance**2, 0.0)) - 1))
+            cells = (first.astype(np.int64)[:, None] + offsets) % grid_size
+            flat = cells.ravel()
+            c = values[part]
+            real += np.bincount(flat, (kernel * c.real[:, None]).ravel(), grid_size)
+            imaginary += np.bincount(flat, (kernel * c.imag[:, None]).ravel(), grid_size)
+        spectrum = np.fft.fft(real + 1j * imaginary)
+        return np.asarray(spectrum[self._kept] / self._divisor, dtype=np.complex128)
+
+
+def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:
+    """Fourier transform of the kernel at cycles per grid step, by Gauss-Legendre quadrature."""
+    nodes, weights = np.polynomial.legendre.leggauss(4 * width + 20)
+    nodes, weights = nodes[nodes > 0], weights[nodes > 0]  # the kernel is even
+    kernel = weights * np.exp(beta * (np.sqrt(1 - nodes**2) - 1))
+    total = np.zeros(frequency.size)
+    for node, value in zip(nodes, kernel, strict=True):
+        total += value * np.cos(np.pi * width * node * frequency)
+    result: Real = total * width
+    return result
+
+
+def _even_smooth(number: int) -> int:
+    return smooth_size((number + 1) // 2) * 2
+
+
+def smooth_size(number: int) -> int:
+    """Smallest product of 2, 3 and 5 that is at least `number`: FFTs of it are fast."""
+    best = 1 << max(0, (number - 1).bit_length())
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            rest = -(-number // three)
+            best = min(best, three << max(0, (rest - 1).bit_length()))
+            three *= 3
+        five *= 5
+    return best

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Jobs of the synthesis that go pulse by pulse, or once for all pulses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Complex, Real
+from .transform import ErrorSum, PulseResult
+
+Weights = NDArray[np.inexact[Any]]
+#: One pulse's spectrum from lengths, amplitudes and pulse intervals of folding.
+Transform = Callable[[Real, Weights, Real | None], PulseResult]
+
+
+@dataclass(frozen=True)
+class PulseBlock:
+    """Spectra of some pulses, (pulses, frequencies).
+
+    `heard` and `folded` count paths once a pulse.
+    """
+
+    pulses: slice
+    values: Complex
+    error: ErrorSum
+    heard: int
+    folded: int
+    cpu_s: float
+
+
+class TransformPool:
+    """As many transforms, each with its buffers, as there are threads."""
+
+    def __init__(self, make: Callable[[], Transform], count: int, threads: int) -> None:
+        self._free: SimpleQueue[Transform] = SimpleQueue()
+        for _ in range(threads):
+            self._free.put(make())
+        self._count = count
+
+    def block(
+        self,
+        pulses: slice,
+        lengths_m: Callable[[], Real],
+        amplitude: Weights,
+        order: Real | None = None,
+    ) -> PulseBlock:
+        """Spectra of the lengths (pulses, ...), one pulse after the other.
+
+        `order`: pulse intervals by which rows are folded; None: found from the delays.
+        """
+        start = time.thread_time()
+        transform = self._free.get()
+        try:
+            lengths = lengths_m()
+            values = np.empty((lengths.shape[0], self._count), dtype=np.complex128)
+            error, heard, folded = ErrorSum(), 0, 0
+            for pulse, length_m in enumerate(lengths):
+                found = transform(length_m, amplitude, order)
+                values[pulse] = found.values
+                error.beside(found.error)
+                heard += found.kept
+                folded += found.folded
+        finally:
+            self._free.put(transform)
+        return PulseBlock(pulses, values, error, heard, folded, time.thread_time() - start)

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/render_radar.py in processes of its own: exit codes, kill -9, a full disk."""
+
+from __future__ import annotations
+
+import os
+import signal as signals
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon import contract, signal
+from radarsim_addon.blender.settings import radar as properties
+from radarsim_addon.sidecar import file_sha256, read_record
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "render_radar.py"
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A saved scene with settings of its own, under a name that is not ASCII."""
+    path = tmp_path_factory.mktemp("scene é") / "rädar scene.blend"
+    properties.register()
+    try:
+        scene = rs.new_scene()
+        plate = rs.add_plate(10.0, preset="ground")
+        rs.move_steadily(plate, (0, 5, 0))
+        settings = scene.radarsim
+        settings.acquisition = "RINGS"
+        settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
+        settings.width_px = settings.height_px = 32
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+    finally:
+        properties.unregister()
+    return path
+
+
+def start(*words: Any, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), *map(str, words)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=300,
+        check=False,
+        **options,
+    )
+
+
+def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "my rün"
+    done = start(blend, "--out", folder)
+    assert done.returncode == 0, done.stderr
+    assert "6/6 renders, 100 %" in done.stdout
+    run = read_record(folder / "run.json", contract.RunRecord)
+    assert (run.rings, run.passes, run.burst["prf_hz"], run.width_px) == (3, 2, 2000.0, 32)
+    assert run.blend_file == blend.name
+    assert run.extra["unsaved_changes"] is False
+    assert "Fra:" not in done.stdout
+
+
+def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None:
+    """Named, or implied by an option of theirs; the same command again renders nothing."""
+    for number, words in enumerate((("--acquisition", "paths"), ("--shifts", "2"))):
+        folder = tmp_path / str(number)
+        done = start(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
+        assert done.returncode == 0, done.stderr
+        run = read_record(folder / "run.json", contract.RunRecord)
+        assert run.acquisition == "paths"
+        record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
+        assert record.shifts == (4 if number == 0 else 2)
+        assert record.rows > 0
+        table = folder / "frames/frame_0001/paths.npy"
+        written = table.stat().st_mtime_ns
+        assert (folder / "products" / "frame_0001_expected.npz").is_file()
+        again = start(blend, "--out", folder, "--resolution", "16x16", *words)
+        assert again.returncode == 0, again.stderr
+        assert table.stat().st_mtime_ns == written
+
+
+def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:
+    words = (
+        "--frames 2:4:2 --rings 2 --ring-step 6 --delta-t 0.02 --samples 2 --resolution 24x16 "
+        "--bounces 1 --carrier-ghz 77 --bandwidth-mhz 150 --chirp-us 12.5 --sampling-mhz 160 "
+        "--prf-hz 4000 --pulses 64 --seed 5 --process"
+    )
+    done = start(blend, "--out", tmp_path / "run", *words.split())
+    assert done.returncode == 0, done.stderr
+    run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
+    assert (run.frames, run.rings, run.ring_step_m, run.delta_t_s) == ([2, 4], 2, 6.0, 0.02)
+    assert (run.samples, run.width_px, run.height_px, run.seed) == (2, 24, 16, 5)
+    assert run.max_bounces == 1
+    assert run.waveform == {
+        "carrier_hz": 77e9,
+        "bandwidth_hz": 150e6,
+        "chirp_length_s": 12.5e-6,
+        "sampling_rate_hz": 160e6,
+    }
+    assert run.burst == {"prf_hz": 4000.0, "pulses": 64}
+    assert (tmp_path / "run" / "products" / "frame_0004_map.npz").is_file()
+
+
+def test_help(tmp_path: Path) -> None:
+    done = start("--help")
+    assert done.returncode == 0
+    for option in ("--out", "--frames", "--ring-step", "--overwrite", "--process", "--seed"):
+        assert option in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["--no-such-option"], 2, "unrecognized arguments"),
+        (["--ring-step", "0"], 2, "ConfigError: Ring step is 0.0 m"),
+        (["--rings", "0"], 2, "ConfigError: Number of rings is 0"),
+        (["--rings", "x"], 2, "invalid int value"),
+        (["--frames", "1:2:3:4"], 2, "ConfigError: Frames '1:2:3:4'"),
+        (["--resolution", "10"], 2, "ConfigError: Resolution '10'"),
+        (["--prf-hz", "1e6"], 2, "ConfigError: Chirp length"),
+        (["--rings", "2", "--auto-rings"], 2, "ConfigError: --rings and --auto-rings"),
+        (["--scene", "None"], 1, "SceneError: The file has no scene 'None'"),
+    ],
+)
+def test_bad_arguments(
+    blend: Path, tmp_path: Path, words: list[str], code: int, message: str
+) -> None:
+    done = start(blend, "--out", tmp_path / "run", *words)
+    assert done.returncode == code
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    done = start(tmp_path / "none.blend", "--out", tmp_path / "run")
+    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
+    assert "ConfigError" in done.stderr and "does not exist" in done.stderr
+    broken = tmp_path / "broken.blend"
+    broken.write_bytes(b"no blend file at all" * 100)
+    done = start(broken, "--out", tmp_path / "run")
+    assert (done.returncode, "Traceback" in done.stderr) == (1, False)
+    assert "SceneError" in done.stderr and "cannot be opened" in done.stderr
+
+
+def test_missing_folder(blend: Path, tmp_path: Path) -> None:
+    done = start(blend, "--out", tmp_path / "no" / "run")
+    assert done.returncode == 1
+    assert "OutputError" in done.stderr and "does not exist. Create it" in done.stderr
+
+
+def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
+    rs.new_scene()
+    flag = tmp_path / "ran"
+    text = bpy.data.texts.new("hook.py")
+    text.from_string(f"open({str(flag)!r}, 'w').close()")
+    text.use_module = True  # "Register": run on load
+    cube = bpy.data.objects.new("Driven", None)
+    bpy.context.scene.collection.objects.link(cube)
+    curve = cube.driver_add("location", 0)
+    curve.driver.expression = f"open({str(flag)!r}, 'w').close() or 1.0"
+    path = tmp_path / "hooked.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    flag.unlink(missing_ok=True)
+    done = start(path, "--out", tmp_path / "run", "--resolution", "8x8")
+    assert done.returncode == 0, done.stderr
+    assert not flag.exists()
+
+
+@posix
+def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None:
+    """kill -9 at an arbitrary moment, twice; then the run is what an undisturbed one is."""
+    folder = tmp_path / "run"
+    command = [sys.executable, str(SCRIPT), str(blend), "--out", str(folder)]
+    command += ["--frames", "1:12", "--resolution", "64x64", "--samples", "4"]
+    for wanted in (3, 20):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            limit = time.monotonic() + 120
+            while len(list(folder.rglob("ring_*.json"))) < wanted and process.poll() is None:
+                assert time.monotonic() < limit
+                time.sleep(0.001)
+        finally:
+            process.send_signal(signals.SIGKILL)
+            process.wait()
+    kept = {p: p.stat().st_mtime_ns for p in folder.rglob("ring_*.json")}
+    assert len(kept) >= 20
+    # What has a sidecar is whole at any moment.
+    for sidecar in kept:
+        record = read_record(sidecar, contract.RenderRecord)
+        assert file_sha256(sidecar.with_suffix(".exr")) == record.exr_sha256
+    assert start(*command[2:]).returncode == 0
+    assert not list(folder.rglob("*.part"))
+    assert {p: p.stat().st_mtime_ns for p in kept} == kept
+    assert start(*command[2:], "--overwrite").returncode == 0
+    once = start(*command[2:4], tmp_path / "undisturbed", *command[5:])
+    assert once.returncode == 0, once.stderr
+    run, other = signal.open_run(folder), signal.open_run(tmp_path / "undisturbed")
+    assert run.missing() == other.missing() == []
+    for frame in (1, 12):
+        for pass_index in (0, 1):
+            image = run.frame(frame).image(2, pass_index)[1]["R"]
+            assert (image == other.frame(frame).image(2, pass_index)[1]["R"]).all()
+
+
+@posix
+def test_full_disk(blend: Path, tmp_path: Path) -> None:
+    """No file may pass 6 kB: the EXR of 64 x 64 pixels does not fit, the smaller ones do."""
+    import resource
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6000, 6000))
+
+    folder = tmp_path / "run"
+    words = [blend, "--out", folder, "--resolution", "64x64", "--rings", "3"]
+    done = start(*words, preexec_fn=limit)
+    assert done.returncode == 1, done.stdout
+    assert "OutputError" in done.stderr and "disk" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(folder.rglob("*.part"))
+    assert start(*words).returncode == 0
+    assert signal.open_run(folder).missing() == []
+
+
+@posix
+@pytest.mark.parametrize("acquisition", ["rings", "paths"])
+def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
+    blend: Path, tmp_path: Path, acquisition: str
+) -> None:
+    """Exit code 130, nothing half-written, and the same command finishes the run."""
+    # Automatic rings follow from the frames: stated, the run is the same with fewer of them.
+    stated = ["--rings", "3"] if acquisition == "rings" else []
+    words = [blend, "--out", tmp_path / "run", "--acquisition", acquisition, *stated]
+    words += ["--frames", "1:40"]
+    process = subprocess.Popen(
+        [sys.executable, str(SCRIPT), *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wanted = "*.exr" if acquisition == "rings" else "paths.npy"
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "run").rglob(wanted)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signals.SIGINT)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 130, said
+    assert "Interrupted" in said
+    assert "Traceback" not in said
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob(wanted)}
+    assert before
+    assert not list((tmp_path / "run").rglob("*.part"))
+    done = start(*words[:-1], "1:2")
+    assert done.returncode == 0, done.stderr
+    kept = [path for path in before if "frame_0001" in str(path)]
+    assert kept
+    assert all(path.stat().st_mtime_ns == before[path] for path in kept)

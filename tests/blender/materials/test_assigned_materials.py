@@ -1,0 +1,382 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials follow the carrier and are found wherever they come from.
+
+Linked files, library overrides, instanced collections, groups within groups, slots of the object,
+geometry nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.materials import physical_materials as pm
+from radarsim_addon.blender.materials import set_layer_normals, worn_materials
+from radarsim_addon.blender.nodes import attributes, groups
+from radarsim_addon.blender.nodes.find_group import find_group, group_input
+from radarsim_addon.blender.scene import check_meshes
+from radarsim_addon.blender.state import Recorder
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.materials import material as library
+from radarsim_addon.physics.slab import excess_path_m, slab_power
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+from tests.blender import render_helpers as rh
+
+pytestmark = pytest.mark.blender
+
+MADE_HZ, RUN_HZ = 1.5e9, 5.3e9
+THICKNESS = 0.2
+WALL = "Wall"
+
+
+@pytest.fixture(autouse=True)
+def empty_file() -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def soil() -> Any:
+    """A penetrable material whose index changes with frequency; evaluated where runs are not."""
+    return pm.make_physical_material("Soil", "soil", carrier_hz=MADE_HZ, moisture=0.05)
+
+
+def wall(material: Any) -> Any:
+    """A closed layer across +Y at y = 5."""
+    half = THICKNESS / 2
+    item = rh.add_box((-3.1, 5 - half, -3.3), (3.7, 5 + half, 3.9), material)
+    item.name = WALL
+    return item
+
+
+def geometry_nodes(item: Any, material: Any) -> None:
+    """Let a modifier set the material."""
+    tree = bpy.data.node_groups.new("Set", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    node = tree.nodes.new("GeometryNodeSetMaterial")
+    node.inputs["Material"].default_value = material
+    tree.links.new(first.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], last.inputs[0])
+    item.modifiers.new("Set", "NODES").node_group = tree
+
+
+def nested(material: Any, exposed: bool) -> list[Any]:
+    """Put the group of a material into two groups, one in the other; returns their trees.
+
+    exposed: the inputs are led out to the material.
+    """
+    tree = material.node_tree
+    node = pm.group_node(material)
+    values = {s.name: s.default_value for s in node.inputs}
+    inner, trees = node.node_tree, []
+    for depth in range(2):
+        around = bpy.data.node_groups.new(f"Around {depth}", "ShaderNodeTree")
+        for name in ("Surface", "Volume"):
+            around.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketShader")
+        inside = around.nodes.new("ShaderNodeGroup")
+        inside.node_tree = inner
+        out = around.nodes.new("NodeGroupOutput")
+        bend = around.nodes.new("NodeReroute")
+        around.links.new(inside.outputs["Surface"], bend.inputs[0])
+        around.links.new(bend.outputs[0], out.inputs["Surface"])
+        around.links.new(inside.outputs["Volume"], out.inputs["Volume"])
+        if exposed:
+            given = around.nodes.new("NodeGroupInput")
+            for name in values:
+                around.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
+                around.links.new(given.outputs[name], inside.inputs[name])
+        elif depth == 0:
+            for name, value in values.items():
+                inside.inputs[name].default_value = value
+        inner = around
+        trees.append(around)
+    node.node_tree = inner
+    output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+    for name in ("Surface", "Volume"):
+        tree.links.new(node.outputs[name], output.inputs[name])
+    if exposed:
+        for name, value in values.items():
+            node.inputs[name].default_value = value
+    return trees
+
+
+def in_library(folder: Path) -> Path:
+    """A file with the wall in a collection."""
+    item = wall(soil())
+    collection = bpy.data.collections.new("Walls")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(item)
+    collection.objects.link(item)
+    path = folder / "walls.blend"
+    bpy.data.libraries.write(str(path), {collection})
+    return path
+
+
+def link(path: Path) -> Any:
+    with bpy.data.libraries.load(str(path), link=True) as (_, chosen):
+        chosen.collections = ["Walls"]
+    return bpy.data.collections["Walls"]
+
+
+def instanced(collection: Any) -> None:
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    bpy.context.scene.collection.objects.link(empty)
+
+
+def plain(folder: Path) -> None:
+    wall(soil())
+
+
+def linked(folder: Path) -> None:
+    path = in_library(folder)
+    rs.new_scene()
+    bpy.context.scene.collection.children.link(link(path))
+
+
+def linked_instance(folder: Path) -> None:
+    path = in_library(folder)
+    rs.new_scene()
+    instanced(link(path))
+
+
+def override(folder: Path) -> None:
+    path = in_library(folder)
+    rs.new_scene()
+    collection = link(path)
+    scene = bpy.context.scene
+    made = collection.override_hierarchy_create(
+        scene, bpy.context.view_layer, do_fully_editable=True
+    )
+    if made.name not in scene.collection.children:
+        scene.collection.children.link(made)
+
+
+def local_instance(folder: Path) -> None:
+    item = wall(soil())
+    collection = bpy.data.collections.new("Walls")
+    bpy.context.scene.collection.objects.unlink(item)
+    collection.objects.link(item)
+    instanced(collection)
+
+
+def object_slot(folder: Path) -> None:
+    made = soil()
+    item = wall(made)
+    item.data.materials[0] = rh.lambert(0.5, "of the mesh")
+    item.material_slots[0].link = "OBJECT"
+    item.material_slots[0].material = made
+
+
+def set_by_nodes(folder: Path) -> None:
+    made = soil()
+    item = wall(made)
+    item.data.materials.clear()
+    geometry_nodes(item, made)
+
+
+def nested_fixed(folder: Path) -> None:
+    made = soil()
+    nested(made, exposed=False)
+    wall(made)
+
+
+def nested_exposed(folder: Path) -> None:
+    made = soil()
+    nested(made, exposed=True)
+    wall(made)
+
+
+WAYS = (
+    plain,
+    linked,
+    linked_instance,
+    override,
+    local_instance,
+    object_slot,
+    set_by_nodes,
+    nested_fixed,
+    nested_exposed,
+)
+
+
+def the_material() -> Any:
+    """The soil that the wall wears."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    (worn,) = [one for one in worn_materials(depsgraph) if one.item.name == WALL]
+    (made,) = [m for m in worn.materials if m is not None and m.name.startswith("Soil")]
+    return made
+
+
+def index_of(material: Any) -> complex:
+    real, imaginary = (
+        group_input(material, name).default_value
+        for name in ("Index of Refraction", "Extinction Coefficient")
+    )
+    return complex(real, imaginary)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+def test_follows_the_carrier_and_is_found(way: Callable[[Path], None], tmp_path: Path) -> None:
+    rs.new_scene()
+    way(tmp_path)
+    made = the_material()
+    before = index_of(made)
+    assert before == pytest.approx(complex(library("soil", MADE_HZ, moisture=0.05)), rel=1e-6)
+    recorder = Recorder()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+    assert pm.update_materials(RUN_HZ, recorder, worn) == []
+    assert set_layer_normals(recorder, depsgraph) == []
+    expected = complex(library("soil", RUN_HZ, moisture=0.05))
+    assert index_of(made) == pytest.approx(expected, rel=1e-6)
+    assert abs(expected - before) > 0.01
+    (item,) = [one.item for one in worn_materials(depsgraph) if one.item.name == WALL]
+    assert np.abs(item[attributes.OBJECT_LAYER_NORMAL]) == pytest.approx([0, 1, 0], abs=1e-6)
+    assert item[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(THICKNESS, rel=1e-5)
+    assert recorder.restore() == []
+    assert index_of(made) == before
+    assert attributes.OBJECT_LAYER_NORMAL not in item
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+def test_mesh_checks_see_it(way: Callable[[Path], None], tmp_path: Path) -> None:
+    """A second wall touches the first exactly: that matters where the first has an interior."""
+    rs.new_scene()
+    way(tmp_path)
+    touching = rh.add_box((-2, 5 + THICKNESS / 2, -2), (2, 6, 2), rh.lambert(0.5, "grey"))
+    touching.name = "Touching"
+    bpy.context.view_layer.update()
+    (text,) = check_meshes(bpy.context.evaluated_depsgraph_get())
+    assert "Touching" in text and WALL in text
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_run_through_it(way: Callable[[Path], None], code: str, tmp_path: Path) -> None:
+    """A rough plate behind the wall: power and range by the closed form at the run's carrier."""
+    rs.new_scene()
+    way(tmp_path)
+    metal = pm.make_physical_material(
+        "Metal", "conductor", carrier_hz=RUN_HZ, conductivity_s_per_m=1e7, rms_slope=0.3
+    )
+    pose = rh.Matrix.Translation((0, 10, 0)) @ rh.Matrix.Rotation(np.pi / 2, 4, "X")
+    rh.add_plate(0.5, pose, metal, name="Plate")
+    lengths, powers = [], []
+    for hidden in (True, False):
+        for item in bpy.data.objects:
+            if item.name in (WALL, "Instance"):
+                item.hide_render = hidden
+        run = ph.run_paths(tmp_path / f"run_{hidden}", options={"max_order": 1, "code": code})
+        plate = run.table()  # the wall is a mirror, which echoes nothing
+        assert len(plate) > 10
+        powers.append(float(plate["power_w"].sum()))
+        lengths.append(float(plate["length_m"].mean()))
+    index = complex(library("soil", RUN_HZ, moisture=0.05))
+    wavelength = 299792458.0 / RUN_HZ
+    slab = slab_power(index, THICKNESS, wavelength, 1.0, "single-pass")
+    # Under the world's code the way at each face is drawn at random: only some pixels go through.
+    certain = 0.02 if code == "materials" else 0.3
+    assert powers[1] / powers[0] == pytest.approx(float(slab.transmitted) ** 2, rel=certain)
+    extra = 2 * float(excess_path_m(index, THICKNESS, 1.0))
+    # ... and those that do not have the mean length of all.
+    near = 2e-3 if code == "materials" else 1e-2
+    assert lengths[1] - lengths[0] == pytest.approx(extra, rel=near)
+
+
+def test_shared_group_with_two_media_is_refused() -> None:
+    first = soil()
+    nested(first, exposed=False)
+    second = first.copy()
+    second.name = "Sand"
+    second["radarsim_medium_moisture"] = 0.3
+    for number, made in enumerate((first, second)):
+        rh.add_box((0, 2 * number, 0), (1, 2 * number + 1, 1), made)
+    with pytest.raises(ConfigError, match=r"'Sand' and 'Soil' need different numbers.*'Around 0'"):
+        pm.update_materials(RUN_HZ)
+
+
+def test_group_behind_a_mix_is_named() -> None:
+    made = soil()
+    tree = made.node_tree
+    node = pm.group_node(made)
+    output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(node.outputs["Surface"], mix.inputs[1])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    rh.add_box((0, 0, 0), (1, 1, 1), made)
+    assert find_group(made) is None
+    (text,) = pm.update_materials(RUN_HZ)
+    assert "'Soil' has a medium" in text and "does not feed" in text
+
+
+def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) -> None:
+    made = soil()
+    group = pm.group_node(made).node_tree
+    group[groups.VERSION_PROPERTY] = 1
+    sockets = group.interface.items_tree
+    group.interface.remove(next(s for s in sockets if s.name == "Grazing Transmission"))
+    item = wall(made)
+    collection = bpy.data.collections.new("Walls")
+    collection.objects.link(item)
+    path = tmp_path / "old.blend"
+    bpy.data.libraries.write(str(path), {collection})
+    before = path.read_bytes()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    instanced(link(path))
+    made = the_material()
+    with pytest.raises(ConfigError, match=r"'Soil'.*'Grazing Transmission'.*old\.blend.*append"):
+        pm.update_materials(RUN_HZ, None, {made})
+    assert groups.refresh_groups() == ["Radar Material, physical"]
+    assert groups.refresh_groups() == []
+    assert pm.update_materials(RUN_HZ, None, {made}) == []
+    expected = complex(library("soil", RUN_HZ, moisture=0.05))
+    assert index_of(made) == pytest.approx(expected, rel=1e-6)
+    assert group_input(made, "Grazing Transmission").default_value == 1.0
+    assert path.read_bytes() == before
+
+
+def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: Path) -> None:
+    """Blender's grey default would echo without a code, at range 0."""
+    rs.new_scene()
+    rs.add_plate(20.0)
+    bare = rh.add_box((0.05, 5, -1), (1, 6, 1), None)
+    bare.name = "Bare"
+    before = list(bare.data.materials)
+    collection = bpy.data.collections.new("Things")
+    bpy.context.scene.collection.objects.unlink(bare)
+    collection.objects.link(bare)
+    instanced(collection)
+    options = {"max_order": 1, "code": "materials"}
+    run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
+    assert any("No Radar Material on 'Bare'" in text for text in run.job.warnings)
+    lengths = run.table()["length_m"]
+    assert len(lengths) and lengths.min() > 39
+    assert list(bare.data.materials) == before
+
+
+def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: Path) -> None:
+    """The slots hold Radar Material alone; what is rendered is another."""
+    rs.new_scene()
+    plate = rs.add_plate(20.0)
+    geometry_nodes(plate, rh.lambert(0.5, "grey"))
+    run = ph.run_paths(tmp_path / "run", options={"max_order": 1}, width_px=16, height_px=16)
+    assert run.record().code == "world"
+    assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
+
+
+def test_band_of_a_material_set_by_geometry_nodes_stops_the_run() -> None:
+    item = wall(soil())
+    item.data.materials.clear()
+    geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+    with pytest.raises(ConfigError, match="'Ice'"):
+        pm.update_materials(5e12, None, worn)

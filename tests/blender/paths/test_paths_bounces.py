@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths at grazing angles and of several reflections, against closed forms; mirrors, nothing."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon.signal.paths.paths import PathFlag
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender import nodes
+from radarsim_addon.physics.fresnel import unpolarised_reflectance
+from radarsim_addon.signal.decoding.path_class_pixels import first_vertex_order_2
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_grazing_plane(tmp_path: Path, code: str) -> None:
+    """A plane met at 1 degree: range of each pixel against the plane in float64."""
+    rs.new_scene()
+    ph.field_of_view(0.6)
+    height = 1.0
+    radar = ph.radar_at((0, 0, height))
+    radar.rotation_euler.x -= math.radians(1.0)
+    metal = nodes.make_material("Metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    material = metal if code == "materials" else ph.lambert(0.9)
+    ph.quad("Ground", [(-50, -5, 0), (50, -5, 0), (50, 300, 0), (-50, 300, 0)], material)
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"shifts": 2, "code": code})
+    rows = run.table()
+    assert rows.size == 2 * 32 * 32
+    reach = height / -rows["direction"][:, 2]
+    assert reach.min() < 45
+    assert reach.max() > 80
+    # Float32 of a direction is 4.5e-8 rad; at 1 degree that is 2.6e-6 of the range.
+    np.testing.assert_allclose(rows["length_m"], 2 * reach, rtol=2e-5)
+    # The vertex lies on the plane, and the length is the vertex's to float64.
+    np.testing.assert_allclose(rows["last_m"][:, 2], 0, atol=1e-6)
+    exact = 2 * np.linalg.norm(rows["last_m"] - (0, 0, height), axis=1)
+    np.testing.assert_allclose(rows["length_m"], exact, rtol=2e-7)
+
+    # Power of each pixel, at its own angle: reflectance / pi x sine of the depression x irradiance.
+    def radiance_at(sine: np.ndarray) -> np.ndarray:
+        reflects = unpolarised_reflectance(1e4 + 1e4j, sine) if code == "materials" else 0.9
+        return np.asarray(reflects / np.pi * sine * ph.irradiance(height / sine))
+
+    radiance = ph.radiance(rows)
+    np.testing.assert_allclose(radiance, radiance_at(2 * height / exact), rtol=1e-5)
+    # And all of each shift, against a dense sum over its view in the plane one before the camera.
+    count, half, tilt = 400, math.tan(math.radians(0.3)), math.radians(1.0)
+    ahead = np.array([0.0, math.cos(tilt), -math.sin(tilt)])
+    upward = np.array([0.0, math.sin(tilt), math.cos(tilt)])
+    for shift in (0, 1):
+        mine = rows["shift"] == shift
+        direction = rows["direction"][mine]
+        # A shift moves the whole view by a part of a pixel, which at this angle is percents.
+        middle = np.mean(direction @ upward / (direction @ ahead))
+        x, z = np.meshgrid(*2 * [half * ((2 * np.arange(count) + 1) / count - 1)])
+        z = z + middle
+        norm = np.sqrt(x**2 + 1 + z**2)
+        sine = (math.sin(tilt) - z * math.cos(tilt)) / norm
+        whole = np.sum(radiance_at(sine) / norm**3) * (2 * half / count) ** 2
+        found = 2 * np.sum(radiance[mine] * rows["solid_angle_sr"][mine])
+        assert found == pytest.approx(whole, rel=5e-4)
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_mirror_corridor(tmp_path: Path, code: str) -> None:
+    """Two mirror walls and a rough end: orders 1 to 3 are the images of the end, one, two away."""
+    rs.new_scene()
+    ph.field_of_view(42)
+    half, end = 1.0, 12.0
+    walls = ph.mirror()
+    for side in (-half, half):
+        corners = [(side, -1, -20), (side, end, -20), (side, end, 20), (side, -1, 20)]
+        ph.quad("Wall", corners, walls)
+    rough = nodes.make_material("End", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("End", [(-half, end, -20), (half, end, -20), (half, end, 20), (-half, end, 20)], rough)
+    options = {"max_order": 3, "code": code}
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
+    rows = run.table()
+    direction = rows["direction"]
+    unfolded = direction * (end / direction[:, 1:2])
+    images = np.rint(unfolded[:, 0] / (2 * half))  # walls crossed
+    np.testing.assert_array_equal(rows["order"], 1 + np.abs(images))
+    assert {1, 2, 3} == set(rows["order"])
+    x = unfolded[:, 0] - 2 * half * images
+    scatterer = np.stack([np.where(images % 2, -x, x), unfolded[:, 1], unfolded[:, 2]], axis=1)
+    way_back = np.linalg.norm(scatterer, axis=1)
+    length = np.linalg.norm(unfolded, axis=1) + way_back
+    np.testing.assert_allclose(rows["length_m"], length, rtol=1e-6)
+    np.testing.assert_allclose(rows["last_m"], scatterer, atol=5e-5)
+    wall = np.abs(rows["first_m"][rows["order"] > 1][:, 0])
+    np.testing.assert_allclose(wall, half, atol=1e-6)
+    # Each mirror's Fresnel reflectance, the end's cosines, and the way back alone in the lamp's.
+    reflects = unpolarised_reflectance(1e4 + 1e4j, np.abs(direction[:, 0]))
+    wall_power = reflects ** np.abs(images)
+    lit = scatterer[:, 1] / way_back
+    out = np.abs(direction[:, 1])
+    power = unpolarised_reflectance(1e4 + 1e4j, out) / np.pi * lit * ph.irradiance(way_back)
+    np.testing.assert_allclose(ph.radiance(rows), power * wall_power, rtol=2e-4)
+
+
+@pytest.mark.parametrize("code", ["materials", "world"])
+def test_dihedral(tmp_path: Path, code: str) -> None:
+    """A mirror floor and a rough wall: both vertices and the length in closed form."""
+    rs.new_scene()
+    ph.field_of_view(50)
+    ph.radar_at((0, 0, 2))
+    ph.quad("Floor", [(-30, -5, 0), (30, -5, 0), (30, 10, 0), (-30, 10, 0)], ph.mirror())
+    rough = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("Wall", [(-30, 10, 0), (30, 10, 0), (30, 10, 30), (-30, 10, 30)], rough)
+    options = {"max_order": 2, "code": code}
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
+    rows = run.table()
+    two = rows[rows["order"] == 2]
+    assert two.size > 200
+    camera = np.array([0.0, 0.0, 2.0])
+    direction = two["direction"]
+    first = camera + direction * (2 / -direction[:, 2:])
+    image = camera + direction * (10 / direction[:, 1:2])
+    last = image * (1, 1, -1)
+    length = np.linalg.norm(image - camera, axis=1) + np.linalg.norm(last - camera, axis=1)
+    np.testing.assert_allclose(two["length_m"], length, rtol=1e-6)
+    np.testing.assert_allclose(two["last_m"], last, atol=5e-5)
+    np.testing.assert_allclose(two["first_m"], first, atol=1e-5)
+    names = run.record().objects
+    assert {names[number - 1] for number in two["first_object"]} == {"Floor"}
+    assert {names[number - 1] for number in two["object"]} == {"Wall"}
+    # Without looking at the Position pass, from direction, length and last vertex alone:
+    found, conditioning = first_vertex_order_2(
+        np.broadcast_to(camera, direction.shape),
+        direction,
+        two["last_m"],
+        camera,
+        two["length_m"],
+    )
+    error = np.linalg.norm(found - first, axis=1) * conditioning
+    assert error.max() < 1e-4
+    assert not np.any(two["flags"] & PathFlag.NO_FIRST_VERTEX)
+
+
+def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
+    rs.new_scene()
+    plate = ph.plate_at(10, 40, ph.mirror())
+    run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_order": 3})
+    record = run.record()
+    assert (record.rows, record.total_power_w) == (0, 0.0)
+    assert any("mirror that faces the radar" in text for text in record.warnings)
+    # Beside something that echoes it must not go unsaid either.
+    plate.name = "Looking-glass"
+    bpy.data.objects["Looking-glass"].location.x = 21
+    wall = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("Wall", [(-20, 10, -20), (0, 10, -20), (0, 10, 20), (-20, 10, 20)], wall)
+    run = ph.run_paths(tmp_path / "both", width_px=8, height_px=8)
+    said = [text for text in run.record().warnings if "without any echo" in text]
+    assert len(said) == 1
+    assert "'Looking-glass'" in said[0]
+    assert "'Wall'" not in said[0]
+    assert run.job.warnings[-len(run.record().warnings) :] == run.record().warnings
+
+
+def test_nothing_in_sight(tmp_path: Path) -> None:
+    """A frame without any echo: an empty table that opens, and a word about it."""
+    rs.new_scene()
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_order": 2})
+    record = run.record()
+    assert (record.rows, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
+    assert run.table().size == 0
+    assert any("Nothing echoes" in text for text in record.warnings)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sub-pixel shifts, the error known so far, and what is refined next: no render."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from radarsim_addon.signal.paths.paths import PathFlag
+
+pytest.importorskip("bpy")
+
+from radarsim_addon.blender.paths.error_budget import CellGrid, CellPowers, ErrorBudget
+from radarsim_addon.blender.paths.frame import _uncertain
+from radarsim_addon.blender.plan import PathOptions
+from radarsim_addon.contract import CameraRecord
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal.decoding import pixel_rays
+from radarsim_addon.signal.paths.paths import PATH_DTYPE, shift_px
+
+
+def test_shifts_fill_the_pixel() -> None:
+    """Low discrepancy: the first n leave no square of the pixel of 3/n unvisited, none repeats."""
+    shifts = np.array([shift_px(i) for i in range(256)])
+    assert np.all(np.abs(shifts) <= 0.5)
+    assert len({tuple(s) for s in shifts}) == 256
+    assert np.all(np.abs(shifts[0]) > 0.01)  # off the centre
+    for count, cells in ((64, 4), (256, 8)):
+        place = np.floor((shifts[:count] + 0.5) * cells).astype(int)
+        hits = np.zeros((cells, cells), dtype=int)
+        np.add.at(hits, (place[:, 0], place[:, 1]), 1)
+        assert hits.min() >= 2
+        assert hits.max() <= 6
+    # A linear function is integrated much better than by random shifts (0.29/sqrt(n)).
+    assert np.abs(shifts[:64].mean(axis=0)).max() < 0.02
+
+
+def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
+    rows = np.zeros(len(lengths), dtype=PATH_DTYPE)
+    rows["length_m"], rows["power_w"], rows["object"] = lengths, powers, objects
+    return rows
+
+
+def powers_of(grid: CellGrid, shifts: list[np.ndarray]) -> CellPowers:
+    """Cell powers of a tile from the rows of its shifts."""
+    return grid.powers([grid.shift_powers(rows, len(shifts)) for rows in shifts])
+
+
+def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarray:
+    """Rows of equal power on one object."""
+    return rows_at([length] * hits, [power / hits] * hits, [number] * hits)
+
+
+def test_cell_powers() -> None:
+    """Means and variances of the mean over the shifts, by hand."""
+    grid = CellGrid(bin_m=1.0, bins=10)
+    shifts = [
+        rows_at([7.0, 11.0], [1.0, 2.0], [1, 2]),
+        rows_at([7.4, 7.6], [3.0, 1.0], [1, 1]),
+    ]
+    shifts[1]["flags"][1] = PathFlag.NO_RANGE
+    powers = powers_of(grid, shifts)
+    found = dict(
+        zip(powers.cells.tolist(), zip(powers.mean, powers.variance, strict=True), strict=True)
+    )
+    first_object = grid.first_object
+    # A row's power is its share of two shifts: twice it is the shift's own estimate.
+    assert found[3] == pytest.approx((4.0, 4.0))  # 2 and 6
+    assert found[5] == pytest.approx((2.0, 4.0))  # 4 and 0
+    assert found[first_object + 1] == pytest.approx((5.0, 9.0))  # 2 and 8
+    assert found[first_object + 2] == pytest.approx((2.0, 4.0))
+    assert set(found) == {3, 5, first_object + 1, first_object + 2}
+
+
+def test_an_object_of_a_few_pixels_is_uncertain_even_where_shifts_agree() -> None:
+    """A square of n grid points has n +- 0.54 n^(1/4) of them, by how the grid happens to lie."""
+    grid = CellGrid(bin_m=1.0, bins=10)
+    for hits in (1, 16, 400):
+        powers = powers_of(grid, [many(7.0, 1.0, 1, hits)] * 2)
+        place = powers.cells.tolist().index(grid.first_object + 1)
+        relative = math.sqrt(powers.variance[place]) / powers.mean[place]
+        assert relative == pytest.approx(0.5385 * hits**-0.75 / math.sqrt(2), rel=1e-3)
+
+
+def test_edge_variance_is_that_of_a_square_on_a_shifted_grid() -> None:
+    """The constant behind it, by trial: squares of random size, place and turn."""
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(4000):
+        side, turn = rng.uniform(3, 12), rng.uniform(0, math.pi / 2)
+        u, v = np.meshgrid(np.arange(-12, 13) + rng.random(), np.arange(-12, 13) + rng.random())
+        x = u * math.cos(turn) + v * math.sin(turn)
+        y = v * math.cos(turn) - u * math.sin(turn)
+        count = np.count_nonzero((np.abs(x) < side / 2) & (np.abs(y) < side / 2))
+        ratios.append((count - side**2) ** 2 / side)
+    assert np.mean(ratios) == pytest.approx(0.29, rel=0.15)
+
+
+def test_refinement_goes_where_the_error_is() -> None:
+    """A strong tile that is known well, a faint one whose shifts disagree, one without echo."""
+    grid = CellGrid(bin_m=1.0, bins=100)
+    budget = ErrorBudget(grid.first_object)
+    budget.powers[0] = powers_of(grid, [many(20.0, 100.0 + d, 1) for d in (0.0, 0.1)])
+    budget.powers[1] = powers_of(grid, [many(90.0, 1e-3 * d, 2) for d in (1.0, 2.0)])
+    budget.powers[2] = powers_of(grid, [rows_at([], [], []) for _ in range(2)])
+    assert budget.worst([0, 1, 2], 0.8) == [1]
+    before = budget.relative_error()
+    budget.powers[1] = powers_of(grid, [many(90.0, 1.5e-3, 2) for _ in range(2)])
+    assert budget.relative_error() < before
+    # A small object is refined though its shifts agree, ground without number is not.
+    budget.powers[1] = powers_of(grid, [many(90.0, 1.5e-3, 2, hits=2) for _ in range(2)])
+    budget.powers[3] = powers_of(grid, [many(50.0, 1.0, 0) for _ in range(2)])
+    assert budget.worst([0, 1, 2, 3], 0.9) == [1]
+    assert budget.worst([2, 3], 1.0) == []
+
+
+def test_relative_error_in_closed_form() -> None:
+    """Two cells of 1 and 4 W with errors of 10 % and 20 %, weighed by the roots of their powers."""
+    grid = CellGrid(bin_m=1.0, bins=100)
+    budget = ErrorBudget()
+    # Two shifts a +- d: variance of the mean d^2.
+    rows = [
+        np.concatenate(
+            [rows_at([10.0], [(1 + s * 0.1) / 2], [0]), rows_at([50.0], [(4 + s * 0.8) / 2], [0])]
+        )
+        for s in (1, -1)
+    ]
+    budget.powers[0] = powers_of(grid, rows)
+    bins = [(1.0, 0.1), (4.0, 0.2), (5.0, 0.9 / 5)]  # the third is object 0
+    weight = [math.sqrt(p) for p, _ in bins]
+    want = math.sqrt(sum(w * e**2 for w, (_, e) in zip(weight, bins, strict=True)) / sum(weight))
+    assert budget.relative_error() == pytest.approx(want)
+    assert ErrorBudget().relative_error() == 0.0
+
+
+def test_one_shift_tells_the_error_of_objects_alone() -> None:
+    """By the edges of the object; refinement by range bins needs replicates."""
+    assert PathOptions(shifts=1, error_target=0.05, refine_by="objects").error_of == "objects"
+    assert PathOptions(shifts=1).error_of == "objects"
+    assert PathOptions(shifts=2).error_of == "both"
+    for asked in ({"error_target": 0.05}, {"time_budget_s": 5.0, "refine_by": "ranges"}):
+        with pytest.raises(
+            ConfigError, match=r"no standard error of range bins.*at least 2 shifts"
+        ):
+            PathOptions(shifts=1, **asked)
+    seen = CameraRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
+    rays = pixel_rays(seen, 20, 20)
+    rows = np.zeros((10, 10), dtype=PATH_DTYPE)
+    rows["direction"] = rays.direction[5:15, 5:15]
+    rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15]
+    rows["order"], rows["object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
+    grid = CellGrid(bin_m=1.0, bins=10)
+    powers = grid.powers([grid.shift_powers(rows.ravel(), 1, seen)])
+    place = powers.cells.tolist().index(grid.first_object + 1)
+    # two sides of ten pixels, each known to 1/6 of a squared pixel
+    assert powers.mean[place] == pytest.approx(1.0)
+    assert powers.variance[place] == pytest.approx(2 * (1 / 6) / 10**2)
+    budget = ErrorBudget(grid.first_object, "objects", {0: powers})
+    assert budget.relative_error() == pytest.approx(math.sqrt(1 / 3) / 10)
+
+
+def test_objects_beyond_the_target_are_named() -> None:
+    """The target is a mean over all objects: those far from it are not passed over in silence."""
+    budget = ErrorBudget(10, "objects")
+    cells = np.array([3, 11, 12, 13])
+    budget.powers[0] = CellPowers(
+        cells, np.array([1.0, 2.0, 4.0, 1e-12]), np.array([0.0, 0.01, 0.01, 1.0])
+    )
+    errors = budget.object_errors()
+    assert errors == pytest.approx({1: 0.05, 2: 0.025})  # the third one is too faint to count
+    names = ["Strip", "Square", "Faint"]
+    assert _uncertain(errors, names, 0.03) == []
+    (said,) = _uncertain(errors, names, 0.02)
+    assert "'Strip' (5 %)" in said and "Square" not in said
+    many = {n: 0.5 + n / 100 for n in range(1, 9)}
+    (said,) = _uncertain(many, [str(n) for n in many], 0.1)
+    assert "'8' (58 %)" in said and said.count("%") == 5 and "and 3 more" in said

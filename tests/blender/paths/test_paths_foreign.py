@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What does not belong to the measurement stays out of it, and is given back as it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from tests.blender import path_helpers as ph
+from tests.blender import path_scenes as ps
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
+    """Bit for bit the table of the same scene without them, orders 1 and 2, all put back."""
+    options = {"max_order": 2}
+    size = {"width_px": 24, "height_px": 24}
+    ps.furnished_scene(clutter=False)
+    clean = ph.run_paths(tmp_path / "clean", options=options, **size).table()
+    ps.furnished_scene(clutter=True)
+    scene = bpy.context.scene
+    scene.frame_set(7, subframe=0.25)
+    layer = scene.view_layers[0]
+    with bpy.context.temp_override(scene=scene, view_layer=layer):
+        bpy.ops.scene.view_layer_add_lightgroup(name="Theirs")
+        bpy.ops.scene.view_layer_add_lightgroup(name="Others")
+    layer.active_lightgroup_index = 0
+    bpy.data.objects["POINT"].lightgroup = "Theirs"
+    for number, item in enumerate(bpy.data.objects):
+        item.pass_index = 100 + number
+    before = ps.everything(scene)
+    run = ph.run_paths(tmp_path / "cluttered", options=options, **size)
+    after = ps.everything(scene)
+    for name in before.keys() | after.keys():
+        assert after.get(name) == before.get(name), name
+    rows = run.table()
+    assert rows.size == clean.size
+    for name in rows.dtype.names:
+        np.testing.assert_array_equal(rows[name], clean[name], err_msg=name)
+    assert {1, 2} == set(rows["order"])
+    assert any("Zz fog" in text for text in run.job.warnings)
+
+
+def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
+    ps.furnished_scene(clutter=True)
+    scene = bpy.context.scene
+    before = ps.everything(scene)
+    from radarsim_addon.blender.paths import PathJob
+    from radarsim_addon.blender.plan import PathOptions
+
+    with (
+        pytest.raises(RuntimeError, match="power cut"),
+        PathJob(
+            scene, scene.view_layers[0], rs.measurement(), tmp_path, PathOptions(shifts=1)
+        ) as job,
+    ):
+        for number, task in enumerate(job.pending()):
+            job.start(task)
+            if number == 3:
+                raise RuntimeError("power cut")
+            job.render(task)
+            job.finish(task)
+    after = ps.everything(scene)
+    for name in before.keys() | after.keys():
+        assert after.get(name) == before.get(name), name

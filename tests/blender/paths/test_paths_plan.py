@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The plan of gates on a path tracer of numpy, and the options: no render."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy")
+
+from radarsim_addon.blender.plan import PathOptions
+from radarsim_addon.blender.views import (
+    Gate,
+    RenderRequest,
+    TracedView,
+    TraceLimits,
+    View,
+    trace_view,
+)
+from radarsim_addon.blender.views.requests import coarse_variance
+from radarsim_addon.errors import ConfigError
+
+SHAPE = (3, 4)
+K = 10.0
+
+
+@dataclass(frozen=True)
+class Path:
+    """One path of one pixel; rgb its reflectances."""
+
+    row: int
+    col: int
+    order: int
+    depth: int
+    length: float
+    amplitude: float
+    rgb: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Tracer:
+    """Renders lists of paths as Cycles would: several may add up in a pixel.
+
+    A pixel has as many surfaces in line as its deepest path needs; `unlucky` pixels lose, in
+    renders that leave lobes to chance, all that lies behind the first surface.
+    """
+
+    paths: list[Path]
+    asked: list[RenderRequest] = field(default_factory=list)
+    unlucky: frozenset[tuple[int, int]] = frozenset()
+
+    def render(self, request: RenderRequest) -> View:
+        self.asked.append(request)
+        gate, planes = request.gate, np.zeros((3, *SHAPE))
+        for path in self.paths:
+            if not gate.order_min <= path.order <= (gate.order_max or math.inf):
+                continue
+            most = math.inf if gate.depth_max is None else gate.depth_max
+            if not gate.depth_min <= path.depth <= most:
+                continue
+            behind = path.depth > (gate.surface_depth or 0)
+            if behind and (path.row, path.col) in self.unlucky:
+                continue
+            code = np.array([1.0, 2.0, 0.0]) * path.length / K * request.coded
+            planes[:, path.row, path.col] += path.amplitude * np.array(path.rgb) * np.exp(-code)
+        return View(*planes, object_index=self._surfaces(gate))
+
+    def _surfaces(self, gate: Gate) -> np.ndarray:
+        """Number 1 where there is a surface at the gate, behind those that are passed."""
+        count = np.zeros(SHAPE, dtype=np.int32)
+        for path in self.paths:
+            count[path.row, path.col] = max(count[path.row, path.col], path.depth + 1)
+        return (count > (gate.surface_depth or 0)).astype(np.int32)
+
+    def run(self, weight: np.ndarray | None = None, **limits: object) -> TracedView:
+        trace = trace_view(TraceLimits(**limits), np.ones(SHAPE) if weight is None else weight)
+        request = next(trace)
+        while True:
+            try:
+                request = trace.send(self.render(request))
+            except StopIteration as stop:
+                found: TracedView = stop.value
+                assert found.renders == len(self.asked)
+                return found
+
+
+def layers_as_paths(found: TracedView) -> set[tuple[object, ...]]:
+    """What the layers say, each pixel decoded by R/B (or against the plain render)."""
+    paths = set()
+    for layer in found.layers:
+        base = layer.plain.red if layer.plain is not None else layer.coded.blue
+        for row, col in zip(*np.nonzero(layer.amplitude), strict=True):
+            length = -K * math.log(layer.coded.red[row, col] / base[row, col])
+            amplitude = float(layer.amplitude[row, col])
+            key = (layer.order, layer.depth, round(length, 6), round(amplitude, 9))
+            paths.add((int(row), int(col), *key))
+    return paths
+
+
+def wanted(paths: list[Path], amplitude: str = "B") -> set[tuple[object, ...]]:
+    pick = {"R": 0, "G": 1, "B": 2}
+    return {
+        (
+            p.row,
+            p.col,
+            p.order,
+            p.depth,
+            round(p.length, 6),
+            round(
+                p.amplitude * (sum(p.rgb) / 3 if amplitude == "mean" else p.rgb[pick[amplitude]]), 9
+            ),
+        )
+        for p in paths
+    }
+
+
+def random_paths(orders: int, depths: int, seed: int = 0) -> list[Path]:
+    """At most one path a pixel and gate."""
+    rng = np.random.default_rng(seed)
+    paths = []
+    for row, col, order, depth in itertools.product(
+        range(SHAPE[0]), range(SHAPE[1]), range(1, orders + 1), range(depths)
+    ):
+        if rng.random() < 0.5:
+            paths.append(Path(row, col, order, depth, rng.uniform(1, 80), rng.uniform(0.1, 1)))
+    return paths
+
+
+@pytest.mark.parametrize("world_code", [False, True])
+@pytest.mark.parametrize("lottery_free", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_gate_is_found(seed: int, lottery_free: bool, world_code: bool) -> None:
+    paths = random_paths(orders=3, depths=5, seed=seed)
+    tracer = Tracer(paths)
+    found = tracer.run(max_order=3, residual=1e-9, lottery_free=lottery_free, world_code=world_code)
+    assert layers_as_paths(found) == wanted(paths)
+    assert found.total == pytest.approx(sum(p.amplitude for p in paths))
+    assert found.left_order <= 1e-9 * found.total
+    assert found.left_depth <= 1e-9 * found.total
+    gates = [(layer.order, layer.depth) for layer in found.layers]
+    assert len(gates) == len(set(gates))
+    for layer in found.layers:
+        assert (layer.vertex is not None) == (layer.order > 1)
+        assert layer.position_is_first == (layer.depth == 0 or (lottery_free and layer.order == 1))
+
+
+@pytest.mark.parametrize("lottery_free", [False, True])
+def test_holes_do_not_stop_it(lottery_free: bool) -> None:
+    """An empty order (a mirror) and empty depths (wholly transparent layers)."""
+    paths = [Path(0, 0, 1, 6, 20.0, 1.0), Path(1, 1, 3, 4, 50.0, 0.5)]
+    found = Tracer(paths).run(max_order=3, residual=1e-6, lottery_free=lottery_free)
+    assert layers_as_paths(found) == wanted(paths)
+    assert [(layer.order, layer.depth) for layer in found.layers] == [(1, 6), (3, 4)]
+
+
+@pytest.mark.parametrize("lottery_free", [False, True])
+def test_nothing_to_see(lottery_free: bool) -> None:
+    """No echo: no layer, and no more renders than it takes to know."""
+    tracer = Tracer([])
+    found = tracer.run(max_order=5, lottery_free=lottery_free)
+    assert found.layers == []
+    assert (found.total, found.left_order, found.left_depth) == (0.0, 0.0, 0.0)
+    assert len(tracer.asked) == 1
+
+
+@pytest.mark.parametrize("lottery_free", [False, True])
+@pytest.mark.parametrize("max_order", [1, 2, 3, 4])
+@pytest.mark.parametrize("max_depth", [0, 2, 4, 9])
+def test_what_is_left_out_is_told(max_order: int, max_depth: int, lottery_free: bool) -> None:
+    """Powers by their weights: found, too many reflections, too deep; together all there is."""
+    rng = np.random.default_rng(5)
+    weight = rng.uniform(0.5, 2.0, SHAPE)
+    paths = random_paths(orders=4, depths=5, seed=2)
+
+    def power(keep: object) -> float:
+        return sum(p.amplitude * weight[p.row, p.col] for p in paths if keep(p))  # type: ignore[operator]
+
+    found = Tracer(paths).run(
+        weight,
+        max_order=max_order,
+        max_depth=max_depth,
+        residual=1e-9,
+        lottery_free=lottery_free,
+        probe=True,
+    )
+    assert found.left_order <= 1e-9 * found.total
+    assert found.beyond == pytest.approx(power(lambda p: p.order > max_order), abs=1e-9)
+    assert found.total + found.beyond == pytest.approx(power(lambda p: True))
+    too_deep = power(lambda p: p.order <= max_order and p.depth > max_depth)
+    assert found.left_depth == pytest.approx(too_deep, abs=1e-9)
+    in_layers = sum(float(np.sum(layer.amplitude * weight)) for layer in found.layers)
+    assert in_layers + found.left_order + found.left_depth == pytest.approx(found.total)
+
+
+@pytest.mark.parametrize("coarse", [1, 4])
+@pytest.mark.parametrize("slope", [0.0, 0.02])
+def test_variance_of_a_coarse_image(coarse: int, slope: float) -> None:
+    """Rays that lots are drawn for, over a surface that brightens across: by trial."""
+    rng = np.random.default_rng(2)
+    height, width = 38, 53  # no multiple of the blocks
+    rows = np.arange(height) * -(-height // coarse) // height
+    cols = np.arange(width) * -(-width // coarse) // width
+    expected = (1 + slope * np.arange(cols[-1] + 1)) * np.ones((rows[-1] + 1, 1))
+    sums, variances = [], []
+    for _ in range(400):
+        # one ray in twenty meets something, and is that much brighter
+        rays = expected * (rng.random(expected.shape) < 0.05) / 0.05
+        image = rays[rows][:, cols]
+        sums.append(image.sum())
+        variances.append(coarse_variance(image, coarse))
+    assert np.mean(variances) == pytest.approx(np.var(sums), rel=0.2)
+
+
+def test_variance_of_a_single_block() -> None:
+    assert coarse_variance(np.full((3, 4), 2.0), 4) == 24.0**2
+    assert coarse_variance(np.zeros((8, 8)), 4) == 0.0
+
+
+def test_the_residual_ends_it() -> None:
+    """What lies below the threshold is not rendered, and is in the sums."""
+    paths = [Path(0, 0, 1, d, 10.0 + d, 10.0**-d) for d in range(8)]
+    tracer = Tracer(paths)
+    found = tracer.run(max_order=1, residual=1e-3, lottery_free=False)
+    assert [layer.depth for layer in found.layers] == [0, 1, 2]
+    left = sum(p.amplitude for p in paths[3:])
+    assert found.left_depth == pytest.approx(left)
+    assert found.left_depth <= 1e-3 * found.total * 1.2
+
+
+def test_coloured_scenes_take_two_renders() -> None:
+    """Ranges come from the same paths with and without code, channel by channel."""
+    paths = [
+        Path(0, 0, 1, 0, 22.0, 1.0, (0.8, 0.25, 0.05)),
+        Path(0, 0, 1, 2, 31.0, 0.5, (0.1, 0.9, 0.4)),
+        Path(2, 3, 2, 0, 44.0, 0.7, (0.3, 0.3, 0.3)),
+    ]
+    for channel in ("mean", "R", "G", "B"):
+        found = Tracer(paths).run(max_order=2, residual=1e-9, world_code=True, amplitude=channel)
+        assert found.coloured
+        assert all(layer.plain is not None for layer in found.layers)
+        assert layers_as_paths(found) == wanted(paths, channel)
+
+
+def test_grey_is_not_coloured_by_rounding() -> None:
+    paths = [Path(0, 0, 1, 0, 22.0, 1.0, (1.0, 1 + 3e-6, 1 - 3e-6))]
+    assert not Tracer(paths).run(world_code=True).coloured
+    paths = [Path(0, 0, 1, 0, 22.0, 1.0, (1.0, 1 + 3e-4, 1.0))]
+    assert Tracer(paths).run(world_code=True).coloured
+
+
+def test_a_small_target_behind_a_pane_is_never_lost() -> None:
+    """Whatever lot falls in the renders that leave lobes to chance."""
+    paths = [Path(1, 2, 1, depth, 20.0 + depth, 1.0) for depth in (0, 2)]
+    unlucky = frozenset(itertools.product(range(SHAPE[0]), range(SHAPE[1])))
+    found = Tracer(paths, unlucky=unlucky).run(lottery_free=True)
+    assert layers_as_paths(found) == wanted(paths)
+
+
+def test_opaque_surfaces_end_it() -> None:
+    """One render of a gate is enough where nothing can lie behind."""
+    tracer = Tracer([Path(0, 0, 1, 0, 20.0, 1.0), Path(2, 2, 1, 0, 30.0, 1.0)])
+    found = tracer.run(lottery_free=True, opaque=frozenset({1}))
+    assert len(tracer.asked) == 1
+    assert layers_as_paths(found) == wanted(tracer.paths)
+
+
+def test_gates_of_certain_surfaces() -> None:
+    """Order 1 in scenes of Radar Materials: gate and tail pass the same surfaces for certain."""
+    tracer = Tracer([Path(0, 0, 1, 1, 20.0, 1.0)])
+    tracer.run(lottery_free=True)
+    for request in tracer.asked:
+        assert request.gate.surface_depth == request.gate.depth_min
+    assert Gate(1, 1, 1, 1, surface_depth=1) in [r.gate for r in tracer.asked]
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"max_order": 0}, "Reflections"),
+        ({"shifts": 0}, "Shifts"),
+        ({"shifts": 1.5}, "Shifts"),
+        ({"tile_px": 2}, "Tile size"),
+        ({"residual": -1.0}, "Residual"),
+        ({"residual": math.nan}, "Residual"),
+        ({"error_target": 0.1, "shifts": 1}, "at least 2 shifts"),
+        ({"time_budget_s": math.inf}, "Time budget"),
+        ({"code": "colour"}, "'world'"),
+        ({"amplitude": "A"}, "'mean'"),
+    ],
+)
+def test_bad_options_are_named(changes: dict[str, object], text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        PathOptions(**changes)  # type: ignore[arg-type]

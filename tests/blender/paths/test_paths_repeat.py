@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs repeated, stopped, continued and written over: the same paths, bit by bit."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon import contract
+from radarsim_addon.blender.paths.tiles import Tile
+from radarsim_addon.blender.views import view_scene as path_scene
+from tests.blender import path_helpers as ph
+from tests.blender import path_scenes as ps
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.mark.parametrize("mode", ["AUTO", "FIXED"])
+def test_number_of_threads_changes_nothing(
+    mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither the paths, by a bit, nor the user's setting, also the one that is not in force."""
+    options = {"max_order": 2, "shifts": 2}
+    tables = []
+    for name, least in (("one", 1 << 30), ("all", 0)):
+        monkeypatch.setattr(path_scene, "_ONE_THREAD_BELOW_PX", least)
+        ps.furnished_scene(clutter=False)
+        render = bpy.context.scene.render
+        render.threads_mode, render.threads = "FIXED", 5
+        render.threads_mode = mode
+        run = ph.run_paths(tmp_path / name, options=options, width_px=40, height_px=40)
+        tables.append((run.folder / contract.frame_dir(1) / contract.PATHS_TABLE).read_bytes())
+        assert render.threads_mode == mode
+        render.threads_mode = "FIXED"
+        assert render.threads == 5
+    assert tables[0] == tables[1]
+
+
+def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lots are drawn by place, poses are read as they are rendered: the same rows, to the bit."""
+    options = {"max_order": 2, "shifts": 2, "tile_px": 10}
+    ps.furnished_scene(clutter=False)
+    forwards = ph.run_paths(tmp_path / "a", options=options, width_px=24, height_px=24).table()
+    split = Tile.split
+    monkeypatch.setattr(Tile, "split", lambda tile, most: split(tile, most)[::-1])
+    ps.furnished_scene(clutter=False)
+    backwards = ph.run_paths(tmp_path / "b", options=options, width_px=24, height_px=24).table()
+    tiles = backwards["tile"].max()
+    assert tiles >= 8
+    backwards["tile"] = tiles - backwards["tile"]
+    order = np.argsort(backwards["tile"], kind="stable")
+    assert backwards[order].tobytes() == forwards.tobytes()
+
+
+def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
+    """Finished tiles are taken as they are, parents that were refined too; the table is that of an
+    uninterrupted run, bit by bit, also where a kept tile was damaged."""
+    options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
+    size = {"width_px": 24, "height_px": 24}
+    ps.furnished_scene(clutter=False)
+    whole = ph.run_paths(tmp_path / "whole", options=options, **size)
+    folder = tmp_path / "stopped"
+    for limit in (60, 60):
+        ph.run_paths(folder, options=options, limit=limit, **size)
+    tiles = sorted((folder / contract.frame_dir(1) / contract.TILES_DIR).glob("*.rows"))
+    assert len(tiles) >= 3
+    assert not list(folder.rglob("*.part"))
+    tiles[0].write_bytes(tiles[0].read_bytes()[:-1] + b"?")
+    run = ph.run_paths(folder, options=options, **size)
+    table = Path(contract.frame_dir(1)) / contract.PATHS_TABLE
+    assert (folder / table).read_bytes() == (whole.folder / table).read_bytes()
+    ours, theirs = run.record(), whole.record()
+    changed = {"render_time_s": ours.render_time_s}
+    assert dataclasses.replace(theirs, **changed) == ours
+    assert run.job.path_scene is not None
+    assert run.job.path_scene.renders < theirs.renders - 20
+    assert not tiles[1].parent.exists()
+    assert (run.job.done, run.job.total) == (whole.job.done, whole.job.total)
+
+
+def test_same_seed_same_bits(tmp_path: Path) -> None:
+    """Bit-identical with refinement and lots drawn; another seed draws other lots."""
+    options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
+    files = []
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        ps.furnished_scene(clutter=False)
+        run = ph.run_paths(tmp_path / name, options=options, width_px=24, height_px=24, seed=seed)
+        files.append((run.folder / contract.frame_dir(1) / contract.PATHS_TABLE).read_bytes())
+    assert run.record().finest_level > 0
+    assert files[0] == files[1]
+    assert files[0] != files[2]
+
+
+def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
+    """Whole frames are kept as they are, the frame that was cut off is made anew."""
+    rs.new_scene()
+    ph.plate_at(10, 4, ph.rough_metal())
+    stopped = ph.run_paths(tmp_path, frames=(1, 2, 3), limit=3)
+    tables = sorted(tmp_path.glob("frames/*/paths.npy"))
+    assert 0 < len(tables) < 3
+    times = {path: path.stat().st_mtime_ns for path in tables}
+    left_over = tmp_path / contract.frame_dir(3) / contract.TILES_DIR / "0.rows.part"
+    left_over.parent.mkdir(parents=True, exist_ok=True)
+    left_over.write_bytes(b"half")
+    run = ph.run_paths(tmp_path, frames=(1, 2, 3))
+    assert len(list(tmp_path.glob("frames/*/paths.npy"))) == 3
+    assert {path: path.stat().st_mtime_ns for path in tables} == times
+    assert not list(tmp_path.rglob("*.part"))
+    assert (run.job.done, run.job.total) == (3, 3)
+    assert stopped.job.done < 3
+    # A damaged table is made again, a good one is not.
+    tables[0].write_bytes(tables[0].read_bytes()[:-1])
+    run = ph.run_paths(tmp_path, frames=(1, 2, 3))
+    assert run.table(1).size == run.table(2).size
+    assert tables[0].stat().st_mtime_ns != times[tables[0]]
+
+
+def test_overwriting_keeps_nothing_of_the_other_run(tmp_path: Path) -> None:
+    """A run of other options over an earlier one measures every frame anew."""
+    rs.new_scene()
+    ph.plate_at(10, 4, ph.rough_metal())
+    ph.run_paths(tmp_path)
+    run = ph.run_paths(tmp_path, overwrite=True, options={"shifts": 3})
+    assert run.record().shifts == 3
+    assert set(run.table()["shift"]) == {0, 1, 2}

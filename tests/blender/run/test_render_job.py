@@ -1,0 +1,336 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs that stop, go on, meet other runs, bad folders and full disks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon import contract, signal
+from radarsim_addon.blender.nodes import attributes, groups
+from radarsim_addon.blender.run import output_folder
+from radarsim_addon.blender.run import run_job as render_job
+from radarsim_addon.errors import OutputError, RenderError, SceneError
+from radarsim_addon.sidecar import file_sha256, read_record
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture
+def plate() -> Any:
+    """A radar and a plate 10 units before it: rings of 4 units make three."""
+    rs.new_scene()
+    return rs.add_plate(10.0)
+
+
+def exr_times(folder: Path) -> dict[str, int]:
+    return {str(p.relative_to(folder)): p.stat().st_mtime_ns for p in folder.rglob("*.exr")}
+
+
+def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
+    """Exactly the files of the contract, each sidecar matching its EXR."""
+    rs.run(tmp_path, passes=2, frames=(3,))
+    names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
+    stems = [f"frames/frame_0003/ring_{n:03d}_t{p}" for n in range(3) for p in range(2)]
+    expected = [stem + suffix for stem in stems for suffix in (".exr", ".json")]
+    assert names == sorted([*expected, "frames/frame_0003/scene.json", "run.json"])
+    for stem in stems:
+        record = read_record(tmp_path / f"{stem}.json", contract.RenderRecord)
+        assert file_sha256(tmp_path / f"{stem}.exr") == record.exr_sha256
+        assert record.versions["blender"] == bpy.app.version_string
+    run = read_record(tmp_path / "run.json", contract.RunRecord)
+    assert (run.rings, run.passes, run.frames) == (3, 2, [3])
+    assert run.waveform["carrier_hz"] == 5.3e9
+    assert run.frame_times_s == [3 / 24]
+
+
+def test_a_stopped_run_goes_on(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path, limit=2, passes=2)
+    before = exr_times(tmp_path)
+    assert len(before) == 2
+    job = rs.run(tmp_path, passes=2)
+    after = exr_times(tmp_path)
+    assert (len(after), job.done, job.total) == (6, 6, 6)
+    assert {name: after[name] for name in before} == before
+    rs.run(tmp_path, passes=2)
+    assert exr_times(tmp_path) == after
+
+
+def test_more_frames_and_another_waveform_continue_a_run(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    before = exr_times(tmp_path)
+    rs.run(tmp_path, frames=(1, 2), burst=rs.Burst(2000.0, 64))
+    after = exr_times(tmp_path)
+    assert {name: after[name] for name in before} == before
+    assert len(after) == 2 * len(before)
+    run = read_record(tmp_path / "run.json", contract.RunRecord)
+    assert (run.burst["prf_hz"], run.frames) == (2000.0, [1, 2])
+
+
+@pytest.mark.parametrize("damage", ["truncate", "flip", "no sidecar", "bad sidecar", "no exr"])
+def test_damaged_files_are_rendered_again(plate: Any, tmp_path: Path, damage: str) -> None:
+    rs.run(tmp_path)
+    exr = tmp_path / contract.frame_dir(1) / "ring_002_t0.exr"
+    sidecar = exr.with_suffix(".json")
+    pixels = rs.images(tmp_path)[2]["B"]
+    data = exr.read_bytes()
+    if damage == "truncate":
+        exr.write_bytes(data[: len(data) // 2])
+    elif damage == "flip":
+        exr.write_bytes(data[:-9] + bytes([data[-9] ^ 1]) + data[-8:])
+    elif damage == "no sidecar":
+        sidecar.unlink()
+    elif damage == "bad sidecar":
+        sidecar.write_text(sidecar.read_text(encoding="utf-8")[:100], encoding="utf-8")
+    else:
+        exr.unlink()
+    untouched = exr_times(tmp_path)
+    untouched.pop(str(exr.relative_to(tmp_path)), None)
+    rs.run(tmp_path)
+    assert (rs.images(tmp_path)[2]["B"] == pixels).all()
+    after = exr_times(tmp_path)
+    assert {name: after[name] for name in untouched} == untouched
+
+
+def test_leftovers_of_a_killed_run_are_removed(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path, limit=1)
+    left = [
+        tmp_path / contract.frame_dir(1) / "ring_001_t0.exr.part",
+        tmp_path / "run.json.part",
+    ]
+    for path in left:
+        path.write_bytes(b"half")
+    rs.run(tmp_path)
+    assert not any(path.exists() for path in left)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"seed": 1}, {"samples": 2}, {"ring_step_m": 5.0}, {"width_px": 40}, {"max_bounces": 1}],
+)
+def test_another_run_is_refused_and_kept(
+    plate: Any, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    rs.run(tmp_path)
+    before = exr_times(tmp_path)
+    with pytest.raises(OutputError, match=r"another run.*overwrite"):
+        rs.run(tmp_path, **change)
+    assert exr_times(tmp_path) == before
+
+
+def test_a_moved_object_is_another_run(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    plate.location.y = 10.5
+    with pytest.raises(OutputError, match="another run"):
+        rs.run(tmp_path)
+
+
+def test_another_material_is_another_run(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    node = next(
+        n for n in plate.data.materials[0].node_tree.nodes if n.bl_idname == "ShaderNodeGroup"
+    )
+    node.inputs["Roughness"].default_value = 0.9
+    with pytest.raises(OutputError, match="another run"):
+        rs.run(tmp_path)
+
+
+def test_saving_the_file_does_not_stop_a_run_from_going_on(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path / "run", limit=1)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    before = exr_times(tmp_path / "run")
+    rs.run(tmp_path / "run")
+    assert exr_times(tmp_path / "run").items() >= before.items()
+
+
+def test_overwrite_removes_the_other_run_and_nothing_else(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path, frames=(1, 2))
+    foreign = [tmp_path / "notes.txt", tmp_path / contract.frame_dir(1) / "mine.exr"]
+    for path in foreign:
+        path.write_text("keep", encoding="utf-8")
+    rs.run(tmp_path, overwrite=True, seed=4)
+    assert all(path.read_text(encoding="utf-8") == "keep" for path in foreign)
+    assert not list((tmp_path / contract.frame_dir(2)).glob("ring_*"))
+    record = read_record(
+        tmp_path / contract.frame_dir(1) / "ring_000_t0.json", contract.RenderRecord
+    )
+    assert record.seed == 4
+
+
+def test_frames_without_a_plan_are_refused(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    (tmp_path / "run.json").unlink()
+    with pytest.raises(OutputError, match="unknown run"):
+        rs.run(tmp_path)
+    rs.run(tmp_path, overwrite=True)
+    assert (tmp_path / "run.json").exists()
+
+
+def test_a_plan_of_a_newer_radarsim_is_refused(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    path = tmp_path / "run.json"
+    data = json.loads(path.read_text(encoding="utf-8"))
+    data["schema_version"] = contract.SCHEMA_VERSION + 1
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(OutputError, match="schema version"):
+        rs.run(tmp_path)
+
+
+# -- folders ---------------------------------------------------------------------------------------
+
+
+def test_folder_is_made_in_an_existing_parent_only(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path / "new", limit=0)
+    assert (tmp_path / "new" / "run.json").exists()
+    with pytest.raises(OutputError, match=r"missing does not exist\. Create it"):
+        rs.run(tmp_path / "missing" / "run", limit=0)
+
+
+def test_a_file_in_the_way(plate: Any, tmp_path: Path) -> None:
+    (tmp_path / "run").write_text("", encoding="utf-8")
+    with pytest.raises(OutputError, match="is a file"):
+        rs.run(tmp_path / "run", limit=0)
+    (tmp_path / "run2").mkdir()
+    (tmp_path / "run2" / "frames").write_text("", encoding="utf-8")
+    with pytest.raises(OutputError, match="cannot be made"):
+        rs.run(tmp_path / "run2")
+
+
+def test_read_only_folder(plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may write anywhere, so the system's refusal is played."""
+
+    def refuse(self: Path, data: bytes) -> int:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(OutputError, match="Permission denied"):
+        rs.run(tmp_path)
+
+
+@contextmanager
+def ordinary_user() -> Iterator[None]:
+    """As user 65534 where the tests run as root, whom no permission holds back."""
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if root:
+            os.seteuid(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="permissions of POSIX")
+def test_read_only_folder_for_users(plate: Any) -> None:
+    # not in tmp_path, which lies in a folder that is open to who runs the tests alone
+    with ordinary_user(), tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o500)
+        with pytest.raises(OutputError, match="run cannot be made: Permission denied"):
+            rs.run(folder / "run")
+        with pytest.raises(OutputError, match="cannot be written to: Permission denied"):
+            rs.run(folder)
+        assert list(folder.iterdir()) == []
+        folder.chmod(0o700)
+
+
+def test_folder_removed_in_the_middle(plate: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with pytest.raises(OutputError), rs.job_for(folder) as job:
+        task = next(job.pending())
+        job.start(task)
+        job.render(task)
+        shutil.rmtree(folder)
+        job.finish(task)
+    assert attributes.ATTR_RING_MAX not in bpy.context.scene
+
+
+@pytest.mark.parametrize("name", ["Ünïcödé 雷達 run", "with space #1 %04d", "{braces} $HOME"])
+def test_paths_with_odd_names(plate: Any, tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name / "rün"
+    folder.parent.mkdir()
+    rs.run(folder)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
+    assert len(list(folder.rglob("ring_*.exr"))) == 3
+    assert any(found.mask.any() for found in rs.decoded(folder))
+
+
+def test_failed_write_leaves_nothing_half(
+    plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blender writes half a file and says nothing: told, removed, and rendered the next time."""
+    with rs.job_for(tmp_path) as job:
+        save = render_job.save_render
+
+        def half(scene: Any, path: Path) -> None:
+            save(scene, path)
+            data = path.read_bytes()
+            path.write_bytes(data[: len(data) // 2])
+
+        monkeypatch.setattr(render_job, "save_render", half)
+        task = next(job.pending())
+        job.start(task)
+        job.render(task)
+        with pytest.raises(OutputError, match="disk is probably full"):
+            job.finish(task)
+    monkeypatch.undo()
+    assert not list(tmp_path.rglob("*.part"))
+    assert not list(tmp_path.rglob("*.exr"))
+    assert rs.run(tmp_path).done == 3
+
+
+def test_failed_render_is_named(
+    plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A camera that vanishes in the middle makes Cycles fail."""
+    with rs.job_for(tmp_path) as job:
+        task = next(job.pending())
+        job.start(task)
+        bpy.context.scene.camera = None
+        with pytest.raises(RenderError, match="Cycles failed"):
+            job.render(task)
+
+
+def test_scaled_later_in_the_animation(plate: Any, tmp_path: Path) -> None:
+    """An antenna that is scaled at another frame is found before anything is rendered."""
+    radar = bpy.data.objects["Radar"]
+    radar.keyframe_insert("scale", frame=1)
+    radar.scale = (3, 3, 3)
+    radar.keyframe_insert("scale", frame=5)
+    with pytest.raises(SceneError, match="scaled"):
+        rs.run(tmp_path, frames=(1, 5))
+    assert not list(tmp_path.rglob("*.exr"))
+
+
+def test_done_only_where_bytes_match(plate: Any, tmp_path: Path) -> None:
+    job = rs.run(tmp_path, limit=1)
+    first, second = list(job.plan.tasks())[:2]
+    assert output_folder.is_done(tmp_path, first)
+    assert not output_folder.is_done(tmp_path, second)
+
+
+def test_groups_of_an_older_version_are_rebuilt_before_the_first_ring(
+    plate: Any, tmp_path: Path
+) -> None:
+    """An old file's groups, drawn anew, give the same run as fresh ones."""
+    rs.run(tmp_path / "fresh")
+    for tree in bpy.data.node_groups:
+        if groups.group_version(tree) is not None:
+            tree[groups.VERSION_PROPERTY] = 0
+            tree.nodes.clear()  # what an old version drew: here, nothing that echoes
+    rs.run(tmp_path / "stale")
+    name = "frames/frame_0001/ring_002_t0.exr"
+    fresh, stale = (signal.read_exr(tmp_path / run / name)["B"] for run in ("fresh", "stale"))
+    assert fresh.max() > 0
+    assert (fresh == stale).all()

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Metres in a Blender unit: the smallest and largest that Blender takes, and none at all."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.headless import make_job
+from radarsim_addon.blender.settings import radar as properties
+from radarsim_addon.blender.ui import panels
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal import iter_paths, open_run
+from tests.blender import radar_scenes as rs
+
+
+@pytest.fixture
+def settings() -> Iterator[Any]:
+    """A plate at 10 units, small and quick; the scene's radar settings."""
+    scene = rs.new_scene()
+    properties.register()
+    rs.add_plate(10.0, 8.0)
+    found = scene.radarsim
+    found.width_px = found.height_px = 8
+    found.samples, found.passes, found.path_motion, found.path_shifts = 1, "1", "off", 1
+    yield found
+    properties.unregister()
+
+
+def lengths_units(folder: Path, settings: Any, kind: str, scale: float) -> np.ndarray:
+    """Lengths of all paths of a run with this scale, in Blender units."""
+    scene = bpy.context.scene
+    scene.unit_settings.scale_length = scale
+    # as Blender keeps it: 0 becomes the least that it takes
+    kept = scene.unit_settings.scale_length
+    settings.ring_step_m = 4 * kept
+    with make_job(scene, bpy.context.view_layer, folder, acquisition=kind) as job:
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+    parts = [paths.length_m for paths in iter_paths(open_run(folder).frame(1))]
+    return np.sort(np.concatenate(parts)) / kept
+
+
+@pytest.mark.parametrize("kind", ["rings", "paths"])
+def test_ranges_scale_from_the_smallest_to_the_largest(
+    tmp_path: Path, settings: Any, kind: str
+) -> None:
+    usual = lengths_units(tmp_path / "usual", settings, kind, 1.0)
+    assert usual.size
+    assert usual.min() == pytest.approx(20.0, abs=0.1)
+    for number, scale in enumerate((0.0, 1e9)):
+        found = lengths_units(tmp_path / str(number), settings, kind, scale)
+        np.testing.assert_allclose(found, usual, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["rings", "paths"])
+def test_a_scale_that_is_no_number_is_refused(tmp_path: Path, settings: Any, kind: str) -> None:
+    scene = bpy.context.scene
+    scene.unit_settings.scale_length = math.nan
+    with pytest.raises(ConfigError, match=r"Unit Scale of the scene is nan.*Scene > Units"):
+        make_job(scene, bpy.context.view_layer, tmp_path / "run", acquisition=kind).prepare()
+    assert not (tmp_path / "run").exists()
+
+
+class Drawn:
+    """A layout that keeps the text of its labels, and is every part of itself."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def label(self, text: str = "", **_: Any) -> None:
+        """One line."""
+        self.lines.append(text)
+
+    def column(self, **_: Any) -> "Drawn":
+        """The same."""
+        return self
+
+    box = column
+
+
+def drawn_plan(settings: Any, kind: str) -> str:
+    """What the panel says of the run."""
+    settings.acquisition = kind.upper()
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+        region=SimpleNamespace(width=10_000),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    layout = Drawn()
+    if kind == "rings":
+        panels._draw_plan(context, layout)
+    else:
+        panels._draw_path_plan(context, layout, settings)
+    return " ".join(layout.lines)
+
+
+@pytest.mark.parametrize("kind", ["rings", "paths"])
+def test_the_panel_says_what_is_wrong(settings: Any, kind: str) -> None:
+    settings.ring_step_m = 4.0
+    assert "resolves ranges" not in drawn_plan(settings, kind)
+    settings.bandwidth_mhz = 150e-6
+    assert "150 Hz resolves ranges to c / 2B = 999.31 km" in drawn_plan(settings, kind)
+    bpy.context.scene.unit_settings.scale_length = math.nan
+    assert "Unit Scale of the scene is nan" in drawn_plan(settings, kind)

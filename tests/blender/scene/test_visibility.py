@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is rendered is in the labels, whatever the viewport shows, and that is as before after."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon import contract
+from radarsim_addon.sidecar import read_record
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+def into_collection(item: Any, name: str) -> Any:
+    """Move an object to a collection of its own; returns its layer collection."""
+    collection = bpy.data.collections.new(name)
+    scene = bpy.context.scene
+    scene.collection.children.link(collection)
+    scene.collection.objects.unlink(item)
+    collection.objects.link(item)
+    return bpy.context.view_layer.layer_collection.children[name]
+
+
+def hide(item: Any, how: str) -> None:
+    """One of Blender's ways to hide an object."""
+    if how == "screen":
+        item.hide_viewport = True
+    elif how == "eye":
+        item.hide_set(True)
+    elif how == "render":
+        item.hide_render = True
+    else:
+        layer = into_collection(item, how)
+        if how == "collection eye":
+            layer.hide_viewport = True
+        elif how == "collection screen":
+            layer.collection.hide_viewport = True
+        elif how == "collection render":
+            layer.collection.hide_render = True
+        elif how == "excluded":
+            layer.exclude = True
+
+
+HIDDEN_ONLY = ("screen", "eye", "collection eye", "collection screen")
+NOT_RENDERED = ("render", "collection render", "excluded")
+
+
+def state() -> dict[str, Any]:
+    """What hides things, everywhere."""
+    bpy.context.view_layer.update()
+    layers = bpy.context.view_layer.layer_collection.children
+    return {
+        "objects": {o.name: (o.hide_viewport, o.hide_render) for o in bpy.data.objects},
+        "eyes": {o.name: o.hide_get() for o in bpy.context.view_layer.objects},
+        "layers": {c.name: (c.hide_viewport, c.exclude) for c in layers},
+        "collections": {c.name: (c.hide_viewport, c.hide_render) for c in bpy.data.collections},
+    }
+
+
+@pytest.mark.parametrize("how", [*HIDDEN_ONLY, *NOT_RENDERED])
+def test_labels_are_what_is_rendered(how: str, tmp_path: Path) -> None:
+    """Extent, labels, objects and range rates of a plate that is hidden in one way or another."""
+    rs.new_scene()
+    ph.field_of_view(40)
+    near, far = rs.add_plate(10, 1), rs.add_plate(20, 12)
+    near.name, far.name = "Near", "Far"
+    rs.move_steadily(far, (0.0, 3.0, 0.0))
+    bpy.context.scene.frame_set(1)
+    hide(far, how)
+    before = state()
+    run = ph.run_paths(tmp_path, passes=2, width_px=16, height_px=16)
+    assert state() == before
+    found = read_record(
+        tmp_path / contract.frame_dir(1) / contract.SCENE_FILE, contract.SceneRecord
+    )
+    labels = {item.name: item for item in found.objects}
+    rows = run.table()
+    mine = rows[rows["length_m"] > 30]
+    if how in NOT_RENDERED:
+        assert set(labels) == {"Near"}
+        assert mine.size == 0
+        return
+    assert set(labels) == {"Near", "Far"}
+    assert labels["Far"].nearest_range_m == pytest.approx(20, rel=1e-6)
+    assert labels["Far"].range_rate_mps == pytest.approx(3, rel=1e-4)
+    assert mine.size > 100
+    assert np.all(mine["object"] == run.record().objects.index("Far") + 1)
+    radial = 3 * mine["direction"][:, 1]
+    np.testing.assert_allclose(mine["range_rate_mps"], radial, rtol=1e-3)

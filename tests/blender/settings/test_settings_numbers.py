@@ -1,0 +1,341 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The plan and what follows from the numbers: no Blender needed."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import re
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim_addon.blender.headless import console
+from radarsim_addon.blender.plan import (
+    Extent,
+    Measurement,
+    derive,
+    fingerprint,
+    instant_at,
+    make_plan,
+    measurement,
+    parse_frames,
+    typed,
+    warnings_for,
+)
+from radarsim_addon.blender.plan.run_plan import code_length_m
+from radarsim_addon.blender.rings import verify_exr
+from radarsim_addon.blender.scene.nearest import nearest_distance
+from radarsim_addon.errors import ConfigError, OutputError, RenderError
+from radarsim_addon.signal.radar import Burst, Waveform
+
+PAPER = Measurement(
+    Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 128), (1,), 21, 250.0, delta_t_s=0.01
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "exponent", "expected"),
+    [(77.0, 9, 77e9), (5.3, 9, 5.3e9), (2.5, -6, 2.5e-6), (0.1, 0, 0.1), (1e-4, -3, 1e-7)],
+)
+def test_float32_becomes_what_was_typed(value: float, exponent: int, expected: float) -> None:
+    assert typed(float(np.float32(value)), exponent) == expected
+
+
+def test_frames() -> None:
+    assert parse_frames("7") == (7,)
+    assert parse_frames("1:3") == (1, 2, 3)
+    assert parse_frames("1:10:4,2") == (1, 5, 9, 2)
+    assert parse_frames("2,2,1:2") == (2, 1)
+    for text in ("", "a", "1:2:0", "1:2:3:4", "5:1", "1:2:-1", "1.5"):
+        with pytest.raises(ConfigError, match=re.escape(repr(text))):
+            parse_frames(text)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"ring_step_m": 0.0}, "Ring step is 0.0 m"),
+        ({"ring_step_m": math.nan}, "Ring step is nan"),
+        ({"rings": -1}, "Number of rings is -1"),
+        ({"rings": 10_001}, "expected 1 to 10000"),
+        ({"passes": 3}, "Number of passes is 3"),
+        ({"delta_t_s": 0.0}, "Delta t is 0.0 s"),
+        ({"frames": ()}, "No frame"),
+        ({"frames": (-1,)}, "Frames -1 to -1"),
+        ({"width_px": 0}, "Width is 0"),
+        ({"width_px": 65536, "height_px": 65536}, "65536 x 65536"),
+        ({"samples": 0}, "Samples is 0"),
+        ({"max_bounces": -1}, "Bounces are -1"),
+        ({"seed": -1}, "Seed is -1"),
+        ({"extinction_length_m": -1.0}, "Extinction length is -1.0"),
+        ({"burst": Burst(1e6, 1)}, "Chirp length 2.5e-06 s is longer"),
+    ],
+)
+def test_numbers_that_cannot_be_measured(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        dataclasses.replace(PAPER, **change)
+
+
+def test_derived_numbers_of_the_paper() -> None:
+    numbers = derive(PAPER, 21)
+    assert numbers.range_resolution_m == pytest.approx(2.99792458)
+    assert numbers.unambiguous_range_m == pytest.approx(149896.229)
+    assert numbers.max_velocity_mps == pytest.approx(299792458 / 5.3e9 * 1000 / 4)
+    assert numbers.velocity_resolution_mps == pytest.approx(numbers.max_velocity_mps / 64)
+    assert (numbers.renders, numbers.covered_range_m, numbers.burst_s) == (42, 5250.0, 0.128)
+
+
+@pytest.mark.parametrize(
+    ("change", "rings", "farthest_m", "interval_s", "message"),
+    [
+        ({}, 21, 6000.0, None, "rings end at 5250 m"),
+        ({"ring_step_m": 2500.0}, 100, 200e3, None, "unambiguous range"),
+        ({"ring_step_m": 1.0}, 21, None, None, "below the range resolution"),
+        ({"passes": 1}, 21, None, None, "no Doppler"),
+        ({"delta_t_s": 0.001}, 21, None, None, "is short"),
+        ({"frames": (1, 2)}, 21, None, 1 / 24, "bursts overlap"),
+    ],
+)
+def test_warnings(
+    change: dict[str, Any],
+    rings: int,
+    farthest_m: float | None,
+    interval_s: float | None,
+    message: str,
+) -> None:
+    found = warnings_for(dataclasses.replace(PAPER, **change), rings, farthest_m, interval_s)
+    assert len(found) == 1
+    assert message in found[0]
+
+
+def test_no_warning_where_all_fits() -> None:
+    assert warnings_for(PAPER, 21, 5000.0) == []
+    # of paths rings and their step say nothing
+    assert warnings_for(PAPER, 1, 200e3 * 0.7, acquisition="paths") == []
+
+
+@pytest.mark.parametrize("acquisition", ["rings", "paths"])
+def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(acquisition: str) -> None:
+    narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))
+    (found,) = warnings_for(narrow, 21, 5200.0, acquisition=acquisition)
+    assert "150 Hz resolves ranges to c / 2B = 999.31 km, but ranges end at 5200 m" in found
+    slow = dataclasses.replace(PAPER, burst=Burst(1.0, 128))
+    (found,) = warnings_for(slow, 21, 5200.0, acquisition=acquisition, animation_s=10.4)
+    assert "lasts 128 s, the animation 10.4 s" in found
+
+
+def test_tasks_cover_frames_passes_and_rings_once() -> None:
+    plan = make_plan(dataclasses.replace(PAPER, frames=(3, 1), rings=3), 100.0, 24.0, Extent())
+    tasks = list(plan.tasks())
+    assert len(tasks) == plan.total == 12
+    assert len({task.exr_path for task in tasks}) == 12
+    assert [task.frame for task in tasks] == [3] * 6 + [1] * 6
+    for before, after in itertools.pairwise(tasks):
+        if after.ring:
+            assert before.ring_max_m == after.ring_min_m
+    assert tasks[4].sidecar_path == "frames/frame_0003/ring_001_t1.json"
+
+
+def test_automatic_rings_reach_beyond_the_farthest_point() -> None:
+    asked = dataclasses.replace(PAPER, rings=0)
+    # A point exactly on an edge lies in the ring behind it.
+    for farthest_m, rings in ((0.0, 1), (249.9, 1), (250.0, 2), (5200.0, 21)):
+        assert make_plan(asked, 1.0, 24.0, Extent(farthest_m)).rings == rings
+    with pytest.raises(ConfigError, match="expected at most 10000"):
+        make_plan(asked, 1.0, 24.0, Extent(1e9))
+
+
+@pytest.mark.parametrize("bounces", [0, 3])
+def test_code_does_not_underflow_on_the_longest_path(bounces: int) -> None:
+    extent = Extent(6000.0, 7000.0, 500.0, 9000.0)
+    asked = dataclasses.replace(PAPER, max_bounces=bounces)
+    longest_m = 2 * 5250 + 500 + bounces * 9000.0 + (7000.0 if bounces else 0.0)
+    k_m = code_length_m(asked, 21, extent)
+    assert longest_m / k_m == pytest.approx(8.0)
+    # Weak echoes too: 1e-15 W times G stays a normal float32.
+    assert 1e-15 * math.exp(-2 * longest_m / k_m) > np.finfo(np.float32).tiny
+
+
+def test_recorded_code_length_is_the_one_of_the_shader() -> None:
+    """1/k reaches the shader in float32; the record holds the inverse of exactly that number."""
+    plan = make_plan(dataclasses.replace(PAPER, rings=7, ring_step_m=33.3), 100.0, 24.0, Extent())
+    inverse = np.float32(plan.metres_per_unit / plan.code_length_m)
+    assert plan.metres_per_unit / float(inverse) == pytest.approx(plan.code_length_m, rel=1e-15)
+
+
+def test_recorded_time_is_what_blender_evaluates() -> None:
+    """Blender adds frame and subframe in float32."""
+    moment = instant_at(250 + 0.01 * 24.0, 24.0)
+    assert moment.frame == 250
+    assert moment.time_s == float(np.float32(250) + np.float32(0.24)) / 24.0
+    assert moment.time_s == pytest.approx(250.24 / 24, abs=7e-7)
+    assert instant_at(3 - 1e-12, 24.0) == instant_at(3.0, 24.0)
+    assert instant_at(1.0, 30 / 1.001).time_s == pytest.approx(1.001 / 30)
+
+
+def test_fingerprint() -> None:
+    """What changes pixels changes it; what comes in afterwards does not."""
+    versions = {"blender": "5.2.3"}
+
+    def print_of(change: dict[str, Any], digest: str = "a") -> str:
+        plan = make_plan(dataclasses.replace(PAPER, **change), 100.0, 24.0, Extent())
+        return fingerprint(plan, digest, versions)
+
+    base = print_of({})
+    assert base == print_of({"frames": (1, 2, 3), "burst": Burst(500.0, 64)})
+    changes: list[dict[str, Any]] = [
+        {"ring_step_m": 200.0},
+        {"rings": 22},
+        {"samples": 1},
+        {"seed": 1},
+        {"width_px": 128},
+        {"max_bounces": 1},
+        {"delta_t_s": 0.02},
+        {"extinction_length_m": 5.0},
+    ]
+    others = [print_of(change) for change in changes] + [print_of({}, "b")]
+    assert len({base, *others}) == len(others) + 1
+
+
+@pytest.mark.parametrize(("scale", "fps"), [(0.0, 24.0), (1.0, math.nan)])
+def test_scale_and_rate_must_be_positive(scale: float, fps: float) -> None:
+    with pytest.raises(ConfigError, match="expected a positive number"):
+        make_plan(PAPER, scale, fps, Extent())
+
+
+def test_no_more_renders_in_a_burst_than_pulses() -> None:
+    asked = dataclasses.replace(PAPER, rings=3, burst=dataclasses.replace(PAPER.burst, pulses=4))
+    assert make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=4).renders_per_burst == 4
+    with pytest.raises(ConfigError, match="Renders per burst: 300, more than the 4 pulses"):
+        make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=300)
+
+
+# -- nearest distance ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("corners", "expected"),
+    [
+        ([(-1, -1, 2), (2, -1, 2), (-1, 2, 2)], 2.0),  # foot inside
+        ([(1, 0, 0), (3, 0, 0), (3, 1, 0)], 1.0),  # a corner
+        ([(3, -1, 0), (3, 1, 0), (5, 0, 0)], 3.0),  # an edge
+        ([(3, 4, -1), (3, 4, 1), (9, 12, 0)], 5.0),  # an edge, in a plane through the origin
+        ([(0, 0, 2), (0, 0, 2), (0, 0, 5)], 2.0),  # no area
+        ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], 0.0),
+    ],
+)
+def test_nearest_point_of_a_triangle(corners: list[Any], expected: float) -> None:
+    vertices = np.array(corners, dtype=np.float64)
+    for order in ([0, 1, 2], [2, 1, 0], [1, 2, 0]):
+        found = nearest_distance(vertices, np.array([order], dtype=np.int32))
+        assert found == pytest.approx(expected, abs=1e-15)
+
+
+def test_nearest_against_many_points_on_the_triangle() -> None:
+    rng = np.random.default_rng(1)
+    weights = rng.dirichlet((1, 1, 1), 20_000)
+    for _ in range(20):
+        corners = rng.normal(size=(3, 3)) + rng.normal(size=3) * 2
+        sampled = np.linalg.norm(weights @ corners, axis=1).min()
+        found = nearest_distance(corners, np.array([[0, 1, 2]], dtype=np.int32))
+        assert found <= sampled + 1e-12
+        assert found == pytest.approx(sampled, abs=0.1)
+
+
+# -- EXR files -------------------------------------------------------------------------------------
+
+
+def plain_exr(width: int, height: int, value: float = 1.0, compression: int = 3) -> bytes:
+    """An EXR file, byte by byte: float32 B, G, R, ZIP, 16 rows a chunk."""
+
+    def attribute(name: str, kind: str, data: bytes) -> bytes:
+        return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
+
+    channels = b"".join(
+        name + b"\0" + struct.pack("<iBxxxii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")
+    )
+    header = (
+        struct.pack("<ii", 20000630, 2)
+        + attribute("channels", "chlist", channels + b"\0")
+        + attribute("compression", "compression", bytes([compression]))
+        + attribute("dataWindow", "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1))
+        + b"\0"
+    )
+    chunks = []
+    for start in range(0, height, 16):
+        rows = min(16, height - start)
+        raw = np.full(rows * width * 3, value, dtype="<f4").view(np.uint8)
+        split = np.concatenate([raw[0::2], raw[1::2]]).astype(np.int64)
+        split[1:] = (np.diff(split) + 128) % 256
+        packed = zlib.compress(split.astype(np.uint8).tobytes())
+        chunks.append(struct.pack("<ii", start, len(packed)) + packed)
+    offset = len(header) + 8 * len(chunks)
+    offsets = []
+    for chunk in chunks:
+        offsets.append(struct.pack("<Q", offset))
+        offset += len(chunk)
+    return header + b"".join(offsets) + b"".join(chunks)
+
+
+def test_whole_exr_passes(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    path.write_bytes(plain_exr(40, 37, value=3.25e-20))
+    verify_exr(path, 40, 37)
+
+
+@pytest.mark.parametrize("kept", [0, 7, 60, 150, -1, -40])
+def test_truncated_exr_is_told(tmp_path: Path, kept: int) -> None:
+    path = tmp_path / "a.exr"
+    path.write_bytes(plain_exr(40, 37)[:kept])
+    with pytest.raises(OutputError, match="disk is probably full"):
+        verify_exr(path, 40, 37)
+
+
+def test_missing_exr_is_told(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="has not written"):
+        verify_exr(tmp_path / "a.exr", 4, 4)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_pixels_that_are_no_numbers_are_told(tmp_path: Path, value: float) -> None:
+    path = tmp_path / "a.exr"
+    path.write_bytes(plain_exr(8, 8, value=value))
+    with pytest.raises(RenderError, match="NaN or infinite"):
+        verify_exr(path, 8, 8)
+
+
+def test_other_size_or_compression_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    path.write_bytes(plain_exr(8, 8))
+    with pytest.raises(OutputError, match="8 x 8 pixels, expected 8 x 9"):
+        verify_exr(path, 8, 9)
+    path.write_bytes(plain_exr(8, 8, compression=4))
+    with pytest.raises(OutputError, match="not ZIP"):
+        verify_exr(path, 8, 8)
+
+
+# -- the progress line -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("done", "left", "expected"),
+    [
+        (0, None, "radarsim: 0/42 renders, 0 %"),
+        (12, 18.2, "radarsim: 12/42 renders, 28 %, 0:18 left"),
+        (12, 125.0, "radarsim: 12/42 renders, 28 %, 2:05 left"),
+        (12, 7320.0, "radarsim: 12/42 renders, 28 %, 2:02 h left"),
+        (42, 0.0, "radarsim: 42/42 renders, 100 %"),
+    ],
+)
+def test_progress_text(done: int, left: float | None, expected: str) -> None:
+    assert console.progress_text(done, 42, left) == expected
+
+
+def test_max_rings_is_the_limit_of_file_names() -> None:
+    assert measurement.MAX_RINGS == 10_000

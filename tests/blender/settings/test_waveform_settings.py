@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Waveforms in the panel and on the command line, and in the run's plan."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.headless import make_job
+from radarsim_addon.blender.settings import WAVEFORM_SETTINGS
+from radarsim_addon.blender.settings import radar as properties
+from radarsim_addon.blender.ui.results import ProcessingJob
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal import (
+    Burst,
+    FmcwWaveform,
+    PhaseCodedPulse,
+    PmcwWaveform,
+    Radar,
+    SteppedWaveform,
+    open_run,
+    waveform_to_dict,
+)
+from radarsim_addon.signal.radar import AnyWaveform
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture
+def scene(addon: Any) -> Any:
+    made = rs.new_scene()
+    rs.add_plate(10.0)
+    settings = made.radarsim
+    settings.acquisition = "RINGS"
+    settings.ring_step_m, settings.samples = 4.0, 1
+    settings.width_px = settings.height_px = 8
+    settings.passes = "1"
+    return made
+
+
+def test_each_kind_becomes_its_waveform(scene: Any) -> None:
+    settings = scene.radarsim
+    settings.carrier_ghz = 77.1
+    expected: dict[str, AnyWaveform] = {
+        "fmcw": FmcwWaveform(77.1e9, 153.3e6, 128, 5.1e6, 1.5e-6, None, 7.1e-6, True),
+        "stepped": SteppedWaveform(77.1e9, 500.3e3, 64, 2.1e-6),
+        "pmcw": PmcwWaveform(77.1e9, 1.3e-9, 9, 4),
+        "barker": PhaseCodedPulse(77.1e9, 1.3e-9, 7),
+    }
+    settings.bandwidth_mhz, settings.adc_samples, settings.adc_rate_mhz = 153.3, 128, 5.1
+    settings.adc_start_us, settings.idle_us, settings.real_adc = 1.5, 7.1, True
+    settings.step_khz, settings.steps, settings.step_time_us = 500.3, 64, 2.1
+    settings.chip_ns, settings.code_degree, settings.code_repeats = 1.3, 9, 4
+    settings.barker_length = "7"
+    for kind, waveform in expected.items():
+        settings.waveform_kind = kind
+        assert properties.read_measurement(scene).waveform == waveform
+        assert all(hasattr(settings, name) for name in WAVEFORM_SETTINGS[kind])
+    with pytest.raises(ConfigError, match="LFM pulse"):
+        properties.read_measurement(scene, chirp_length_us=3.0)
+
+
+def test_a_radar_file_in_the_panel_and_on_the_command_line(scene: Any, tmp_path: Path) -> None:
+    file = tmp_path / "radar é.json"
+    waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
+    file.write_text(json.dumps({"waveform": waveform_to_dict(waveform), "burst": {"pulses": 9}}))
+    found = properties.read_measurement(scene, radar_file=file)
+    assert found.radar == Radar(waveform, Burst(1 / waveform.duration_s, 9))
+    scene.radarsim.waveform_kind = "file"
+    with pytest.raises(ConfigError, match="No radar file"):
+        properties.read_measurement(scene)
+    scene.radarsim.radar_file = str(file)
+    assert properties.read_measurement(scene).radar == found.radar
+
+
+def test_an_fmcw_run_is_rendered_and_processed(scene: Any, tmp_path: Path) -> None:
+    settings = scene.radarsim
+    settings.waveform_kind = "fmcw"
+    settings.bandwidth_mhz, settings.adc_samples, settings.adc_rate_mhz = 100.0, 64, 1.0
+    settings.pulses = 4
+    folder = tmp_path / "run"
+    with make_job(scene, bpy.context.view_layer, folder) as job:
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            job.finish(task)
+    assert open_run(folder).radar.waveform == FmcwWaveform(5.3e9, 100e6, 64, 1e6)
+    processing = ProcessingJob(folder)
+    while not processing.step():
+        pass
+    assert len(processing.images) == 2
+    with np.load(folder / "products/frame_0001_profile.npz") as arrays:
+        peak_m = arrays["range_m"][np.argmax(arrays["expected_power"])]
+    assert peak_m == pytest.approx(10.0, abs=1.5)

@@ -1,0 +1,338 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The user's scene comes back as it was; and nothing in it can spoil the measurement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.state import Recorder
+from radarsim_addon.errors import RadarSimError, SceneError
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+#: What is no setting; use_nodes is always on from 5.0, where reading it warns.
+SKIPPED = {"rna_type", "session_uid", "is_evaluated"} | (
+    {"use_nodes"} if bpy.app.version >= (5, 0, 0) else set()
+)
+
+
+def rna_values(owner: Any) -> dict[str, Any]:
+    """Every value of a Blender struct, pointers by name."""
+    found = {}
+    for prop in owner.bl_rna.properties:
+        if prop.identifier in SKIPPED:
+            continue
+        value = getattr(owner, prop.identifier, None)
+        if prop.type == "POINTER":
+            found[prop.identifier] = getattr(value, "name", repr(type(value)))
+        elif prop.type == "COLLECTION":
+            found[prop.identifier] = [getattr(item, "name", "") for item in value or ()]
+        elif getattr(prop, "is_array", False):
+            found[prop.identifier] = np.array(value).tolist()
+        else:
+            found[prop.identifier] = value
+    return found
+
+
+def snapshot(scene: Any) -> dict[str, Any]:
+    """All that a measurement might touch."""
+    owners = {
+        "scene": scene,
+        "render": scene.render,
+        "image": scene.render.image_settings,
+        "cycles": scene.cycles,
+        "view": bpy.context.preferences.view,
+    }
+    for layer in scene.view_layers:
+        owners[f"layer {layer.name}"] = layer
+        owners[f"layer cycles {layer.name}"] = layer.cycles
+    for item in bpy.data.objects:
+        owners[f"object {item.name}"] = item
+        if item.data is not None:
+            owners[f"data {item.name}"] = item.data
+    for item in (*bpy.data.lights, *bpy.data.materials):
+        owners[f"cycles {item.name}"] = item.cycles
+    for item in (*bpy.data.materials, *bpy.data.worlds):
+        owners[f"{item.name}"] = item
+        if item.node_tree is not None:
+            owners[f"nodes {item.name}"] = item.node_tree
+            for node in item.node_tree.nodes:
+                owners[f"node {item.name}/{node.name}"] = node
+    for camera in bpy.data.cameras:
+        owners[f"dof {camera.name}"] = camera.dof
+    values: dict[str, Any] = {name: rna_values(owner) for name, owner in owners.items()}
+    values["custom"] = sorted(scene.keys())
+    values["handlers"] = {
+        name: len(getattr(bpy.app.handlers, name))
+        for name in dir(bpy.app.handlers)
+        if isinstance(getattr(bpy.app.handlers, name), list)
+    }
+    values["materials"] = sorted(item.name for item in bpy.data.materials)
+    values["time"] = (scene.frame_current, scene.frame_subframe)
+    return values
+
+
+def unusual_scene() -> Any:
+    """A user's scene: every setting that matters differs from what a measurement needs."""
+    scene = rs.new_scene()
+    rs.add_plate(10.0)
+    bare = rs.add_plate(12.0, preset=None)
+    glowing = rs.add_plate(9.0, size=0.5, preset=None)
+    material = bpy.data.materials.new("Glow")
+    if material.node_tree is None:
+        material.use_nodes = True
+    principled = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    principled.inputs["Emission Strength"].default_value = 5.0
+    glowing.data.materials.append(material)
+    slot = rs.add_plate(13.0, preset=None)
+    slot.data.materials.append(None)
+    bare.name = "Bare"
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    scene.collection.objects.link(sun)
+    sun.hide_render = False
+    sun.keyframe_insert("hide_render", frame=1)
+    world = bpy.data.worlds.new("Sky")
+    if world.node_tree is None:
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 3.0
+    scene.world = world
+    scene.view_layers.new("Second")
+    image = scene.render.image_settings
+    image.file_format, image.color_mode, image.color_depth = "PNG", "RGBA", "16"
+    render = scene.render
+    render.engine = "BLENDER_WORKBENCH"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 640, 480, 50
+    render.pixel_aspect_x = 1.5
+    render.use_border = render.use_crop_to_border = render.use_motion_blur = True
+    render.film_transparent = render.use_stamp = True
+    render.filepath = "//somewhere/#"
+    cycles = scene.cycles
+    cycles.samples, cycles.seed, cycles.use_animated_seed = 77, 5, True
+    cycles.sample_clamp_indirect, cycles.light_sampling_threshold = 3.0, 0.2
+    cycles.use_denoising = cycles.use_adaptive_sampling = cycles.use_fast_gi = True
+    cycles.pixel_filter_type, cycles.filter_width = "GAUSSIAN", 2.0
+    scene.camera.data.clip_start = 0.25
+    scene.camera.data.dof.use_dof = True
+    emitter = bpy.data.objects["Radar Emitter"]
+    emitter.visible_glossy = emitter.visible_diffuse = False
+    emitter.data.color = (1.0, 0.5, 0.2)
+    emitter.data.shadow_soft_size = 0.3
+    scene["note"] = "mine"
+    scene.frame_set(7, subframe=0.25)
+    return scene
+
+
+def difference(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+    """What differs, readable."""
+    found = []
+    for name in before.keys() | after.keys():
+        one, two = before.get(name), after.get(name)
+        if isinstance(one, dict) and isinstance(two, dict):
+            found += [
+                f"{name}.{key}: {one.get(key)!r} -> {two.get(key)!r}"
+                for key in one.keys() | two.keys()
+                if one.get(key) != two.get(key)
+            ]
+        elif one != two:
+            found.append(f"{name}: {one!r} -> {two!r}")
+    return found
+
+
+def test_everything_is_restored_after_success(tmp_path: Path) -> None:
+    scene = unusual_scene()
+    before = snapshot(scene)
+    rs.run(tmp_path, passes=2)
+    assert difference(before, snapshot(scene)) == []
+
+
+def test_image_settings_of_every_format_come_back(tmp_path: Path) -> None:
+    """Depth, codec and media type depend on each other: the order of restoring matters."""
+    scene = unusual_scene()
+    image = scene.render.image_settings
+    cases = [
+        ("JPEG", "RGB", "8"),
+        ("TIFF", "RGBA", "16"),
+        ("OPEN_EXR", "RGBA", "16"),
+        ("HDR", "RGB", "32"),
+    ]
+    for name, mode, depth in cases:
+        image.file_format, image.color_mode, image.color_depth = name, mode, depth
+        if name == "OPEN_EXR":
+            image.exr_codec = "DWAA"
+        before = rna_values(image)
+        rs.run(tmp_path / name)
+        assert rna_values(image) == before
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE"
+        image.file_format = "OPEN_EXR_MULTILAYER"
+        image.color_depth = "16"
+    else:
+        image.file_format = "OPEN_EXR_MULTILAYER"
+    before = rna_values(image)
+    rs.run(tmp_path / "multilayer")
+    assert rna_values(image) == before
+    if hasattr(image, "media_type"):
+        image.media_type = "VIDEO"
+        before = rna_values(image)
+        rs.run(tmp_path / "video")
+        assert rna_values(image) == before
+
+
+def test_everything_is_restored_after_an_error(tmp_path: Path) -> None:
+    scene = unusual_scene()
+    before = snapshot(scene)
+    with pytest.raises(ZeroDivisionError), rs.job_for(tmp_path) as job:
+        job.start(next(job.pending()))
+        raise ZeroDivisionError
+    assert difference(before, snapshot(scene)) == []
+
+
+def test_everything_is_restored_when_preparing_fails(tmp_path: Path) -> None:
+    scene = unusual_scene()
+    rs.run(tmp_path, passes=2)
+    before = snapshot(scene)
+    with pytest.raises(RadarSimError, match="another run"), rs.job_for(tmp_path, seed=9):
+        pass
+    bpy.data.objects["Radar"].scale = (2, 2, 2)
+    bpy.context.view_layer.update()
+    with pytest.raises(SceneError, match="scaled"), rs.job_for(tmp_path / "b"):
+        pass
+    bpy.data.objects["Radar"].scale = (1, 1, 1)
+    bpy.context.view_layer.update()
+    assert difference(before, snapshot(scene)) == []
+
+
+def test_foreign_light_does_not_enter(tmp_path: Path) -> None:
+    """Sun, sky, a glowing plate that hides nothing, lens blur: bit-identical to a clean scene."""
+    scene = rs.new_scene()
+    rs.add_plate(10.0, preset="ground")
+    rs.run(tmp_path / "clean", samples=4)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    scene.collection.objects.link(sun)
+    sun.data.energy = 100.0
+    sun.keyframe_insert("hide_render", frame=1)
+    world = bpy.data.worlds.new("Sky")
+    world.color = (1, 1, 1)
+    scene.world = world
+    glowing = rs.add_plate(-5.0, preset=None)  # behind the radar
+    material = bpy.data.materials.new("Glow")
+    if material.node_tree is None:
+        material.use_nodes = True
+    principled = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    principled.inputs["Emission Strength"].default_value = 500.0
+    glowing.data.materials.append(material)
+    emitter = bpy.data.objects["Radar Emitter"]
+    emitter.data.color = (1.0, 0.5, 0.2)
+    emitter.visible_diffuse = False
+    scene.camera.data.dof.use_dof = True
+    scene.camera.data.dof.focus_distance = 2.0
+    scene.view_layers[0].material_override = material
+    scene.render.film_transparent = True
+    rs.run(tmp_path / "spoilt", samples=4)
+    for clean, spoilt in zip(
+        rs.images(tmp_path / "clean"), rs.images(tmp_path / "spoilt"), strict=True
+    ):
+        for name in clean:
+            np.testing.assert_array_equal(clean[name], spoilt[name])
+
+
+def test_objects_without_radar_material_cast_a_shadow_and_give_no_echo(tmp_path: Path) -> None:
+    """Bare, with an empty slot, glowing or shaded as usual: black, and named in a warning."""
+    rs.new_scene()
+    rs.add_plate(10.0, size=40.0)
+    near = rs.add_plate(5.0, size=1.0, preset=None)
+    empty_slot = rs.add_plate(5.0, size=1.0, preset=None)
+    empty_slot.location.x = 1.5
+    empty_slot.data.materials.append(None)
+    glowing = rs.add_plate(5.0, size=1.0, preset=None)
+    glowing.location.x = -1.5
+    material = bpy.data.materials.new("Glow")
+    if material.node_tree is None:
+        material.use_nodes = True
+    next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs[
+        "Emission Strength"
+    ].default_value = 5.0
+    glowing.data.materials.append(material)
+    job = rs.run(tmp_path, rings=1, ring_step_m=40.0, width_px=64, height_px=64)
+    assert any(near.name in warning and "No Radar Material" in warning for warning in job.warnings)
+    (found,) = rs.decoded(tmp_path)
+    image = rs.images(tmp_path)[0]["B"]
+    # At 5 m a plate of 1 m fills tangents from -0.1 to 0.1; the others lie 0.3 to each side.
+    for centre in (-0.3, 0.0, 0.3):
+        shadow = (np.abs(found.u[None, :] - centre) < 0.09) & (np.abs(found.v[:, None]) < 0.09)
+        assert shadow.sum() > 50
+        assert np.all(image[shadow] == 0)
+    assert np.all(found.range_m[found.mask] > 9.9)
+
+
+def test_fog_without_radar_model_is_removed(tmp_path: Path) -> None:
+    """A box with a volume alone neither shadows nor scatters."""
+    rs.new_scene()
+    rs.add_plate(10.0, size=40.0)
+    rs.run(tmp_path / "clear", rings=1, ring_step_m=40.0)
+    bpy.ops.mesh.primitive_cube_add(size=3.0, location=(0, 5, 0))
+    material = bpy.data.materials.new("Fog")
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    fog = tree.nodes.new("ShaderNodeVolumeScatter")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(fog.outputs[0], output.inputs["Volume"])
+    bpy.context.object.data.materials.append(material)
+    rs.run(tmp_path / "fog", rings=1, ring_step_m=40.0)
+    clear, foggy = rs.images(tmp_path / "clear")[0], rs.images(tmp_path / "fog")[0]
+    np.testing.assert_allclose(foggy["B"], clear["B"], rtol=1e-6)
+    np.testing.assert_allclose(foggy["R"], clear["R"], rtol=1e-5)
+
+
+def test_recorder_restores_in_reverse_order() -> None:
+    class Owner(dict):  # type: ignore[type-arg]
+        def __init__(self) -> None:
+            super().__init__()
+            self.log: list[tuple[str, Any]] = []
+            self.a, self.b = 1, [1, 2]
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name != "log" and hasattr(self, "log"):
+                self.log.append((name, value))
+            super().__setattr__(name, value)
+
+    owner = Owner()
+    owner.log.clear()
+    recorder = Recorder()
+    recorder.set(owner, "a", 2)
+    recorder.set(owner, "b", (5, 6))
+    recorder.set(owner, "a", 3)
+    recorder.set(owner, "a", 3)
+    recorder.set_if_present(owner, "absent", 3)
+    recorder.set_item(owner, "new", 1)
+    with pytest.raises(AttributeError):
+        recorder.set(owner, "absent", 1)
+    del owner.log[:]
+    assert recorder.restore() == []
+    assert owner.log == [("a", 2), ("b", (1, 2)), ("a", 1)]
+    assert dict(owner) == {}
+    assert recorder.restore() == []
+
+
+def test_recorder_goes_on_after_a_failure() -> None:
+    class Owner:
+        value = 1
+
+    def fail() -> None:
+        raise ReferenceError("gone")
+
+    owner, recorder = Owner(), Recorder()
+    recorder.set(owner, "value", 2)
+    recorder.on_restore("broken", fail)
+    assert recorder.restore() == ["broken: gone"]
+    assert owner.value == 1

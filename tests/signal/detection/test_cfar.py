@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cancellers, CFAR and interpolated targets against closed forms and in noise."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from radarsim_addon.signal.products.ring_products.detection_files import write_detections
+
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal import (
+    Burst,
+    Cfar,
+    Echoes,
+    FmcwWaveform,
+    Radar,
+    RangeDopplerMap,
+    Receiver,
+    Waveform,
+    cancel,
+    cfar_threshold,
+    detect_targets,
+    mti_response,
+    range_doppler,
+    receive,
+    synthesize,
+)
+from radarsim_addon.signal.detection.cfar_thresholds import (
+    ca_factor,
+    ca_factor_exact,
+    drawn_factor,
+    drawn_statistic,
+    equivalent_cells,
+    os_equivalent,
+    os_factor,
+    os_false_alarms,
+    os_moments,
+)
+from radarsim_addon.signal.echoes.pulse_synthesis import synthesizer_for
+from radarsim_addon.signal.maps import map_noise_gain
+from radarsim_addon.signal.maps import range_compression as compress
+from tests.signal.oracle import unit_paths
+
+RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
+FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6)
+FMCW_RADAR = Radar(FMCW, Burst(1 / FMCW.duration_s, 128))
+WINDOW_M = (500.0, 1500.0)
+
+
+def noise_map(
+    radar: Radar, window: str, seed: int, window_m: tuple[float, float] = WINDOW_M
+) -> RangeDopplerMap:
+    """Thermal noise through the whole chain."""
+    echoes = receive(
+        synthesizer_for(radar, window_m).result(), Receiver(noise_figure_db=3.0, seed=seed)
+    ).echoes
+    return range_doppler(compress(echoes, window), window)
+
+
+# -- MTI -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pulses", [2, 3])
+@pytest.mark.parametrize("cycles", [0.0, 0.1, 0.25, 0.5])
+def test_canceller_has_its_known_response(pulses: int, cycles: float) -> None:
+    rate_mps = -cycles * RADAR.burst.prf_hz * RADAR.waveform.wavelength_m / 2
+    range_m = 500.0 + 200 * RADAR.waveform.sample_spacing_m
+    found = compress(
+        synthesize(unit_paths(RADAR, [range_m], [rate_mps]), RADAR, window_m=WINDOW_M), "none", 1
+    )
+    power = np.abs(cancel(found, pulses).values).max(axis=1) ** 2
+    before = np.abs(found.values).max(axis=1)[: power.size] ** 2
+    x = math.pi * cycles
+    expected = 2 * math.sin(x) ** 2 if pulses == 2 else 8 / 3 * math.sin(x) ** 4
+    np.testing.assert_allclose(power, expected * before, atol=0.03)  # it migrates a little
+    assert mti_response(pulses, cycles * 1000.0, 1000.0) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("pulses", [2, 3])
+def test_canceller_keeps_the_power_of_noise(pulses: int) -> None:
+    noise = receive(synthesizer_for(RADAR, WINDOW_M).result(), Receiver(noise_figure_db=3.0)).echoes
+    found = compress(noise, "none", 1)
+    ratio = np.mean(np.abs(cancel(found, pulses).values) ** 2) / np.mean(np.abs(found.values) ** 2)
+    assert ratio == pytest.approx(1, abs=0.03)
+    radar = cancel(found, pulses).radar
+    assert radar.burst.pulses == RADAR.burst.pulses - pulses + 1
+
+
+def test_cancellers_that_do_not_fit() -> None:
+    echoes = synthesizer_for(Radar(RADAR.waveform, Burst(1000.0, 2)), WINDOW_M).result()
+    with pytest.raises(ConfigError, match="too short"):
+        cancel(compress(echoes), 3)
+    with pytest.raises(ConfigError, match="expected 2 or 3"):
+        cancel(compress(echoes), 4)
+
+
+# -- thresholds ------------------------------------------------------------------------------------
+
+
+def test_factors_are_the_closed_forms() -> None:
+    assert ca_factor(1e-6, 32) == pytest.approx(32 * (1e-6 ** (-1 / 32) - 1), rel=1e-12)
+    assert ca_factor(1e-4, 1e9) == pytest.approx(-math.log(1e-4), rel=1e-6)
+    # Rohling 1983: 24 cells, the 18th, Pfa by the product itself
+    alpha = os_factor(1e-6, 24, 18 / 24)
+    product = math.prod((24 - i) / (24 - i + alpha) for i in range(18))
+    assert product == pytest.approx(1e-6, rel=1e-9)
+    assert os_false_alarms(alpha, 24, 0.75) == pytest.approx(1e-6, rel=1e-9)
+    with pytest.raises(ConfigError, match="cannot reach"):
+        os_factor(1e-15, 1.2, 0.75)
+
+
+def test_factors_of_correlated_cells_are_those_of_as_many_independent_ones() -> None:
+    """Pairs of equal cells are as good as half as many."""
+    alone, pairs = np.eye(12), np.kron(np.eye(12), np.ones((2, 2)))
+    for covariance in (alone, pairs):
+        found = ca_factor_exact(1e-5, covariance.astype(complex))
+        assert found == pytest.approx(ca_factor(1e-5, 12), rel=1e-9)
+        drawn = drawn_statistic(covariance.astype(complex), 9 * covariance.shape[0] // 12)
+        mean, variance = os_moments(12, 0.75)
+        assert drawn.mean() == pytest.approx(mean, abs=5 * math.sqrt(variance / drawn.size))
+        assert drawn.var() == pytest.approx(variance, rel=0.06)
+        assert drawn_factor(1e-3, drawn) == pytest.approx(os_factor(1e-3, 12, 0.75), rel=0.02)
+
+
+def test_moments_of_the_ordered_statistic_are_the_closed_form() -> None:
+    """x is a sum of independent exponentials of means 1/n ... 1/(n-k+1) (Renyi)."""
+    mean, variance = os_moments(40, 0.75)
+    terms = 1 / np.arange(11, 41)
+    assert mean == pytest.approx(terms.sum(), rel=1e-4)
+    assert variance == pytest.approx((terms**2).sum(), rel=1e-4)
+    cells, scale = os_equivalent(3 * mean, 9 * variance, 0.75)
+    assert cells == pytest.approx(40, rel=1e-6)
+    assert scale == pytest.approx(3, rel=1e-6)
+
+
+def test_independent_cells_count_as_many_as_they_are() -> None:
+    mask = np.ones((5, 7), dtype=bool)
+    mask[2, 3] = False
+    alone = np.array([1.0, 0, 0, 0, 0, 0, 0])
+    assert equivalent_cells(mask, alone, alone) == pytest.approx(34)
+    row = np.ones((1, 8), dtype=bool)
+    pairs = np.array([1.0, 1.0, 0, 0, 0, 0, 0, 0])
+    assert equivalent_cells(row, alone, pairs) == pytest.approx(64 / (8 + 14))
+
+
+def test_training_cells_are_summed_as_written() -> None:
+    """Against a plain loop, edges and Doppler's wrap included."""
+    rd_map = noise_map(Radar(RADAR.waveform, Burst(1000.0, 17)), "hamming", 0, (500.0, 600.0))
+    cfar = Cfar("ca", 1e-2, (1, 2), (2, 3))
+    noise = cfar_threshold(rd_map, cfar).noise
+    power = rd_map.power
+    for row in (0, 8, 16):
+        for col in (0, 1, 4, 20, power.shape[1] - 1):
+            cells = [
+                power[(row + i) % 17, col + j]
+                for i in range(-3, 4)
+                for j in range(-5, 6)
+                if (abs(i) > 1 or abs(j) > 2) and 0 <= col + j < power.shape[1]
+            ]
+            assert noise[row, col] == pytest.approx(np.mean(cells), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["ca", "os"])
+@pytest.mark.parametrize("window", ["none", "hamming"])
+@pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR], ids=["lfm", "fmcw"])
+def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Radar) -> None:
+    """In noise through the whole chain: windowed, oversampled, so correlated."""
+    pfa, alarms, cells = 3e-3, 0, 0
+    window_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
+    cfar = Cfar(kind, pfa, (3, 6), (3, 10))
+    for seed in range(6):
+        rd_map = noise_map(radar, window, seed, window_m)
+        alarms += int((rd_map.power > cfar_threshold(rd_map, cfar).threshold).sum())
+        cells += rd_map.power.size
+    # alarms come in clumps of about as many cells as are correlated: at most 2 x 1.5 x 1.4
+    sigma = math.sqrt(cells * pfa * 5)
+    assert alarms == pytest.approx(cells * pfa, abs=4 * sigma + 0.05 * cells * pfa)
+    assert cells * pfa > 500
+
+
+@pytest.mark.parametrize(
+    ("kind", "window"), [("os", "hann"), ("os", "taylor:4:-35"), ("os", "kaiser:8"), ("ca", "hann")]
+)
+@pytest.mark.parametrize("wide", [False, True], ids=["lfm", "fmcw"])
+def test_false_alarms_are_within_a_twentieth_of_design(kind: str, window: str, wide: bool) -> None:
+    """From the thresholds themselves: noise of power P is above T with exp(-T / P)."""
+    fmcw = FmcwWaveform(77e9, 1e9, 1024, 40e6)
+    radar = Radar(fmcw, Burst(20e3, 64)) if wide else RADAR
+    window_m = (0.0, 150.0) if wide else (500.0, 3000.0)
+    received = receive(synthesizer_for(radar, window_m).result(), Receiver(noise_figure_db=3.0))
+    rd_map = range_doppler(compress(received.echoes, window), window)
+    noise = received.noise_power_w * map_noise_gain(radar, window, window)
+    threshold = cfar_threshold(rd_map, Cfar(kind, 1e-3, (3, 6), (3, 10))).threshold
+    rates = np.exp(-threshold / noise) / 1e-3
+    # this noise is not of mean power P to the percent; the rate where it is, by regression
+    level, rate = (
+        np.array([part.mean() for part in np.array_split(values, 32, axis=1)])
+        for values in (rd_map.power / noise - 1, rates)
+    )
+    slope, found = np.polyfit(level, rate, 1)
+    error = (rate - found - slope * level).std(ddof=2) / math.sqrt(32)
+    assert found == pytest.approx(1, abs=0.05 + 2 * error)
+    assert error < 0.045, "enough cells to tell"
+
+
+def test_a_strong_echo_does_not_spoil_thresholds_beside_it() -> None:
+    """200 dB over the rest: nothing is lost in differences of sums."""
+    rd_map = noise_map(RADAR, "hamming", 1)
+    values = rd_map.values.copy()
+    values[20, 400] = 1e10 * np.abs(values).mean()
+    spiked = RangeDopplerMap(
+        values, rd_map.doppler_hz, rd_map.range_m, rd_map.radar, "hamming", "hamming"
+    )
+    cfar = Cfar("ca", 1e-3, (2, 4), (2, 8))
+    plain, found = (cfar_threshold(m, cfar).noise for m in (rd_map, spiked))
+    near = found > 2 * plain
+    rows, cols = np.nonzero(near)
+    assert np.abs(rows - 20).max() <= 4 and np.abs(cols - 400).max() <= 12
+    assert not near[18:23, 396:405].any(), "guard cells keep the echo out"
+    np.testing.assert_allclose(found[~near], plain[~near], rtol=1e-9)
+
+
+def test_detectors_that_do_not_fit() -> None:
+    for numbers, message in (
+        ({"kind": "xy"}, "'xy'"),
+        ({"pfa": 2.0}, "False-alarm rate"),
+        ({"rank": 1.0}, "rank"),
+        ({"train": (0, 0)}, "without training"),
+        ({"guard": (-1, 2)}, "guard cells"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            Cfar(**numbers)
+    rd_map = noise_map(Radar(RADAR.waveform, Burst(1000.0, 1)), "none", 0, (500.0, 520.0))
+    with pytest.raises(ConfigError, match="no training cells"):
+        cfar_threshold(rd_map, Cfar("ca", 1e-3, (2, 30), (2, 8)))
+
+
+# -- targets ---------------------------------------------------------------------------------------
+
+
+def scene(radar: Radar, range_m: float, rate_mps: float, noise: float, seed: int) -> Echoes:
+    """A unit path; noise of this figure, scaled so that its SNR is the same for all."""
+    window_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
+    echoes = synthesize(unit_paths(radar, [range_m], [rate_mps]), radar, window_m=window_m)
+    if noise == 0:
+        return echoes
+    rng = np.random.default_rng(seed)
+    shape = echoes.samples.shape
+    more = noise * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    return Echoes(
+        echoes.samples + more, echoes.first_sample_s, window_m, radar, "radar-equation", 0.0
+    )
+
+
+@pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR], ids=["lfm", "fmcw"])
+@pytest.mark.parametrize("window", ["none", "hamming", "taylor:4:-35"])
+def test_interpolated_targets_are_off_by_less_than_a_fiftieth_of_a_bin(
+    radar: Radar, window: str
+) -> None:
+    """Anywhere between the cells, without noise; moving slowly enough not to migrate."""
+    cell_m, cell_mps = radar.waveform.sample_spacing_m, radar.velocity_resolution_mps
+    for part in (0.0, 0.23, 0.5, 0.81):
+        base_m = 800.0 if radar is RADAR else 20.0
+        range_m = base_m + part * cell_m
+        rate_mps = (9 + part) * cell_mps
+        rd_map = range_doppler(compress(scene(radar, range_m, rate_mps, 0, 0), window), window)
+        target = detect_targets(rd_map, Cfar("ca", 1e-6, (4, 8))).targets[0]
+        middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
+        if radar is FMCW_RADAR:
+            middle_s += FMCW.grid_middle_s + FMCW.carrier_hz / FMCW.slope_hz_per_s
+        assert target.velocity_mps == pytest.approx(rate_mps, abs=0.02 * cell_mps)
+        assert target.range_m == pytest.approx(range_m + rate_mps * middle_s, abs=0.02 * cell_m)
+        assert target.level_db == pytest.approx(0, abs=0.1)
+
+
+def test_targets_in_noise_are_found_with_their_snr() -> None:
+    sigma = 0.5
+    found = [
+        detect_targets(
+            range_doppler(compress(scene(RADAR, 800.0, 5.0, sigma, seed))),
+            Cfar("ca", 1e-7),
+        ).targets
+        for seed in range(8)
+    ]
+    assert all(len(targets) == 1 for targets in found)
+    # two windows of 1.35 dB each, and what the pulse's own ripple costs
+    snr_db = 10 * math.log10(150 * 64 / (2 * sigma**2)) - 2 * 1.346
+    measured = np.mean([targets[0].snr_db for targets in found])
+    assert measured == pytest.approx(snr_db, abs=0.5)
+    speeds = np.array([targets[0].velocity_mps for targets in found])
+    assert np.abs(speeds.mean() - 5.0) < 0.02 * RADAR.velocity_resolution_mps
+
+
+def test_an_empty_map_has_no_targets() -> None:
+    rd_map = range_doppler(compress(synthesizer_for(RADAR, WINDOW_M).result()))
+    assert detect_targets(rd_map).targets == []
+
+
+def test_files_of_detections(tmp_path: Path) -> None:
+    found = detect_targets(
+        range_doppler(compress(scene(RADAR, 800.0, 5.0, 0.5, 1))), Cfar("os", 1e-7)
+    )
+    table, record = write_detections(tmp_path / "frame_0001", found)
+    with open(table, encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert float(rows[0]["velocity_mps"]) == found.targets[0].velocity_mps
+    data = json.loads(record.read_text("utf-8"))
+    assert data["targets"][0]["range_m"] == found.targets[0].range_m
+    assert data["cfar"]["kind"] == "os"

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole chain in watts: noise floor at k T F B, a target's SNR as the radar equation says."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon import contract
+from radarsim_addon.physics.radar_equation import monostatic_power_w
+from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.detection import FrameBudget, predicted_snr
+from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, receive, synthesize
+from radarsim_addon.signal.maps import compress, map_noise_gain, range_doppler
+from radarsim_addon.signal.radar import Radar
+from radarsim_addon.signal.runs import open_run
+from tests.signal import path_runs as pr
+
+
+@pytest.mark.parametrize("window", ["none", "hamming"])
+def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str) -> None:
+    radar = Radar(pr.WAVEFORM, pr.BURST)
+    # On a sample of the range axis; one pixel that the plate fills: one path of known power.
+    range_m = 300 * radar.waveform.sample_spacing_m
+    side_m = 0.5
+    half_deg = math.degrees(math.atan(side_m / 2 / range_m))
+    receiver = pr.camera(pr.pose((0, 0, 0)), half_deg)
+    emitter = contract.EmitterRecord(pr.pose((0, 0, 0)), 5.0)  # cancels
+    rows = pr.trace([pr.plate("Plate", (0, range_m, 0), 1.0, 0, 0.8)], receiver, emitter, 1)
+    beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 6.0}
+    antenna = contract.AntennaRecord("gaussian", beam)
+    system = contract.SystemRecord(
+        20.0, antenna, antenna, transmit_loss_db=1.0, receive_loss_db=1.5, noise_figure_db=4.0
+    )
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Plate"], receiver, emitter, window_m=1500.0, system=system
+    )
+    frame = open_run(folder).frame(1)
+    budget = FrameBudget(frame, radar, system)
+    assert budget.system is not None
+    echoes = synthesize(budget.apply(frame_paths(frame)), radar, window_m=(0.0, 1500.0))
+    gain_db = 2 * 10 * math.log10(16 * math.log(2) / math.radians(6) ** 2) - 2.5
+    sigma_m2 = 4 * 0.8 * side_m**2
+    power_w = float(
+        monostatic_power_w(20.0, sigma_m2, range_m, radar.waveform.wavelength_m)
+    ) * 10 ** (gain_db / 10)  # fmt: skip
+    predicted = predicted_snr(power_w, radar, budget.system, window, window)
+    assert predicted.burst_db > 25  # enough that noise does not move the peak much
+    floors, peaks = [], []
+    for seed in range(6):
+        receiver = Receiver(
+            noise_figure_db=system.noise_figure_db,
+            antenna_temperature_k=system.antenna_temperature_k,
+            seed=seed,
+        )
+        noisy = receive(echoes, receiver).echoes
+        rd_map = range_doppler(compress(noisy, window), window)
+        away = np.abs(rd_map.range_m - range_m) > 500
+        floors.append(rd_map.power[:, away].mean())
+        peaks.append(rd_map.power.max())
+    floor_w = float(np.mean(floors))
+    # k T_0 F fs, times what the two filters let through
+    expected_w = 1.380649e-23 * 290 * 10**0.4 * 60e6 * map_noise_gain(radar, window, window)
+    assert 10 * math.log10(floor_w / expected_w) == pytest.approx(0, abs=0.1)
+    found_db = 10 * math.log10(float(np.mean(peaks)) / floor_w)
+    assert found_db == pytest.approx(predicted.burst_db, abs=0.5)
+    # and the textbook's sum, without windows: P T / (k T F) times the pulses
+    if window == "none":
+        textbook = power_w * 2.5e-6 / (1.380649e-23 * 290 * 10**0.4) * pr.BURST.pulses
+        assert predicted.burst_db == pytest.approx(10 * math.log10(textbook), abs=0.3)

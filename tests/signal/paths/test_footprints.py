@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a pixel covers of range: profiles of surfaces seen at grazing, against many more rays."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon import contract
+from radarsim_addon.signal import (
+    Burst,
+    Radar,
+    Waveform,
+    expected_power_profile,
+    make_paths,
+    open_run,
+)
+from radarsim_addon.signal.maps import ExpectedPower, expected_power
+from radarsim_addon.signal.paths.paths import (
+    PATH_DTYPE,
+    PathRows,
+    Steps,
+    shift_px,
+    spread,
+    steps_of,
+    views_by_shift,
+)
+from tests.signal import path_runs as pr
+
+RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 4))
+WINDOW_M = (50.0, 1150.0)
+GROUND = pr.Plate("Ground", (0, 600, 0), (2000, 0, 0), (0, 590, 0))
+SHIFTS = 4
+
+
+def view(roll_deg: float) -> contract.CameraRecord:
+    """16 degrees, 20 m above the ground, looking 9 degrees down."""
+    pose = np.array(pr.pose((0, 0, 20.0), 0, -9))
+    a = math.radians(roll_deg)
+    pose[:3, :2] = pose[:3, :2] @ [[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]
+    return pr.camera(pose.tolist(), 8.0)
+
+
+def shifted(camera: contract.CameraRecord, u: float, v: float) -> contract.CameraRecord:
+    return dataclasses.replace(
+        camera, left=camera.left + u, right=camera.right + u, bottom=camera.bottom + v,
+        top=camera.top + v,
+    )  # fmt: skip
+
+
+def rows_of(camera: contract.CameraRecord, size_px: int, shifts: int) -> PathRows:
+    """The ground, by the shifts that runs have; one is through the middle of the pixels."""
+    pitch = (camera.right - camera.left) / size_px
+    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
+    parts = []
+    for shift in range(shifts):
+        u, v = shift_px(shift) if shifts > 1 else (0.0, 0.0)
+        rows = pr.trace([GROUND], shifted(camera, u * pitch, v * pitch), emitter, size_px)
+        rows["power_w"] /= shifts
+        rows["solid_angle_sr"] /= shifts
+        rows["shift"] = shift
+        parts.append(rows)
+    return np.concatenate(parts)
+
+
+def expected(folder: Path, rows: PathRows, camera: contract.CameraRecord) -> ExpectedPower:
+    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
+    shifts = int(rows["shift"].max()) + 1
+    pr.write_run(folder, rows, ["Ground"], camera, emitter, window_m=1200.0, shifts=shifts)
+    return expected_power(open_run(folder).frame(1), RADAR, WINDOW_M)
+
+
+def relative(error: np.ndarray, truth: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2) / np.mean(truth**2)))
+
+
+def integrated(camera: contract.CameraRecord) -> np.ndarray:
+    """The profile of the ground by integration over range and azimuth, without any pixel.
+
+    A ring of ground dr wide at the slant range r has the solid angle h dr dphi / r^2; radiance of
+    a Lambert surface lit by the emitter is E cos / (4 pi^2 r^2), cos = h / r.
+    """
+    height_m = camera.matrix_world[2][3]
+    step_m, azimuths = 0.25, np.radians(np.linspace(-14, 14, 801))
+    range_m = np.arange(60.0, 1190.0, step_m)[:, None]
+    flat_m = np.sqrt(range_m**2 - height_m**2)
+    point = np.stack(
+        np.broadcast_arrays(flat_m * np.sin(azimuths), flat_m * np.cos(azimuths), -height_m), -1
+    )
+    local = point @ np.array(camera.matrix_world)[:3, :3]
+    u, v = local[..., 0] / -local[..., 2], local[..., 1] / -local[..., 2]
+    seen = (u > camera.left) & (u < camera.right) & (v > camera.bottom) & (v < camera.top)
+    seen &= point[..., 1] < 1190  # where the plate ends
+    solid_sr = np.mean(seen, axis=1) * np.ptp(azimuths) * height_m * step_m / range_m[:, 0] ** 2
+    radiance = 5.0 * height_m / range_m[:, 0] / (4 * math.pi**2 * range_m[:, 0] ** 2)
+    paths = make_paths(radiance * solid_sr, 2 * range_m[:, 0])
+    return expected_power_profile(paths, RADAR, window_m=WINDOW_M, oversample=2).power
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 10.0])
+def test_ground_at_grazing(tmp_path: Path, roll_deg: float) -> None:
+    """At 600 m a pixel covers 100 m of range, 80 cells. The profile has no gaps, and its standard
+    error is the error that it has."""
+    errors, sigmas, truths = [], [], []
+    for number, (u, v) in enumerate([(0.0, 0.0), (0.31, 0.23), (-0.2, 0.41), (0.4, -0.3)]):
+        camera = shifted(view(roll_deg), 5.9e-3 * u, 5.9e-3 * v)
+        truth = integrated(camera)
+        found = expected(tmp_path / f"run{number}", rows_of(camera, 48, SHIFTS), camera)
+        # R^2 / h times the angle of a pixel is four cells of 3 m
+        assert found.gaps_from_m == pytest.approx(math.sqrt(4 * 3.0 * 20 / 5.86e-3), abs=6)
+        assert "expected power has none" in found.warnings[0]
+        errors.append(found.profile - truth)
+        sigmas.append(found.profile_error)
+        truths.append(truth)
+    error, sigma, truth_w = np.array(errors), np.array(sigmas), np.array(truths)
+    range_m = found.range_m
+    for low_m, high_m, bound in ((100, 300, 0.006), (300, 500, 0.015), (500, 900, 0.05)):
+        here = (range_m > low_m) & (range_m < high_m)
+        assert relative(error[:, here], truth_w[:, here]) < bound
+        assert relative(error[:, here], sigma[:, here]) < 1.2
+        beyond = np.abs(error[:, here]) > 3 * sigma[:, here] + 1e-3 * truth_w[:, here]
+        assert np.mean(beyond) < 0.05
+
+
+def test_one_shift_has_no_error(tmp_path: Path) -> None:
+    found = expected(tmp_path / "run", rows_of(view(0.0), 48, 1), view(0.0))
+    assert np.isnan(found.profile_error).all()
+    assert np.isnan(found.map_error).all()
+    assert np.isfinite(found.profile).all()
+
+
+def test_power_is_kept_and_the_map_holds_it_too(tmp_path: Path) -> None:
+    camera = view(0.0)
+    rows = rows_of(camera, 48, SHIFTS)
+    for view_rows in [r for views in views_by_shift(rows, SHIFTS) for r in views]:
+        steps = steps_of(view_rows, camera, SHIFTS)
+        for part in spread(view_rows, steps, 1.0, np.inf):
+            share = np.bincount(part.row, part.share, minlength=view_rows.size)
+            assert share == pytest.approx(np.ones(view_rows.size))
+            assert part.share.min() > 0
+    found = expected(tmp_path / "run", rows, camera)
+    # nothing moves: the still bin, smeared by the window over the pulses
+    still = found.map[found.doppler_hz == 0][0]
+    assert still == pytest.approx(found.profile, rel=1e-9, abs=1e-12 * found.profile.max())
+
+
+def test_steps_of_a_plane() -> None:
+    """Differences of the lengths, along both axes, with the end of the surface as what is beside
+    it."""
+    camera = view(0.0)
+    rows = rows_of(camera, 24, 1)
+    rows = rows[rows["length_m"] < 600]
+    steps = steps_of(rows, camera, 1)
+    shape = (-1, 24)
+    length, power = rows["length_m"].reshape(shape), rows["power_w"].reshape(shape)
+    by_length = steps.length_m.reshape(*length.shape, 2, 2)
+    by_power = steps.power.reshape(*length.shape, 2, 2)
+    up = length[:-1] - length[1:]  # rows of an image go down
+    assert by_length[1:, :, 1, 1] == pytest.approx(up)
+    assert by_length[:-1, :, 1, 0] == pytest.approx(up)
+    # at the ends: far away the ground recedes on, near the radar nothing lies before its ray
+    assert by_length[0, :, 1, 1] == pytest.approx(up[1])
+    assert not by_length[-1, :, 1, 0].any()
+    relative_power = (power[:-1] - power[1:]) / power[1:]
+    assert by_power[1:, :, 1, 1] == pytest.approx(np.clip(relative_power, -0.9, 0.9))
+    # across, the middle is nearest: lengths grow to both sides
+    across = np.diff(length, axis=1)
+    assert by_length[:, 1:11, 0, 0] == pytest.approx(across[:, 0:10])
+    assert by_length[:, 1:11, 0, 1] == pytest.approx(across[:, 1:11])
+
+
+def test_where_nothing_is_spread() -> None:
+    """Orders left to chance, unknown objects, the nearest point of a body, steps in depth."""
+    camera = view(0.0)
+    rows = rows_of(camera, 24, 1)
+    rows = rows[rows["length_m"] < 300]
+    for name, value in (("order", 2), ("object", 0)):
+        other = rows.copy()
+        other[name] = value
+        assert not steps_of(other, camera, 1).length_m.any()
+    ridge = rows.copy()
+    place = np.arange(rows.size) % 24
+    ridge["length_m"] = 100 + 3.0 * np.abs(place - 12)
+    steps = steps_of(ridge, camera, 1).length_m
+    assert not steps[place == 12].any()
+    assert np.abs(steps[place == 5, 0]) == pytest.approx(3.0)
+    cliff = rows.copy()
+    cliff["length_m"] = 100 + 3.0 * place + 500.0 * (place > 12)
+    assert np.abs(steps_of(cliff, camera, 1).length_m[:, 0]).max() == pytest.approx(3.0)
+    # two bodies of one object (instances) have an end where they meet
+    cliff["body"] = place > 12
+    assert np.abs(steps_of(cliff, camera, 1).length_m[:, 0]).max() == pytest.approx(3.0)
+    alternate = rows.copy()
+    alternate["body"] = np.arange(rows.size) % 2
+    assert not steps_of(alternate, camera, 1).length_m[:, 0].any()
+
+
+def test_points_are_bounded() -> None:
+    """Kilometres in cells of a millimetre: coarser points, a bounded number of them."""
+    count = 1000
+    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows["length_m"], rows["power_w"] = 1000.0, 1.0
+    steps = Steps(*np.zeros((3, count, 2, 2)))
+    steps.length_m[:] = 5000.0
+    parts = list(spread(rows, steps, 1e-3, np.inf))
+    assert sum(part.row.size for part in parts) <= 1 << 17
+    lengths = np.concatenate([part.length_m for part in parts])
+    assert lengths.min() > 1000 - 5000 and lengths.max() < 1000 + 5000
+    assert list(spread(rows[:0], Steps(*np.zeros((3, 0, 2, 2))), 1.0, 1.0)) == []
+    # one view's worth of rows that reach nowhere stays as it is
+    still = next(spread(rows, Steps(*np.zeros((3, count, 2, 2))), 1.0, 1.0))
+    assert np.array_equal(still.row, np.arange(count))
+    assert np.array_equal(still.length_m, rows["length_m"])
+
+
+def test_range_rates_are_spread_over_doppler(tmp_path: Path) -> None:
+    """A moving radar: the ground of one pixel has many range rates, and fills the map between."""
+    camera = view(0.0)
+    rows = rows_of(camera, 48, SHIFTS)
+    down = -rows["direction"][:, 1]
+    rows["range_rate_mps"] = 8.0 * down  # 8 m/s ahead; a bin is 7.07 m/s
+    radar = Radar(RADAR.waveform, Burst(4000.0, 64))  # a bin is 1.77 m/s
+    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
+    folder = tmp_path / "run"
+    pr.write_run(folder, rows, ["Ground"], camera, emitter, window_m=1200.0, shifts=SHIFTS)
+    found = expected_power(open_run(folder).frame(1), radar, WINDOW_M, doppler_window="none")
+    assert found.map.sum(axis=0) == pytest.approx(found.profile, rel=0.35, abs=1e-9)
+    strongest = found.doppler_hz[np.argmax(found.map.sum(axis=1))]
+    expected_hz = 2 * 8.0 / RADAR.waveform.wavelength_m
+    assert strongest == pytest.approx(expected_hz, abs=4000 / 64)

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a run's folder to its products, through the Python API and the command line."""
+
+import json
+import shutil
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
+from radarsim_addon.signal import (
+    Burst,
+    FrameResult,
+    ProcessOptions,
+    Progress,
+    Radar,
+    Waveform,
+    open_run,
+    process_run,
+    read_exr,
+)
+from radarsim_addon.signal.pictures import figure as plots
+from radarsim_addon.signal.pipeline.process import main
+from tests.signal.synthetic import Setup, empty, points, write_run
+
+SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
+#: A mover, and a wall that stands still.
+ECHOES = [(5, 6, 600.0, 5.0, 1e-6), *((2, c, 300.0, 0.0, 1e-5) for c in range(10))]
+QUICK = ProcessOptions(products=False, plots=False)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "Läufe é" / "Run 1", SETUP, points(SETUP, ECHOES))
+
+
+def results(
+    path: Path, options: ProcessOptions | None = QUICK, **more: object
+) -> list[FrameResult]:
+    events = process_run(path, options, **more)  # type: ignore[arg-type]
+    return [event for event in events if isinstance(event, FrameResult)]
+
+
+def test_run_to_map(folder: Path) -> None:
+    (result,) = results(folder)
+    assert result.statistics.counts.paths == 11
+    assert result.statistics.nearest_m == pytest.approx(300, abs=1e-3)
+    assert result.statistics.farthest_m == pytest.approx(600, abs=1e-3)
+    mover = result.movers[0]
+    assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)
+    assert mover.doppler_hz < 0  # receding
+    assert mover.range_m == pytest.approx(600 + 5 * 63 / 2000, abs=0.02)
+    assert len(result.movers) == 1
+    wall = max(result.edges, key=lambda e: e.level_db)
+    # one range only: half power is half the response's width before it
+    half_m = 1.303 * SETUP.radar.waveform.range_resolution_m / 2
+    assert wall.range_m == pytest.approx(300 - half_m, abs=0.1)
+    assert result.warnings == []
+
+
+def test_files_of_a_frame(folder: Path) -> None:
+    pytest.importorskip("matplotlib")
+    (result,) = results(folder, None)
+    names = sorted(p.name for p in (folder / "products").iterdir())
+    assert names == sorted(path.name for path in result.files)
+    assert names == [
+        "frame_0001_amplitude_t0.exr", "frame_0001_amplitude_t1.exr", "frame_0001_echo.png",
+        "frame_0001_map.npz", "frame_0001_matched_filter.png", "frame_0001_profile.npz",
+        "frame_0001_range_doppler.png", "frame_0001_range_t0.exr", "frame_0001_range_t1.exr",
+        "frame_0001_rings.png", "frame_0001_summary.json",
+    ]  # fmt: skip
+    with np.load(folder / "products/frame_0001_map.npz", allow_pickle=False) as arrays:
+        assert arrays["power"].shape == (arrays["doppler_hz"].size, arrays["range_m"].size)
+        np.testing.assert_array_equal(arrays["power"], result.rd_map.power)
+        assert arrays["velocity_mps"][0] > 0  # lowest Doppler: receding
+    with np.load(folder / "products/frame_0001_profile.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["expected_power"], result.profile.power)
+    summary = json.loads((folder / "products/frame_0001_summary.json").read_text("utf-8"))
+    assert summary["movers"][0]["velocity_mps"] == result.movers[0].velocity_mps
+    for path in result.files:
+        if path.suffix == ".png":
+            assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_four_products(folder: Path) -> None:
+    results(folder, ProcessOptions(plots=False))
+    channels = [f"ring.{ring:03d}" for ring in range(4)]
+    place = folder / "products"
+    for pass_index, target_m in ((0, 600.0), (1, 600.05)):
+        amplitude = read_exr(place / f"frame_0001_amplitude_t{pass_index}.exr", channels)
+        range_m = read_exr(place / f"frame_0001_range_t{pass_index}.exr", channels)
+        assert range_m["ring.002"][5, 6] == pytest.approx(target_m, abs=1e-3)
+        assert amplitude["ring.002"][5, 6] == pytest.approx(1e-6, rel=1e-6)
+        assert range_m["ring.001"][2, 3] == pytest.approx(300, abs=1e-3)
+        assert sum(int(np.count_nonzero(image)) for image in range_m.values()) == 11
+        assert not range_m["ring.003"].any()
+
+
+def test_progress_counts_up_to_the_total(folder: Path) -> None:
+    steps = [e for e in process_run(folder, QUICK) if isinstance(e, Progress)]
+    assert [s.done for s in steps] == list(range(1, steps[-1].total + 1))
+
+
+@pytest.mark.filterwarnings("error")
+def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
+    setup = Setup(rings=2)
+    folder = write_run(tmp_path / "run", setup, lambda *_: empty(setup))
+    (result,) = results(folder, ProcessOptions(plots=False))
+    assert not result.rd_map.power.any()
+    assert result.statistics.nearest_m is None
+    assert result.warnings == ["No echo at all: the map is empty."]
+    assert json.loads((folder / "products/frame_0001_summary.json").read_text())["movers"] == []
+
+
+def test_empty_scene_can_be_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    setup = Setup(rings=2)
+    folder = write_run(tmp_path / "run", setup, lambda *_: empty(setup))
+    (result,) = results(folder, ProcessOptions(plots=True))
+    assert len([p for p in result.files if p.suffix == ".png"]) == 4
+
+
+def test_ambiguities_are_warned_about(tmp_path: Path) -> None:
+    radar = Radar(Waveform(5.3e9, 50e6, 0.5e-6, 60e6), Burst(200e3, 32))  # 749 m
+    setup = Setup(radar=radar)
+    folder = write_run(tmp_path / "far", setup, points(setup, [(1, 1, 800.0, 0.0, 1.0)]))
+    (result,) = results(folder)
+    assert "beyond the unambiguous range 749.481 m" in result.warnings[0]
+    assert result.rd_map.range_m[result.rd_map.power.max(axis=0).argmax()] == pytest.approx(
+        800, abs=1.5
+    )
+    folder = write_run(tmp_path / "fast", SETUP, points(SETUP, [(1, 1, 300.0, 15.0, 1.0)]))
+    (result,) = results(folder)
+    assert "faster than the unambiguous 14.14 m/s" in result.warnings[0]
+    assert result.movers[0].velocity_mps == pytest.approx(15 - 2 * 14.141, abs=0.02)
+
+
+def test_echoes_beyond_the_code_and_without_it_are_warned_about(tmp_path: Path) -> None:
+    setup = Setup(code_length_m=10.0)
+    folder = write_run(tmp_path / "a", setup, points(setup, [(1, 1, 900.0, 0, 1e-3)]))
+    (result,) = results(folder)
+    assert any("beyond the range code" in text for text in result.warnings)
+    assert result.statistics.counts.beyond_code == 1
+
+
+def test_incomplete_run(folder: Path) -> None:
+    (folder / "frames/frame_0001/ring_002_t1.exr").unlink()
+    with pytest.raises(FrameFileError, match=r"lacks 1 of 8 renders.*goes on where it stopped"):
+        results(folder)
+    with pytest.raises(FrameFileError, match="no complete frame"):
+        results(folder, allow_incomplete=True)
+
+
+def test_incomplete_frames_can_be_skipped(tmp_path: Path) -> None:
+    setup = Setup(rings=2, frames=(1, 2, 3))
+    folder = write_run(tmp_path / "run", setup, points(setup, [(1, 1, 300.0, 0, 1.0)]))
+    (folder / "frames/frame_0002/ring_000_t0.json").unlink()
+    assert [r.frame for r in results(folder, allow_incomplete=True)] == [1, 3]
+    assert [r.frame for r in results(folder, frames=[3])] == [3]
+    with pytest.raises(FrameFileError, match="no frame 9"):
+        results(folder, frames=[9])
+
+
+def test_output_folder_that_cannot_be(folder: Path) -> None:
+    (folder / "file").touch()
+    with pytest.raises(OutputError, match="Cannot make the folder"):
+        results(folder, out=folder / "file" / "sub")
+
+
+def test_without_matplotlib(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plots, "has_matplotlib", lambda: False)
+    (result,) = results(folder, ProcessOptions(products=False))
+    assert not [p for p in result.files if p.suffix == ".png"]
+    with pytest.raises(MissingDependencyError, match="pip install matplotlib"):
+        results(folder, ProcessOptions(products=False, plots=True))
+
+
+def test_numpy_engine_gives_the_same_map(folder: Path) -> None:
+    pytest.importorskip("finufft")
+    maps = [
+        results(folder, ProcessOptions(products=False, plots=False, method=method))[0].rd_map
+        for method in ("finufft", "numpy")  # type: ignore[arg-type]
+    ]
+    scale = np.abs(maps[0].values).max()
+    np.testing.assert_allclose(maps[0].values, maps[1].values, atol=1e-8 * scale)
+
+
+def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
+    radar = Radar(SETUP.radar.waveform, Burst(1000.0, 8))
+    setup = Setup(radar=radar, rings=2, frames=tuple(range(1, 13)), width_px=64, height_px=64)
+    picture = points(setup, [(r, c, 300.0, 0, 1.0) for r in range(64) for c in range(64)])
+    folder = write_run(tmp_path / "run", setup, picture)
+    run = open_run(folder)
+    options = ProcessOptions(plots=False, method="numpy")
+
+    def peak_bytes(frames: list[int]) -> int:
+        tracemalloc.start()
+        for _ in process_run(run.path, options, frames=frames):
+            pass
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    one = peak_bytes([1])
+    assert peak_bytes(list(setup.frames)) < 1.25 * one
+
+
+def test_command_line_processes_and_informs(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    assert main(["process", str(folder), "--no-plots", "--out", str(folder / "out ü")]) == 0
+    shown = capsys.readouterr().out
+    assert "11 paths" in shown
+    assert "mover" in shown
+    assert (folder / "out ü" / "frame_0001_map.npz").is_file()
+    assert main(["info", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    for words in ("8 of 8 are there", "code length k      1000 m", "mixed pixels     0.00 %",
+                  "1 Blender unit = 100 m", "range rounding", "paths            11"):  # fmt: skip
+        assert words in shown
+
+
+def test_info_of_an_incomplete_run(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    (folder / "frames/frame_0001/ring_002_t1.exr").unlink()
+    assert main(["info", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "7 of 8 are there" in shown
+    assert "incomplete: frame 1: EXR ring_002_t1.exr" in shown
+
+
+def test_named_errors_without_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "radarsim_addon", "process", str(tmp_path / "none")]
+    root = Path(__file__).parents[3]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("FrameFileError: ")
+    assert "Traceback" not in done.stderr
+
+
+def test_exit_code_of_bad_numbers_and_arguments(
+    folder: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert main(["process", str(folder), "--window", "gauss"]) == 2
+    assert "ConfigError: Window 'gauss'" in capsys.readouterr().err
+    assert main(["process", str(folder), "--range", "9:5"]) == 2
+    for bad in (["--frames", "x"], ["--frames", "5:1"], ["--weighting", "best"], ["--range", "5"]):
+        with pytest.raises(SystemExit) as stop:
+            main(["process", str(folder), *bad])
+        assert stop.value.code == 2
+    with pytest.raises(SystemExit) as stop:
+        main([])
+    assert stop.value.code == 2
+
+
+def test_truncated_exr_ends_with_its_name(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    path = folder / "frames/frame_0001/ring_001_t0.exr"
+    path.write_bytes(path.read_bytes()[:-40])
+    assert main(["process", str(folder)]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("FrameFileError: ")
+    assert "ring_001_t0.exr is damaged or truncated" in error
+
+
+@pytest.mark.parametrize(
+    ("gone", "error"), [("", FrameFileError), ("products", OutputError)], ids=["run", "products"]
+)
+def test_a_folder_that_vanishes_is_named(tmp_path: Path, gone: str, error: type[Exception]) -> None:
+    setup = Setup(frames=(1, 2), radar=SETUP.radar)
+    path = write_run(tmp_path / "run", setup, points(setup, ECHOES))
+    out = path / "products" if not gone else tmp_path / "products"
+    events = process_run(path, QUICK, out=out)
+    while not isinstance(next(events), FrameResult):
+        pass
+    lost = out if gone else path
+    shutil.rmtree(lost)
+    with pytest.raises(error, match=f"{lost.name} has vanished during the processing"):
+        list(events)

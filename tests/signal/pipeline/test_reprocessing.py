@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processing again into the same folder, and messages that name what was given."""
+
+import dataclasses
+import json
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+from radarsim_addon.blender.headless.command_line import chosen_acquisition
+from radarsim_addon.contract import AntennaRecord, RenderRecord, RunRecord
+from radarsim_addon.errors import ConfigError, FrameFileError
+from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal import Burst, Cfar, ProcessOptions, Radar, Waveform, process_run
+from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.radar.antennas import make_antenna
+from radarsim_addon.signal.runs import open_run
+from tests.signal.synthetic import Setup, points, write_run
+
+SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
+ECHOES = [(5, 6, 600.0, 5.0, 1e-6)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "run", SETUP, points(SETUP, ECHOES))
+
+
+def test_nothing_stale_stays_beside_a_new_map(folder: Path) -> None:
+    quick = ProcessOptions(products=False, plots=False)
+    list(process_run(folder, dataclasses.replace(quick, cfar=Cfar(), sigmf=True)))
+    place = folder / "products"
+    own = [place / "frame_0001_notes.txt", place / "frame_0002_map.npz", place / "other.png"]
+    for path in own:
+        path.write_text("mine")
+    (place / "range_doppler.gif").write_text("old")
+    (place / "frame_0001_echo.png").write_text("old")
+    assert (place / "frame_0001_detections.csv").is_file()
+    list(process_run(folder, quick))
+    kept = {"frame_0001_map.npz", "frame_0001_profile.npz", "frame_0001_summary.json"}
+    assert {path.name for path in place.iterdir()} == kept | {path.name for path in own}
+
+
+def test_levels_are_in_dbw_where_powers_are_watts(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = folder / "products"
+    for weighting, unit in (("radar-equation", "dBW"), ("paper", "dB")):
+        words = ["process", str(folder), "--weighting", weighting, "--cfar", "ca", "--no-plots"]
+        assert main(words) == 0
+        line = next(x for x in capsys.readouterr().out.splitlines() if "mover" in x)
+        assert f" {unit} " in line.split("range rate")[0]
+        for name in ("summary", "detections"):
+            record = json.loads((place / f"frame_0001_{name}.json").read_text("utf-8"))
+            assert record["level_unit"] == unit
+
+
+def test_the_plan_counts_tables_and_images(folder: Path) -> None:
+    run = open_run(folder)
+    assert run.frame(1).planned == run.renders == 8
+    record = dataclasses.replace(
+        run.record, acquisition="paths", rings=1, passes=2, renders_per_burst=3
+    )
+    run = dataclasses.replace(run, record=record)
+    assert run.frame(1).planned == run.renders == 3
+
+
+def test_a_tolerance_is_named_as_it_was_given(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["process", str(folder), "--tolerance", "0"]) == 2
+    assert "Tolerance is 0; expected 1e-13 to 1e-2" in capsys.readouterr().err
+
+
+def test_a_beamwidth_is_named_in_degrees() -> None:
+    beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 1e9}
+    with pytest.raises(ConfigError, match=r"elevation_beamwidth_deg is 1e\+09.*180 degrees"):
+        make_antenna(AntennaRecord("gaussian", beam), 0.05)
+
+
+def test_what_goes_with_a_damaged_record(tmp_path: Path) -> None:
+    file = tmp_path / "run.json"
+    file.write_text("{")
+    with pytest.raises(FrameFileError) as caught:
+        read_record(file, RunRecord)
+    assert "EXR" not in str(caught.value)
+    with pytest.raises(FrameFileError, match="and its EXR"):
+        read_record(file, RenderRecord)
+
+
+_NAMES = [
+    "acquisition",
+    "rings",
+    "auto_rings",
+    "ring_step",
+    "samples",
+    "bounces",
+    "order",
+    "shifts",
+    "error_of",
+    "error",
+    "budget",
+    "motion",
+    "motion_samples",
+    "renders_per_burst",
+    "code",
+    "amplitude",
+]
+
+
+def given(**values: object) -> Namespace:
+    return Namespace(**{**dict.fromkeys(_NAMES), "auto_rings": False, **values})
+
+
+def test_options_of_rings_and_paths_together_are_refused() -> None:
+    assert chosen_acquisition(given()) is None
+    assert chosen_acquisition(given(rings=3)) == "rings"
+    assert chosen_acquisition(given(auto_rings=True)) == "rings"
+    assert chosen_acquisition(given(error=0.0)) == "paths"
+    assert chosen_acquisition(given(acquisition="paths", rings=3, error=1.0)) == "paths"
+    with pytest.raises(ConfigError, match="--error is of paths, --rings of rings"):
+        chosen_acquisition(given(rings=3, error=1.0))
+    with pytest.raises(ConfigError, match="--renders-per-burst is of paths, --rings of rings"):
+        chosen_acquisition(given(rings=2, renders_per_burst=2))

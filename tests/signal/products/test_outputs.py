@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Other waveforms, receivers and detectors on a finished run; HDF5, SigMF and their conventions."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon.errors import ConfigError, MissingDependencyError
+from radarsim_addon.signal import (
+    Burst,
+    Cfar,
+    FmcwWaveform,
+    FrameResult,
+    PhaseNoise,
+    PmcwWaveform,
+    ProcessOptions,
+    Radar,
+    Receiver,
+    SteppedWaveform,
+    Waveform,
+    process_run,
+    waveform_to_dict,
+)
+from radarsim_addon.signal.pipeline.process import main
+from tests.signal.synthetic import Setup, points, write_run
+
+SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
+ECHOES = [(5, 6, 600.0, 5.0, 1e-6), *((2, c, 300.0, 0.0, 1e-5) for c in range(10))]
+#: All of 5.3 GHz, reaching beyond the 1000 m of the rings, 1000 pulses a second.
+OTHERS = [
+    FmcwWaveform(5.3e9, 50e6, 512, 1e6),
+    FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
+    SteppedWaveform(5.3e9, 100e3, 512, 1.5e-6),
+    PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "Läufe é" / "Run 1", SETUP, points(SETUP, ECHOES))
+
+
+def result_of(folder: Path, options: ProcessOptions) -> FrameResult:
+    return next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
+
+
+@pytest.mark.parametrize("waveform", OTHERS, ids=["fmcw", "fmcw real", "stepped", "pmcw"])
+def test_another_waveform_on_a_finished_run(folder: Path, waveform: object) -> None:
+    own = result_of(folder, ProcessOptions(products=False, plots=False, speckle_seed=None))
+    radar = Radar(waveform, Burst(1000.0, 64))
+    other = result_of(
+        folder, ProcessOptions(products=False, plots=False, speckle_seed=None, radar=radar)
+    )
+    summary = json.loads((folder / "products/frame_0001_summary.json").read_text("utf-8"))
+    steps = {(step["motion"], step["transforms"]) for step in summary["synthesis"]["steps"]}
+    assert ("still", 1) in steps and len(steps) == 2, "once for all that stands, and the mover"
+    assert summary["synthesis"]["error_estimate"] <= summary["synthesis"]["tolerance"] == 1e-6
+    coupling_m = 0.0
+    if isinstance(waveform, FmcwWaveform):
+        coupling_m = 5.0 * waveform.carrier_hz / waveform.slope_hz_per_s
+    if isinstance(waveform, SteppedWaveform):
+        coupling_m = 5.0 * waveform.carrier_hz * waveform.step_time_s / waveform.step_hz
+    # the wall and the mover, no sidelobe
+    assert sorted(round(edge.peak_range_m / 10) for edge in other.edges) == [30, 60]
+    assert other.movers[0].velocity_mps == pytest.approx(5.0, abs=0.02)
+    assert other.movers[0].range_m == pytest.approx(own.movers[0].range_m + coupling_m, abs=0.05)
+    assert other.movers[0].level_db == pytest.approx(own.movers[0].level_db, abs=0.05)
+
+
+def test_receiver_and_detector_by_the_command_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    radar = {"waveform": waveform_to_dict(OTHERS[0]), "burst": {"pulses": 64, "prf_hz": 1000.0}}
+    (tmp_path / "radar.json").write_text(json.dumps(radar))
+    (tmp_path / "lo.csv").write_text("offset_hz,level_dbc_hz\n1e3,-90\n1e5,-110\n")
+    code = main([
+        "process", str(folder), "--radar", str(tmp_path / "radar.json"), "--noise-figure-db", "3",
+        "--adc-bits", "12", "--phase-noise", str(tmp_path / "lo.csv"), "--cfar", "os",
+        "--pfa", "1e-6", "--hdf5", "--sigmf", "--no-plots", "--no-products",
+    ])  # fmt: skip
+    assert code == 0
+    assert "targets" in capsys.readouterr().out
+    place = folder / "products"
+    summary = json.loads((place / "frame_0001_summary.json").read_text("utf-8"))
+    assert summary["waveform"]["kind"] == "fmcw"
+    assert summary["options"]["receiver"]["adc_bits"] == 12
+    assert summary["receiver"]["noise_power_w"] == pytest.approx(1.380649e-23 * 290 * 10**0.3 * 1e6)
+    found = json.loads((place / "frame_0001_detections.json").read_text("utf-8"))["targets"]
+    near = [t for t in found if abs(t["velocity_mps"] - 5.0) < 0.1]
+    # the first is the target; far below it its sidelobes, which a detector finds as well
+    assert abs(near[0]["range_m"] - 600.4) < 0.2
+    assert all(t["level_db"] < near[0]["level_db"] - 35 for t in near[1:])
+    still = [t for t in found if abs(t["range_m"] - 300) < 1 and abs(t["velocity_mps"]) < 0.1]
+    assert len(still) >= 1
+
+
+def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
+    far = write_run(tmp_path / "run", SETUP, points(SETUP, [(2, 3, 300.0, 0.0, 1e-12)]))
+    noisy = ProcessOptions(
+        products=False, plots=False, cfar=Cfar(pfa=1e-7), receiver=Receiver(noise_figure_db=60.0)
+    )
+    result = result_of(far, noisy)
+    assert result.reception is not None and result.reception.noise_power_w > 0
+    assert result.movers == []
+
+
+def test_mti_takes_out_the_wall(folder: Path) -> None:
+    options = ProcessOptions(products=False, plots=False, mti=3, cfar=Cfar("ca", 1e-6))
+    result = result_of(folder, options)
+    assert result.rd_map.values.shape[0] == 62
+    assert result.detections is not None
+    assert abs(result.detections.targets[0].velocity_mps - 5.0) < 0.05
+    stripe = result.rd_map.power[31]
+    assert stripe[np.argmin(np.abs(result.rd_map.range_m - 300))] < 1e-12 * stripe.size
+
+
+def test_hdf5_says_what_it_holds(folder: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    options = ProcessOptions(
+        products=False, plots=False, hdf5=True, cfar=Cfar(), receiver=Receiver(noise_figure_db=3.0)
+    )
+    result = result_of(folder, options)
+    with h5py.File(folder / "products/frame_0001.h5") as file:
+        assert "receding" in file.attrs["sign_convention"]
+        assert json.loads(file.attrs["waveform"])["carrier_hz"] == 5.3e9
+        np.testing.assert_array_equal(file["echoes/samples"], result.echoes.samples)
+        np.testing.assert_array_equal(file["map/values"], result.rd_map.values)
+        assert file["map/values"].dims[1][0].name == "/map/range_m"
+        assert file["map/velocity_mps"][0] > 0 > file["map/doppler_hz"][0]
+        names: list[str] = []
+        file.visititems(lambda name, item: names.append(name) if hasattr(item, "dims") else None)
+        assert {"profile/expected_power", "detections/snr_db"} <= set(names)
+        for name in names:
+            assert file[name].attrs["units"], name
+            assert file[name].attrs["description"], name
+        assert file["echoes/samples"].attrs["units"] == "sqrt(W)"
+        assert result.detections is not None
+        assert len(file["detections/range_m"]) == len(result.detections.targets)
+
+
+def test_hdf5_without_h5py_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = importlib.util.find_spec
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == "h5py" else there(name)
+    )
+    with pytest.raises(MissingDependencyError, match="h5py is not installed"):
+        result_of(folder, ProcessOptions(products=False, plots=False, hdf5=True))
+
+
+@pytest.mark.parametrize("waveform", [SETUP.radar.waveform, OTHERS[1]], ids=["complex", "real"])
+def test_sigmf_is_a_valid_recording(folder: Path, waveform: object) -> None:
+    package = pytest.importorskip("sigmf")
+    radar = Radar(waveform, Burst(1000.0, 64))
+    result = result_of(folder, ProcessOptions(products=False, plots=False, sigmf=True, radar=radar))
+    recording = package.sigmffile.fromfile(str(folder / "products/frame_0001"))
+    recording.validate()
+    shape = result.echoes.samples.shape
+    assert recording.sample_count == shape[0] * shape[1]
+    samples = recording.read_samples().reshape(shape)
+    scale = np.abs(result.echoes.samples).max()
+    np.testing.assert_allclose(samples, result.echoes.samples, atol=1e-7 * scale)
+    assert recording.get_captures()[0]["core:frequency"] == 5.3e9
+    assert len(recording.get_annotations()) == 64
+    meta = json.loads((folder / "products/frame_0001.sigmf-meta").read_text("utf-8"))
+    assert meta["global"]["radarsim:prf_hz"] == 1000.0
+
+
+def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
+    samples = []
+    for seed in (1, 1, 2):
+        receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), seed=seed)
+        options = ProcessOptions(products=False, plots=False, receiver=receiver)
+        samples.append(result_of(folder, options).echoes.samples)
+    np.testing.assert_array_equal(samples[0], samples[1])
+    assert np.abs(samples[0] - samples[2]).max() > 1e-3 * np.abs(samples[0]).max()
+
+
+def test_what_does_not_fit_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigError, match="noise of the system"):
+        result_of(folder, ProcessOptions(system_noise=True))
+    with pytest.raises(ConfigError, match="MTI canceller"):
+        result_of(folder, ProcessOptions(mti=4))
+    assert main(["process", str(folder), "--radar", "nowhere.json"]) == 1
+    assert "FrameFileError" in capsys.readouterr().err
+    assert main(["process", str(folder), "--cfar", "ca", "--pfa", "2"]) == 2
+
+
+def test_carrier_and_window_that_differ_are_mentioned(folder: Path) -> None:
+    radar = Radar(FmcwWaveform(77e9, 1e9, 256, 10e6), Burst(1000.0, 16))
+    result = result_of(folder, ProcessOptions(products=False, plots=False, radar=radar))
+    text = " ".join(result.warnings)
+    assert "rendered for 5.3 GHz" in text
+    assert "range window reaches to 1000 m" in text
+    assert "anti-alias filter takes them out" in text

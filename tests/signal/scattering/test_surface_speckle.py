@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle that belongs to the surface: its mean, its distribution, and what it is tied to."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from radarsim_addon.signal.paths.paths.table import open_table
+
+from radarsim_addon import contract
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.sidecar import read_record, write_record
+from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.motion import BodyMotion, FrameMotion
+from radarsim_addon.signal.motion.body_motion import Piece
+from radarsim_addon.signal.paths.paths import PathRows, Paths, motion_of_rows, path_power_w
+from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.radar import Radar
+from radarsim_addon.signal.runs import RadarFrame, open_run
+from radarsim_addon.signal.scattering import FrameSpeckle
+from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_warnings
+from radarsim_addon.signal.scattering.surface_speckle import Body, Roughness, SurfaceSpeckle
+from tests.signal import path_runs as pr
+
+CARRIER_HZ = pr.WAVEFORM.carrier_hz
+WAVELENGTH_M = pr.WAVEFORM.wavelength_m
+WAVENUMBER = 2 * math.pi / WAVELENGTH_M
+RESOLUTION_M = pr.WAVEFORM.range_resolution_m
+IDENTITY = {1: Body("Plate", np.eye(4))}
+COLUMNS = ("first_object", "object")
+
+stats = pytest.importorskip("scipy.stats")
+
+
+def scene(
+    folder: Path, *, at: tuple[float, float, float] = (0, 0, 0), size_px: int = 64,
+    range_m: float = 1000.0, side_m: float = 30.0, tilt_deg: float = 0.0,
+    emitter_at: tuple[float, float, float] | None = None, seed: int = 0, shifts: int = 1,
+) -> tuple[contract.PathsRecord, PathRows, Path]:  # fmt: skip
+    """A plate and its table, seen by a radar near the origin that looks along +Y."""
+    target = pr.plate("Plate", (0, range_m, 0), side_m, tilt_deg)
+    receiver = pr.camera(pr.pose(at), math.degrees(0.6 * side_m / range_m))
+    emitter = contract.EmitterRecord(pr.pose(at if emitter_at is None else emitter_at), 1e6)
+    rows = pr.trace([target], receiver, emitter, size_px, shifts, seed)
+    pr.write_run(
+        folder, rows, ["Plate"], receiver, emitter, window_m=2 * range_m, shifts=shifts
+    )  # fmt: skip
+    frame = folder / contract.frame_dir(1)
+    record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
+    return record, open_table(frame / contract.PATHS_TABLE), folder
+
+
+def speckle(
+    record: contract.PathsRecord, table: PathRows, seed: int,
+    roughness: Mapping[int, Roughness] | None = None, bodies: Mapping[int, Body] = IDENTITY,
+    cell_m: float | None = None,
+) -> SurfaceSpeckle:  # fmt: skip
+    return SurfaceSpeckle(
+        record, table, bodies, COLUMNS, CARRIER_HZ, RESOLUTION_M, seed, roughness, cell_m
+    )
+
+
+def field(rows: PathRows, made: SurfaceSpeckle) -> complex:
+    """Sum over all paths: one resolution cell at the carrier."""
+    factors, known = made.factors(rows)
+    assert known.all()
+    phase = WAVENUMBER * rows["length_m"]
+    return complex(np.sum(np.sqrt(rows["power_w"]) * factors * np.exp(-1j * phase)))
+
+
+def intensities(
+    record: contract.PathsRecord, table: PathRows, seeds: int,
+    roughness: Mapping[int, Roughness] | None = None, cell_m: float | None = None,
+) -> np.ndarray:  # fmt: skip
+    rows = np.array(table)
+    found = [
+        abs(field(rows, speckle(record, table, seed, roughness, cell_m=cell_m))) ** 2
+        for seed in range(seeds)
+    ]
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("size_px", "tilt_deg", "rms_height_m"),
+    [
+        (9, 0.0, None),  # 49 paths on the plate
+        (64, 0.0, None),
+        (64, 50.0, None),
+        (64, 0.0, 1.5 / WAVENUMBER),
+        (64, 0.0, 5 / WAVENUMBER),
+    ],
+)
+def test_mean_power_and_exponential_intensity(
+    tmp_path: Path, size_px: int, tilt_deg: float, rms_height_m: float | None
+) -> None:
+    record, table, _ = scene(tmp_path / "run", size_px=size_px, tilt_deg=tilt_deg)
+    assert table.size >= 40
+    roughness = None if rms_height_m is None else {1: Roughness(rms_height_m)}
+    found = intensities(record, table, 400, roughness)
+    expected = float(table["power_w"].sum())
+    if rms_height_m is not None:  # the coherent part is still a little there
+        coherent = np.sum(np.sqrt(table["power_w"]) * np.exp(-1j * WAVENUMBER * table["length_m"]))
+        left = math.exp(-((2 * WAVENUMBER * rms_height_m) ** 2))
+        expected = left * abs(coherent) ** 2 + (1 - left) * expected
+    error = found.std(ddof=1) / math.sqrt(found.size)
+    assert abs(found.mean() - expected) < 3 * error
+    if rms_height_m is None or rms_height_m * WAVENUMBER > 2:
+        assert stats.kstest(found / found.mean(), "expon").pvalue > 0.01
+
+
+def test_coherent_part_falls_as_ament_says(tmp_path: Path) -> None:
+    """Mean field over realisations: exp(-2 (k h)^2) of the smooth one, h in steps to k h = 1."""
+    # A small plate, so that its own phase does not matter.
+    record, table, _ = scene(tmp_path / "run", side_m=0.5, size_px=40)
+    rows = np.array(table)
+    smooth = field(rows, speckle(record, table, 0, {1: Roughness(0.0)}))
+    assert abs(smooth) ** 2 == pytest.approx(np.sqrt(rows["power_w"]).sum() ** 2, rel=1e-3)
+    for kh in (0.2, 0.5, 0.8):
+        surface = {1: Roughness(kh / WAVENUMBER)}
+        cell_m = 2.0**-6
+        fields = [field(rows, speckle(record, table, s, surface, cell_m=cell_m)) for s in range(60)]
+        mean = np.mean(fields)
+        spread = np.std(fields) / math.sqrt(len(fields))
+        assert abs(mean - smooth * math.exp(-2 * kh**2)) < 4 * spread
+        rough = np.var(fields)
+        expected = (1 - math.exp(-4 * kh**2)) * rows["power_w"].sum()
+        assert rough == pytest.approx(expected, rel=0.6)
+
+
+def test_mean_does_not_depend_on_the_pixels(tmp_path: Path) -> None:
+    """One surface, coarse and fine pixels, same cells: nearly the same speckle."""
+    kept = []
+    for size_px in (64, 128):
+        record, table, _ = scene(tmp_path / f"run{size_px}", size_px=size_px)
+        rows = np.array(table)
+        scale = 1 / math.sqrt(rows["power_w"].sum())  # pixels cut the plate's edges differently
+        kept.append([scale * field(rows, speckle(record, table, s, cell_m=2.0)) for s in range(80)])
+    a, b = np.array(kept)
+    correlation = abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b)
+    assert correlation > 0.97
+    assert np.mean(abs(b) ** 2) / np.mean(abs(a) ** 2) == pytest.approx(1, abs=0.05)
+
+
+def test_speckle_decorrelates_with_the_radars_shift(tmp_path: Path) -> None:
+    """Baseline decorrelation of a uniform patch (Zebker 1992): sinc(2 b W / (lambda R))."""
+    side_m, range_m = 24.0, 1000.0
+    critical_m = WAVELENGTH_M * range_m / (2 * side_m)
+    fields = {}
+    shifts_m = (0.0, 0.25 * critical_m, 0.5 * critical_m, critical_m)
+    for number, b in enumerate(shifts_m):
+        record, table, _ = scene(
+            tmp_path / f"run{number}", at=(b, 0, 0), side_m=side_m, range_m=range_m, size_px=60
+        )
+        rows = np.array(table)
+        made = [field(rows, speckle(record, table, s, cell_m=1.0)) for s in range(150)]
+        fields[b] = np.array(made)
+    first = fields[0.0]
+    for b in shifts_m[1:]:
+        other = fields[b]
+        found = abs(np.vdot(first, other)) / np.linalg.norm(first) / np.linalg.norm(other)
+        assert found == pytest.approx(abs(np.sinc(b / critical_m)), abs=0.12)
+
+
+def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
+    """Plate and radar displaced and turned together: the same speckle, to rounding."""
+    record, table, _ = scene(tmp_path / "run")
+    rows = np.array(table)
+    turn = np.array(pr.pose((70.0, -30.0, 5.0), 33.0, -12.0)) @ np.linalg.inv(pr.pose((0, 0, 0)))
+    moved = rows.copy()
+    for name in ("first_m", "last_m"):
+        moved[name] = rows[name] @ turn[:3, :3].T + turn[:3, 3]
+    moved["direction"] = rows["direction"] @ turn[:3, :3].T
+    matrix = (turn @ np.array(record.camera.matrix_world)).tolist()
+    there = dataclasses.replace(
+        record,
+        camera=dataclasses.replace(record.camera, matrix_world=matrix),
+        emitter=dataclasses.replace(record.emitter, matrix_world=matrix),
+    )
+    own = speckle(record, table, 5)
+    others = speckle(there, moved, 5, bodies={1: Body("Plate", turn)})
+    a, b = own.factors(rows)[0], others.factors(moved)[0]
+    # Points that lie on the border of two cells may change sides by rounding.
+    assert np.mean(np.abs(a - b) < 1e-5) > 0.99
+    assert np.mean(np.abs(a - speckle(record, table, 6).factors(rows)[0]) < 1e-5) < 0.01
+    renamed = speckle(record, table, 5, bodies={1: Body("Other", np.eye(4))})
+    assert np.mean(np.abs(a - renamed.factors(rows)[0]) < 1e-5) < 0.01
+
+
+def test_neighbours_within_a_correlation_length_share_their_height(tmp_path: Path) -> None:
+    record, table, _ = scene(tmp_path / "run")
+    rows = np.array(table)
+    cells = {
+        length_m: speckle(record, table, 1, {1: Roughness(1.0, length_m)}).report().cells
+        for length_m in (0.0, 5.0, 40.0)
+    }
+    assert cells[0.0] > 4 * cells[5.0] > 0
+    assert cells[5.0] == pytest.approx((30 / 5) ** 2, rel=0.5)
+    assert cells[40.0] <= 8
+    assert rows.size > cells[0.0] * 1.5  # two paths a cell or more by default
+
+
+def test_parts_do_not_matter(tmp_path: Path) -> None:
+    record, table, _ = scene(tmp_path / "run")
+    rows = np.array(table)
+    made = speckle(record, table, 1)
+    whole, _ = made.factors(rows)
+    parts = np.concatenate([made.factors(rows[i : i + 700])[0] for i in range(0, rows.size, 700)])
+    np.testing.assert_array_equal(whole, parts)
+
+
+def test_too_few_scatterers_are_told(tmp_path: Path) -> None:
+    record, table, _ = scene(tmp_path / "few", size_px=5)
+    few = speckle(record, table, 0).report()
+    assert few.poor_share == 1.0
+    assert "100 % of the power" in few.warnings[0]
+    record, table, _ = scene(tmp_path / "many", size_px=128)
+    many = speckle(record, table, 0).report()
+    assert many.poor_share == 0.0
+    assert many.median_scatterers > 100
+    assert many.warnings == []
+
+
+def two_bounces(record: contract.PathsRecord, rows: PathRows) -> PathRows:
+    """The same paths, each by way of a second point above the first."""
+    rows = rows.copy()
+    rows["order"] = 2
+    rows["last_m"] = rows["first_m"] + [0.0, -5.0, 8.0]
+    emitter_m = np.array(record.emitter.matrix_world)[:3, 3]
+    rows["length_m"] = (
+        np.linalg.norm(rows["first_m"], axis=1)
+        + np.linalg.norm(rows["last_m"] - rows["first_m"], axis=1)
+        + np.linalg.norm(rows["last_m"] - emitter_m, axis=1)
+    )
+    return rows
+
+
+def test_two_reflections_have_two_scatterers(tmp_path: Path) -> None:
+    record, table, _ = scene(tmp_path / "run")
+    rows = two_bounces(record, np.array(table))
+    found = np.array([abs(field(rows, speckle(record, rows, seed))) ** 2 for seed in range(300)])
+    error = found.std(ddof=1) / math.sqrt(found.size)
+    assert abs(found.mean() - rows["power_w"].sum()) < 3 * error
+    assert stats.kstest(found / found.mean(), "expon").pvalue > 0.01
+
+
+def test_three_reflections_have_none(tmp_path: Path) -> None:
+    record, table, _ = scene(tmp_path / "run")
+    rows = np.array(table)
+    rows["order"][::2] = 3
+    rows["last_m"][1] = np.nan
+    _, known = speckle(record, rows, 0).factors(rows)
+    assert not known[::2].any()
+    assert not known[1]
+    assert known[3::2].all()
+
+
+# -- through the pipeline --------------------------------------------------------------------------
+
+
+def test_frames_know_the_roughness_of_their_objects(tmp_path: Path) -> None:
+    _, _, folder = scene(tmp_path / "run", side_m=1.0, size_px=32)
+    frame = open_run(folder).frame(1)
+    radar = Radar(pr.WAVEFORM, pr.BURST)
+    rough = FrameSpeckle(frame, radar, 3).apply(frame_paths(frame))
+    assert rough.phasors is not None
+    assert not np.isnan(rough.phasors).any()
+    item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=0.0)
+    record = contract.SceneRecord(1, 0.0, [item])
+    write_record(folder / contract.frame_dir(1) / contract.SCENE_FILE, record)
+    smooth = FrameSpeckle(frame, radar, 3).apply(frame_paths(frame))
+    np.testing.assert_allclose(smooth.phasors, 1.0, atol=1e-12)
+    assert FrameSpeckle(frame, radar, None).apply(frame_paths(frame)).phasors is None
+
+
+def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, RadarFrame, Paths]:
+    """A plate that turns by 0.03 rad about the vertical through its middle within 0.1 s."""
+    _, table, _ = scene(folder, side_m=30.0, size_px=48)
+    if rms_height_m is not None:
+        item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=rms_height_m)
+        record = contract.SceneRecord(1, 0.0, [item])
+        write_record(folder / contract.frame_dir(1) / contract.SCENE_FILE, record)
+    frame = open_run(folder).frame(1)
+    pose = np.eye(4)
+    pose[:3, 3] = 0, 1000, 0
+    turn = np.array([[0, 0, 0.015]])
+    piece = Piece(0.0, 0.1, pose[None, :3, 3], np.zeros(3), turn, np.eye(3))
+    plate, still = BodyMotion(pose, (piece,)), BodyMotion(np.eye(4))
+    rows = np.array(table)
+    rows["body"] = rows["first_body"] = 1
+    motion = motion_of_rows(rows, FrameMotion(0.1, still, still, False, [plate]))
+    paths = dataclasses.replace(frame_paths(frame), motion=motion)
+    return Radar(pr.WAVEFORM, pr.BURST), frame, paths
+
+
+def fields(paths: Paths, times_s: np.ndarray) -> np.ndarray:
+    amplitude = np.sqrt(path_power_w(paths, WAVELENGTH_M)) * paths.phasors
+    phase = WAVENUMBER * paths.lengths.lengths_m(times_s, slice(None))
+    return np.asarray(amplitude @ np.exp(-1j * phase))
+
+
+def test_power_of_a_body_that_turns_is_the_sum_of_powers_at_every_pulse(tmp_path: Path) -> None:
+    radar, frame, paths = turning_plate(tmp_path / "run", None)
+    times_s = np.array([0.0, 0.05, 0.1])
+    # From one end of a cell to the other the phase turns by more than a cycle.
+    made = FrameSpeckle(frame, radar, 0, cell_m=2.0)
+    assert 2 * 2.0 * 0.03 / WAVELENGTH_M > 1
+    found = [
+        np.abs(fields(FrameSpeckle(frame, radar, seed, cell_m=2.0).apply(paths), times_s)) ** 2
+        for seed in range(150)
+    ]
+    mean = np.mean(found, axis=0) / path_power_w(paths, WAVELENGTH_M).sum()
+    assert np.abs(mean - 1).max() < 3.5 / math.sqrt(150)
+    assert len(made.apply(paths)) == len(paths)
+
+
+@pytest.mark.parametrize("rms_height_m", [None, 0.0, 0.003])
+def test_scatterers_that_move_are_where_they_were_at_the_frames_time(
+    tmp_path: Path, rms_height_m: float | None
+) -> None:
+    radar, frame, paths = turning_plate(tmp_path / "run", rms_height_m)
+    made = FrameSpeckle(frame, radar, 5)
+    at_rest = made.apply(dataclasses.replace(paths, motion=None))
+    moving = made.apply(paths)
+    start = fields(moving, np.zeros(1))
+    np.testing.assert_allclose(start, fields(at_rest, np.zeros(1)), rtol=1e-9)
+    # A coherent part goes its own way: a row of its own.
+    assert len(moving) == (2 if rms_height_m == 0.003 else 1) * len(paths)
+
+
+@pytest.mark.parametrize("cell_m", [0.0, -3.0, math.nan, 1e9])
+def test_cells_without_sense_are_refused(tmp_path: Path, cell_m: float) -> None:
+    record, table, _ = scene(tmp_path / "run", side_m=1.0, size_px=16)
+    with pytest.raises(ConfigError, match="Edge of a speckle cell is"):
+        speckle(record, table, 0, cell_m=cell_m)
+
+
+def test_surfaces_beyond_the_model_are_named() -> None:
+    def record(*surfaces: tuple[str, float, float]) -> contract.SceneRecord:
+        items = [
+            contract.ObjectRecord(n, 1.0, 1.0, None, rms_height_m=h, correlation_length_m=length)
+            for n, h, length in surfaces
+        ]
+        return contract.SceneRecord(1, 0.0, items)
+
+    good = ("Sand", 0.02, 0.4)  # k h = 2.2, slope 0.07
+    assert kirchhoff_warnings(record(good), WAVELENGTH_M) == []
+    found = kirchhoff_warnings(record(good, ("Gravel", 0.02, 0.03)), WAVELENGTH_M)
+    assert len(found) == 1
+    assert found[0].startswith("'Gravel': the Kirchhoff model does not hold.")
+    assert "k*l = 3.33" in found[0]
+    many = [(f"Stone {n}", 0.02, 0.03) for n in range(20)]
+    assert kirchhoff_warnings(record(*many), WAVELENGTH_M)[-1].endswith("on 12 objects more.")
+    assert kirchhoff_warnings(None, WAVELENGTH_M) == []
+
+
+def test_map_shows_the_speckle(tmp_path: Path) -> None:
+    """Mean of the map's peak over realisations is the received power."""
+    _, table, folder = scene(tmp_path / "run", side_m=3.0, size_px=48, range_m=400.0)
+    peaks, reports = [], []
+    for seed in range(24):
+        options = ProcessOptions(speckle_seed=seed, plots=False, products=False)
+        for event in process_run(folder, options):
+            if isinstance(event, FrameResult):
+                peaks.append(event.rd_map.power.max())
+                reports.append(event.speckle)
+    expected = float(table["power_w"].sum())
+    error = np.std(peaks, ddof=1) / math.sqrt(len(peaks))
+    assert abs(np.mean(peaks) - expected) < 3 * error
+    assert np.std(peaks) == pytest.approx(expected, rel=0.6)  # exponential: as large as the mean
+    assert reports[0] is not None

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Non-uniform FFT: both engines against the sum they stand for."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from radarsim_addon.errors import ConfigError, MissingDependencyError
+from radarsim_addon.signal import nufft1
+from radarsim_addon.signal.spectrum import nufft, smooth_size
+
+ENGINES = [
+    pytest.param(
+        "finufft",
+        marks=pytest.mark.skipif(
+            importlib.util.find_spec("finufft") is None, reason="finufft is not installed"
+        ),
+    ),
+    "numpy",
+]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("size", [1, 2, 7, 64, 1001])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-9, 1e-13])
+def test_engine_meets_its_tolerance(engine: nufft.Backend, size: int, tolerance: float) -> None:
+    rng = np.random.default_rng(size)
+    points = rng.uniform(-50, 50, 400)
+    values = rng.normal(size=400) + 1j * rng.normal(size=400)
+    k = np.arange(size) - size // 2
+    expected = (values[:, None] * np.exp(-1j * points[:, None] * k)).sum(axis=0)
+    found = nufft1(points, values, size, tolerance, engine)
+    # 20 ulp for what the sum itself rounds away
+    assert np.abs(found - expected).max() < (tolerance + 5e-15 * size) * np.abs(values).sum()
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, "direct"])
+def test_one_point_is_a_pure_tone(engine: nufft.Backend) -> None:
+    found = nufft1(np.array([0.3]), np.array([2.0]), 8, backend=engine)
+    np.testing.assert_allclose(found, 2 * np.exp(-0.3j * np.arange(-4, 4)), atol=1e-8)
+
+
+def test_more_points_than_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    points, values = rng.uniform(-3, 3, 1000), rng.normal(size=1000)
+    whole = nufft1(points, values, 50, backend="numpy")
+    monkeypatch.setattr(nufft, "_CHUNK", 7)
+    np.testing.assert_allclose(nufft1(points, values, 50, backend="numpy"), whole, atol=1e-11)
+
+
+def test_no_points_give_zeros() -> None:
+    assert not nufft1(np.empty(0), np.empty(0), 5).any()
+
+
+def test_bad_requests(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ConfigError, match="tolerance is 0"):
+        nufft1(np.zeros(1), np.zeros(1), 5, tolerance=0)
+    with pytest.raises(ConfigError, match="'fftw'"):
+        nufft1(np.zeros(1), np.zeros(1), 5, backend="fftw")  # type: ignore[arg-type]
+    monkeypatch.setattr(nufft, "has_finufft", lambda: False)
+    with pytest.raises(MissingDependencyError, match="pip install finufft"):
+        nufft1(np.zeros(1), np.zeros(1), 5, backend="finufft")
+    assert nufft1(np.zeros(1), np.ones(1), 5)[0] == pytest.approx(1)  # falls back to numpy
+
+
+def test_smooth_sizes() -> None:
+    def smooth(n: int) -> bool:
+        for p in (2, 3, 5):
+            while n % p == 0:
+                n //= p
+        return n == 1
+
+    for number in range(1, 2000):
+        expected = next(n for n in range(number, 2 * number + 1) if smooth(n))
+        assert smooth_size(number) == expected
