@@ -9,11 +9,11 @@ Pure standard library.
 Layout of a run's folder::
 
     run.json                              the plan: radar, rings, passes, frames   (RunRecord)
-    frames/frame_0001/scene.json          where the objects truly are              (SceneRecord)
-    frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
+    frames/frame_0001/scene.json          where the objects truly are
+    (GroundTruthRecord) frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
     frames/frame_0001/ring_000_t0.json    its sidecar                              (RenderRecord)
-    frames/frame_0001/ring_000_t1.exr     ring 0 at t + delta t
-    products/                             what ``radarsim process`` makes of them
+    frames/frame_0001/ring_000_t1.exr     ring 0 at t + delta t products/
+    what ``radarsim process`` makes of them
 
 and, instead of the rings, for the acquisition "paths"::
 
@@ -43,14 +43,14 @@ CHANNELS = (RANGE_CHANNEL, CHECK_CHANNEL, AMPLITUDE_CHANNEL)
 
 # -- names of files --------------------------------------------------------------------------------
 RUN_FILE = "run.json"
-SCENE_FILE = "scene.json"
+GROUND_TRUTH_FILE = "ground_truth.json"
 FRAMES_DIR = "frames"
 PRODUCTS_DIR = "products"
 PATHS_TABLE = "paths.npy"
 PATHS_FILE = "paths.json"
 TILES_DIR = "tiles"  # measured tiles of a frame that is not whole yet
 MOTION_FILE = "motion.json"
-MOTION_TRACKS = "motion_tracks.npz"
+DEFORMING_SURFACES_FILE = "deforming_surfaces.npz"
 
 
 def frame_dir(frame: int) -> str:
@@ -66,9 +66,9 @@ def burst_dir(frame: int, render: int) -> str:
     return frame_dir(frame) if render == 0 else f"{frame_dir(frame)}/burst_{render:03d}"
 
 
-def render_stem(ring: int, pass_index: int) -> str:
+def render_stem(ring: int, snapshot_index: int) -> str:
     """File name, without suffix, of one ring (from 0) in one pass (0 at t, 1 at t + delta t)."""
-    return f"ring_{ring:03d}_t{pass_index}"
+    return f"ring_{ring:03d}_t{snapshot_index}"
 
 
 # -- records ---------------------------------------------------------------------------------------
@@ -77,7 +77,7 @@ Matrix = list[list[float]]
 
 
 @dataclass(frozen=True)
-class CameraRecord:
+class ReceiverRecord:
     """Receiver. Camera space is Blender's: x to the right, y up, the boresight along -z.
 
     kind says what the outer edges left, right, bottom, top (lens shift included) are:
@@ -98,7 +98,7 @@ class CameraRecord:
 
 
 @dataclass(frozen=True)
-class EmitterRecord:
+class TransmitterRecord:
     """Transmitter: a point lamp. eirp_w is its power; radiant intensity eirp_w / (4 pi) [W/sr]."""
 
     matrix_world: Matrix
@@ -117,7 +117,7 @@ class AntennaRecord:
 
 
 @dataclass(frozen=True)
-class SystemRecord:
+class LinkBudget:
     """Power budget of the radar; see docs/system.md.
 
     transmit_power_w is the peak power P_t at the transmitter's output. transmit_loss_db lies
@@ -134,7 +134,7 @@ class SystemRecord:
     other_loss_db: float = 0.0
     noise_figure_db: float = 0.0
     antenna_temperature_k: float = 290.0
-    weighting: str = "radar-equation"
+    amplitude_model: str = "radar-equation"
     schema: str = "radarsim/system"
     schema_version: int = SCHEMA_VERSION
 
@@ -143,9 +143,9 @@ class SystemRecord:
 class RenderRecord:
     """Sidecar of one EXR file: one ring in one pass of one radar frame."""
 
-    acquisition: str  # "rings"
+    sampling_mode: str  # "rings"
     frame: int
-    pass_index: int
+    snapshot_index: int
     time_s: float
     ring: int
     ring_min_m: float
@@ -153,10 +153,10 @@ class RenderRecord:
     width_px: int
     height_px: int
     metres_per_unit: float
-    code_length_m: float
+    range_encoding_length_m: float
     extinction_length_m: float
-    camera: CameraRecord
-    emitter: EmitterRecord
+    camera: ReceiverRecord
+    emitter: TransmitterRecord
     samples: int
     seed: int
     max_bounces: int
@@ -172,42 +172,43 @@ class PathsRecord:
     """Sidecar of one radar frame's table of paths (acquisition "paths").
 
     objects names the numbers in the table's object columns, from 1. Shares are of total_power_w:
-    left_order_share lies in orders above max_order, left_depth_share in gates that were not
-    rendered, mixed_share in rows whose pixel held several paths even so, no_code_share in rows
-    without a usable range. left_order_sigma is the standard error of left_order_share, which is
-    probed by few rays. relative_error is over error_of: "both", "ranges" or "objects". reached
-    says which limit ended the refinement. small_objects are in view
-    before refinement and have few pixels; small_objects_tiled of them got tiles of their own.
+    truncated_reflections_fraction lies in orders above max_reflections,
+    truncated_transparency_fraction in gates that were not rendered, mixed_power_fraction in rows
+    whose pixel held several paths even so, unranged_power_fraction in rows without a usable range.
+    truncated_reflections_stderr is the standard error of truncated_reflections_fraction, which is
+    probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects". reached
+    says which limit ended the refinement. small_objects are in view before refinement and have few
+    pixels; small_objects_tiled of them got tiles of their own.
     """
 
     frame: int
     time_s: float
     metres_per_unit: float
-    code_length_m: float
+    range_encoding_length_m: float
     extinction_length_m: float
     code: str  # "materials" or "world"
     coloured: bool
     amplitude_channel: str
     carrier_hz: float
-    camera: CameraRecord
-    emitter: EmitterRecord
+    camera: ReceiverRecord
+    emitter: TransmitterRecord
     width_px: int
     height_px: int
-    max_order: int
+    max_reflections: int
     residual: float
     seed: int
     tiles: int
-    shifts: int
-    finest_level: int
+    replicates: int
+    finest_refinement_level: int
     renders: int
     render_time_s: float
     rows: int
     objects: list[str]
     total_power_w: float
-    left_order_share: float
-    left_depth_share: float
-    mixed_share: float
-    no_code_share: float
+    truncated_reflections_fraction: float
+    truncated_transparency_fraction: float
+    mixed_power_fraction: float
+    unranged_power_fraction: float
     mixed_bias_bound_m: float
     length_sigma_m: float
     length_sigma_wavelengths: float
@@ -215,8 +216,8 @@ class PathsRecord:
     reached: str
     table_file: str
     table_sha256: str
-    left_order_sigma: float = 0.0
-    error_of: str = "both"
+    truncated_reflections_stderr: float = 0.0
+    error_scope: str = "both"
     small_objects: int = 0
     small_objects_tiled: int = 0
     motion_file: str = ""  # empty: nothing is known of motion, all stands still
@@ -245,8 +246,9 @@ class BodyRecord:
     """One object or instance: its pose at t, translation in metres, and how it moves from there.
 
     instance tells instances of one object apart; it is empty for the object itself. Without
-    pieces the body stands still. noise_m is what the samples scatter about the fit, bound_m
-    bounds the error of a displacement, both at the body's farthest point.
+    pieces the body stands still. noise_m is what the samples scatter about the fit,
+    displacement_error_bound_m bounds the error of a displacement, both at the body's farthest
+    point.
     """
 
     object: str
@@ -255,7 +257,7 @@ class BodyRecord:
     deforms: bool
     pieces: list[PieceRecord]
     noise_m: float
-    bound_m: float
+    displacement_error_bound_m: float
 
 
 @dataclass(frozen=True)
@@ -263,9 +265,10 @@ class MotionRecord:
     """Motion of all bodies that paths touch, over one burst from time_s on.
 
     Numbers in the table's columns body and first_body count bodies from 1. antennas are receiver
-    and emitter. bound_m is the largest bound of what moves. approximated_share is the power of
-    moving paths of three and more reflections, whose middle is unknown; unknown_share that of
-    paths with a vertex that is not known to belong to any body, which is taken to stand still.
+    and emitter. displacement_error_bound_m is the largest bound of what moves.
+    approximated_motion_fraction is the power of moving paths of three and more reflections, whose
+    middle is unknown; unknown_motion_fraction that of paths with a vertex that is not known to
+    belong to any body, which is taken to stand still.
     """
 
     frame: int
@@ -275,13 +278,13 @@ class MotionRecord:
     receiver_kind: str
     antennas: list[BodyRecord]
     bodies: list[BodyRecord]
-    bound_m: float
-    bound_wavelengths: float
-    approximated_share: float
-    unknown_share: float
+    displacement_error_bound_m: float
+    displacement_error_bound_wavelengths: float
+    approximated_motion_fraction: float
+    unknown_motion_fraction: float
     tracks_file: str
     tracks_sha256: str
-    reference_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
+    epoch_offset_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/motion"
@@ -309,7 +312,7 @@ class ObjectRecord:
 
 
 @dataclass(frozen=True)
-class SceneRecord:
+class GroundTruthRecord:
     """Labels of one radar frame."""
 
     frame: int
@@ -328,32 +331,32 @@ class RunRecord:
     directions, the receiver is isotropic.
     """
 
-    acquisition: str
+    sampling_mode: str
     frames: list[int]
     frame_times_s: list[float]
     rings: int
     ring_step_m: float
-    passes: int
-    delta_t_s: float
+    snapshots: int
+    snapshot_interval_s: float
     width_px: int
     height_px: int
     samples: int
     seed: int
     max_bounces: int
     metres_per_unit: float
-    code_length_m: float
+    range_encoding_length_m: float
     extinction_length_m: float
     waveform: dict[str, Any]
     burst: dict[str, float]
     blend_file: str
     fingerprint: str
-    renders_per_burst: int = 1
+    visibility_updates: int = 1
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
-    system: SystemRecord | None = None
+    system: LinkBudget | None = None
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION
 
 
-Weighting = Literal["radar-equation", "paper"]
+AmplitudeModel = Literal["radar-equation", "paper"]

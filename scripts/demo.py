@@ -4,7 +4,7 @@
 
     python scripts/demo.py [--out out/paper]
 
-Writes fig6_rings.png, fig7_echo.png, fig8_matched_filter.png, fig9_range_doppler.png and
+Writes fig6_rings.png, fig7_echo.png, fig8_range_profile.png, fig9_range_doppler.png and
 summary.json into the folder, the run itself into its subfolder ``run``. Every number of the
 summary is measured from the run's own output; where the objects truly are is read from the scene's
 geometry, which the run keeps in scene.json.
@@ -26,15 +26,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from radarsim_addon.atomic_files import write_json  # noqa: E402
-from radarsim_addon.contract import RUN_FILE, SCENE_FILE, SceneRecord, frame_dir  # noqa: E402
+from radarsim_addon.contract import GROUND_TRUTH_FILE, RUN_FILE, GroundTruthRecord, frame_dir  # noqa: E402
 from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
 from radarsim_addon.sidecar import read_record  # noqa: E402
 from radarsim_addon.signal.maps import power_unit  # noqa: E402
 from radarsim_addon.signal.pictures import figure as plots  # noqa: E402
 from radarsim_addon.signal.pictures import (
-    plot_echo,  # noqa: E402
-    plot_matched_filter,  # noqa: E402
-    plot_range_doppler,  # noqa: E402
+    plot_echo,
+    plot_range_doppler,
+    plot_range_profile,
 )
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run  # noqa: E402
 from radarsim_addon.signal.runs import open_run  # noqa: E402
@@ -72,15 +72,15 @@ def run_demo(out: Path) -> dict[str, Any]:
     print("radarsim: processing", flush=True)
     result = process(run_folder)
     frame = open_run(run_folder).frame(result.frame)
-    unit = power_unit(result.echoes.weighting)
+    unit = power_unit(result.echoes.amplitude_model)
     for name, figure in (
         ("fig6_rings", plots.plot_rings(frame)),
         ("fig7_echo", plot_echo(result.echoes)),
         (
             "fig8_matched_filter",
-            plot_matched_filter(result.compressed, result.profile, result.edges, unit=unit),
+            plot_range_profile(result.compressed, result.profile, result.edges, unit=unit),
         ),
-        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.movers, unit=unit)),
+        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.moving_targets, unit=unit)),
     ):
         plots.save(figure, out / f"{name}.png")
     done = time.perf_counter()
@@ -129,7 +129,7 @@ def peak_mib(who: int) -> float:
 def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
     """What was measured, beside where things truly are."""
     record = open_run(run_folder).record
-    truth = read_record(run_folder / frame_dir(result.frame) / SCENE_FILE, SceneRecord)
+    truth = read_record(run_folder / frame_dir(result.frame) / GROUND_TRUTH_FILE, GroundTruthRecord)
     radar = result.rd_map.radar
     slow = radar.velocity_resolution_mps / 2
     reach_m = EDGE_SEARCH * radar.waveform.range_resolution_m
@@ -149,8 +149,8 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
                 }
             )
     target: dict[str, Any] = {}
-    if result.movers:
-        peak = result.movers[0]
+    if result.moving_targets:
+        peak = result.moving_targets[0]
         moving = [i for i in truth.objects if abs(i.range_rate_mps or 0.0) > slow]
         true = min(moving, key=lambda i: abs(i.nearest_range_m - peak.range_m))
         rate_mps = true.range_rate_mps or 0.0
@@ -162,16 +162,16 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
             "true_velocity_mps": rate_mps,
             "velocity_mps": peak.velocity_mps,
             "doppler_hz": peak.doppler_hz,
-            "level_above_background_db": peak.above_db,
+            "level_above_background_db": peak.peak_to_background_db,
         }
     return {
         "static_objects": sorted(still, key=lambda s: s["near_face_m"]),
         "target": target,
         "rings": record.rings,
         "ring_step_m": record.ring_step_m,
-        "passes": record.passes,
+        "snapshots": record.snapshots,
         "pulses": radar.burst.pulses,
-        "mixed_power_share": result.statistics.mixed_power_share,
+        "mixed_power_fraction": result.statistics.mixed_power_fraction,
         "versions": record.versions,
     }
 
@@ -199,7 +199,7 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
         print("Target: nothing moves in the map")
     times = summary["time_s"]
     print(
-        f"\n{summary['rings']} rings x {summary['passes']} passes: {times['render']:.1f} s, "
+        f"\n{summary['rings']} rings x {summary['snapshots']} passes: {times['render']:.1f} s, "
         f"processing {times['process']:.1f} s, all {times['total']:.1f} s, "
         f"Blender {summary['versions'].get('blender', '?')}"
     )

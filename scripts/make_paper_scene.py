@@ -125,16 +125,16 @@ def build() -> None:
     settings = scene.radarsim
     settings.carrier_ghz = 5.3
     settings.bandwidth_mhz = 50.0
-    settings.chirp_length_us = 2.5
+    settings.chirp_duration_us = 2.5
     settings.sampling_rate_mhz = 60.0
     settings.prf_hz = 1000.0
     settings.pulses = 128
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.ring_mode = "COUNT"
     settings.ring_step_m = 250.0
     settings.ring_count = 21
-    settings.passes = "2"
-    settings.delta_t_ms = 10.0
+    settings.snapshots = "2"
+    settings.snapshot_interval_ms = 10.0
     settings.extinction_length_m = 21 * 250.0
     settings.width_px, settings.height_px, settings.samples = 960, 540, 1
 

@@ -123,7 +123,7 @@ def main() -> int:
     with np.load(products / "frame_0001_map.npz", allow_pickle=False) as data:
         power, range_m = data["power"], data["range_m"]
         doppler_hz, velocity = data["doppler_hz"], data["velocity_mps"]
-    level = signal.decibels(power, power.max(), -80.0)
+    level = signal.power_to_db(power, power.max(), -80.0)
 
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(12.5, 4.9), width_ratios=[1.25, 1], constrained_layout=True

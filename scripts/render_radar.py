@@ -237,7 +237,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             view_layer_of(bpy, scene),
             folder,
             overwrite=arguments.overwrite,
-            acquisition=command_line.chosen_acquisition(arguments),
+            sampling_mode=command_line.chosen_acquisition(arguments),
             overrides=overrides,
             path_overrides=command_line.path_overrides(arguments),
             system_file=arguments.system,

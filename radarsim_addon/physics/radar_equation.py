@@ -23,9 +23,9 @@ def to_db(ratio: ArrayLike) -> Real:
         return np.asarray(10 * np.log10(value), dtype=np.float64)
 
 
-def from_db(decibels: ArrayLike) -> Real:
+def from_db(power_to_db: ArrayLike) -> Real:
     """Power ratio of decibels, 10^(dB/10)."""
-    value = np.asarray(decibels, dtype=np.float64)
+    value = np.asarray(power_to_db, dtype=np.float64)
     return np.asarray(10 ** (value / 10), dtype=np.float64)
 
 

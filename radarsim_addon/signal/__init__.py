@@ -6,7 +6,8 @@ Five lines make a map::
     from radarsim_addon import signal
     run = signal.open_run("out/paper/run")
     echoes = signal.synthesize(
-        signal.iter_paths(run.frame(1)), run.radar, window_m=run.window_m, speckle_seed=0)
+        signal.iter_path_chunks(run.frame(1)), run.radar, range_limits_m=run.range_limits_m,
+        speckle_seed=0)
     rd_map = signal.range_doppler(signal.compress(echoes))
     signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 1, min_speed_mps=1))
 
@@ -22,7 +23,7 @@ Files
 Pixels
     decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
 Paths
-    iter_paths, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
+    iter_path_chunks, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
     path_amplitude;
     PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED, PathFlag.CROSSED_SHELL
 Echoes (Eq. 9-14)
@@ -41,18 +42,26 @@ Standard errors (acquisition "paths")
 Map
     range_doppler -> RangeDopplerMap; decibels
 MTI
-    cancel, mti_response
+    mti_cancel, mti_response
 Detection
     detect_targets -> Detections, Detection; Cfar, cfar_threshold -> CfarResult;
-    find_peaks -> Peak; leading_edges -> LeadingEdge; level_above
+    find_peaks -> Peak; leading_edges -> LeadingEdge; peak_to_background_db
 Products and pictures
-    write_products; plot_rings, plot_echo, plot_matched_filter, plot_range_doppler, save
+    write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler, save
 A whole run
     process_run(path, ProcessOptions(...)) yields Progress and FrameResult;
     frame_statistics -> FrameStatistics
 """
 
-from .decoding import Decoded, PixelGrid, decode, frame_paths, iter_paths, pixel_grid, range_rate
+from .decoding import (
+    Decoded,
+    PixelGrid,
+    decode,
+    frame_paths,
+    iter_path_chunks,
+    pixel_grid,
+    range_rate,
+)
 from .detection import (
     Cfar,
     CfarResult,
@@ -66,36 +75,36 @@ from .detection import (
     find_peaks,
     frame_statistics,
     leading_edges,
-    level_above,
+    peak_to_background_db,
 )
 from .echoes import (
     Echoes,
     EchoOptions,
     EchoSynthesizer,
     PhaseNoise,
+    ReceivedSignal,
     Receiver,
-    Reception,
+    apply_receiver,
     load_phase_noise,
-    receive,
     synthesize,
 )
 from .maps import (
-    Compressed,
     ExpectedPower,
     PowerProfile,
     RangeDopplerMap,
-    cancel,
-    compress,
-    decibels,
+    RangeProfiles,
     expected_power,
     expected_power_profile,
     map_noise_gain,
+    mti_cancel,
     mti_response,
+    power_to_db,
     range_doppler,
     range_noise_gain,
+    range_process,
 )
 from .paths import PathCounts, PathFlag, Paths, join_paths, make_paths, path_amplitude, path_power_w
-from .pictures import plot_echo, plot_matched_filter, plot_range_doppler, plot_rings, save
+from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save
 from .pipeline import FrameResult, ProcessOptions, Progress, process_run
 from .products import write_products
 from .radar import (
@@ -120,8 +129,8 @@ from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
 from .scattering import path_phasors
 from .spectrum import (
     FrequencyGrid,
-    Listening,
     Ramp,
+    ReceiveWindow,
     Spectrum,
     SpectrumAccumulator,
     SynthesisReport,
@@ -133,7 +142,6 @@ __all__ = [
     "Burst",
     "Cfar",
     "CfarResult",
-    "Compressed",
     "Decoded",
     "Detection",
     "Detections",
@@ -146,7 +154,6 @@ __all__ = [
     "FrameStatistics",
     "FrequencyGrid",
     "LeadingEdge",
-    "Listening",
     "MissingRender",
     "PathCounts",
     "PathFlag",
@@ -163,18 +170,18 @@ __all__ = [
     "RadarFrame",
     "Ramp",
     "RangeDopplerMap",
+    "RangeProfiles",
+    "ReceiveWindow",
+    "ReceivedSignal",
     "Receiver",
-    "Reception",
     "Run",
     "Spectrum",
     "SpectrumAccumulator",
     "SteppedWaveform",
     "SynthesisReport",
     "Waveform",
-    "cancel",
+    "apply_receiver",
     "cfar_threshold",
-    "compress",
-    "decibels",
     "decode",
     "detect_targets",
     "expected_power",
@@ -182,32 +189,34 @@ __all__ = [
     "find_peaks",
     "frame_paths",
     "frame_statistics",
-    "iter_paths",
+    "iter_path_chunks",
     "join_paths",
     "leading_edges",
-    "level_above",
     "load_phase_noise",
     "load_radar",
     "make_paths",
     "map_noise_gain",
     "matched_filter",
+    "mti_cancel",
     "mti_response",
     "nufft1",
     "open_run",
     "path_amplitude",
     "path_phasors",
     "path_power_w",
+    "peak_to_background_db",
     "pixel_grid",
     "plot_echo",
-    "plot_matched_filter",
     "plot_range_doppler",
+    "plot_range_profile",
     "plot_rings",
+    "power_to_db",
     "process_run",
     "range_doppler",
     "range_noise_gain",
+    "range_process",
     "range_rate",
     "read_exr",
-    "receive",
     "replica",
     "replica_spectrum",
     "save",

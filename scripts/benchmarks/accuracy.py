@@ -41,8 +41,8 @@ ERROR_TARGETS = (0.3, 0.15)
 #: Coarse frames whose small objects get tiles of their own. Each lays its pixels over the target in
 #: another way, so together they tell the error that the target's power has, not one lucky draw.
 TILES_FROM = ((80, 45), (96, 54), (112, 63), (128, 72), (144, 81), (160, 90), (176, 99))
-TILES = {"shifts": 1, "error_target": 0.04, "refine_by": "objects"}
-REFERENCE = {"width_px": 1296, "height_px": 729, "shifts": 8, "tile_px": 700}
+TILES = {"replicates": 1, "max_standard_error": 0.04, "refine_for": "objects"}
+REFERENCE = {"width_px": 1296, "height_px": 729, "replicates": 8, "tile_px": 700}
 #: Bins of the coarse profile, in range bins: blind to the shift by a few bins that mixed pixels
 #: bring, which is most of the rings' error.
 COARSE_BINS = 10
@@ -69,7 +69,7 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
     reference_settings = dict(REFERENCE)
     if quick:
         reference_settings |= {"width_px": 432, "height_px": 243}
-    scene.paths(48, 27, shifts=1)  # what Cycles does once is not counted: kernels, shaders
+    scene.paths(48, 27, replicates=1)  # what Cycles does once is not counted: kernels, shaders
     reference = scene.paths(replicates=True, **reference_settings)
     target_w = exact_target_w(reference)
     measure = _Measure(reference.profile, target_w)
@@ -77,16 +77,18 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
     rows = [measure.row(scene.rings(*RINGS if not quick else (160, 90, 1)))]
     for settings in CHEAPER_RINGS[-2 if quick else None :]:
         rows.append(measure.row(scene.rings(*settings)))
-    for width, height, shifts in PATHS[: 4 if quick else None]:
-        rows.append(measure.row(timed(scene, width, height, shifts=shifts, tile_px=1024)))
-    for shifts in SHIFTS[: 1 if quick else None]:
-        result = timed(scene, *SHIFTS_OF, shifts=shifts, tile_px=1024)
-        rows.append(measure.row(result, "shifts"))
+    for width, height, replicates in PATHS[: 4 if quick else None]:
+        rows.append(measure.row(timed(scene, width, height, replicates=replicates, tile_px=1024)))
+    for replicates in SHIFTS[: 1 if quick else None]:
+        result = timed(scene, *SHIFTS_OF, replicates=replicates, tile_px=1024)
+        rows.append(measure.row(result, "replicates"))
     for width, height in TILES_FROM[: 2 if quick else None]:
         rows.append(measure.row(timed(scene, width, height, **TILES), "tiles"))
-    width, height, shifts, tile_px = REFINED_FROM
+    width, height, replicates, tile_px = REFINED_FROM
     for target in ERROR_TARGETS[: 1 if quick else None]:
-        result = timed(scene, width, height, shifts=shifts, tile_px=tile_px, error_target=target)
+        result = timed(
+            scene, width, height, replicates=replicates, tile_px=tile_px, max_standard_error=target
+        )
         rows.append(measure.row(result, "refined"))
     return {
         "bin_m": 2.5,
@@ -160,9 +162,9 @@ class _Measure:
 
     def row(self, result: Result, series: str = "") -> dict[str, Any]:
         return {
-            "acquisition": result.acquisition,
+            "sampling_mode": result.sampling_mode,
             "label": result.label,
-            "series": series or result.acquisition,
+            "series": series or result.sampling_mode,
             "acquire_wall_s": result.acquire.wall_s,
             "acquire_cpu_s": result.acquire.cpu_s,
             "process_cpu_s": result.process.cpu_s,
@@ -184,7 +186,7 @@ def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Time of the rings over the time of the cheapest paths that are at least as good."""
     found = []
     main = rows[0]
-    paths = [r for r in rows if r["acquisition"] == "paths"]
+    paths = [r for r in rows if r["sampling_mode"] == "paths"]
     for key, text in (
         ("error", "range profile, 2.5 m bins"),
         ("error_coarse", "range profile, 25 m bins"),

@@ -10,14 +10,14 @@ from typing import Any
 _STYLES = {
     "rings": {"marker": "s", "color": "tab:red", "linestyle": "none"},
     "paths": {"marker": "o", "color": "tab:blue"},
-    "shifts": {"marker": "d", "color": "tab:purple"},
+    "replicates": {"marker": "d", "color": "tab:purple"},
     "tiles": {"marker": "*", "color": "tab:orange"},
     "refined": {"marker": "^", "color": "tab:green"},
 }
 _LABELS = {
     "rings": "21 rings",
     "paths": "paths, more pixels",
-    "shifts": "paths, more shifts",
+    "replicates": "paths, more shifts",
     "tiles": "paths, tiles laid over small objects",
     "refined": "paths, tiles refined",
 }

@@ -97,8 +97,8 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
         frames=(case.frame,),
         rings=0,
         ring_step_m=1000.0,
-        passes=2,
-        delta_t_s=DELTA_T_S,
+        snapshots=2,
+        snapshot_interval_s=DELTA_T_S,
         width_px=WIDTH_PX,
         height_px=WIDTH_PX,
         samples=1,
@@ -108,7 +108,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     if method == "two-pass":
         job = RenderJob(scene, layer, measurement, folder)
     else:
-        job = PathJob(scene, layer, measurement, folder, PathOptions(shifts=1))
+        job = PathJob(scene, layer, measurement, folder, PathOptions(replicates=1))
     with job:
         for task in job.pending():
             job.start(task)
@@ -126,7 +126,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
         points = pose[:3, 3] + direction * paths.range_m[:, None]
     else:
         assert paths.geometry is not None
-        direction, points = paths.geometry.direction, paths.geometry.last_m
+        direction, points = paths.geometry.direction, paths.geometry.last_scatterer_m
     truth = np.sum(direction * (case.velocity(points) - np.array(case.radar_velocity)), axis=1)
     power = paths.radiance * paths.solid_angle_sr
     error = paths.range_rate_mps - truth

@@ -17,7 +17,7 @@ from radarsim_addon import contract
 from radarsim_addon.array_types import Real
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
-from radarsim_addon.signal import Paths, iter_paths, make_paths, open_run
+from radarsim_addon.signal import Paths, iter_path_chunks, make_paths, open_run
 from radarsim_addon.signal.decoding import pixel_grid
 from radarsim_addon.signal.maps import expected_power_profile
 from radarsim_addon.signal.paths.paths import path_power_w, spread, steps_of, views_by_shift
@@ -58,7 +58,7 @@ class Result:
         Profiles of single shifts (paths), for the standard error.
     """
 
-    acquisition: str
+    sampling_mode: str
     label: str
     acquire: Cost
     process: Cost
@@ -106,7 +106,7 @@ class PaperScene:
         measurement = self._read(
             self._scene, width_px=width_px, height_px=height_px, samples=samples
         )
-        measurement = dataclasses.replace(measurement, passes=1)
+        measurement = dataclasses.replace(measurement, snapshots=1)
         if count is not None:
             measurement = dataclasses.replace(measurement, rings=count)
         with (
@@ -143,7 +143,7 @@ class PaperScene:
         # One pass of rings has no motion either.
         chosen = PathOptions(**{"motion": "off", **options})
         measurement = self._read(self._scene, width_px=width_px, height_px=height_px)
-        measurement = dataclasses.replace(measurement, passes=1)
+        measurement = dataclasses.replace(measurement, snapshots=1)
         with (
             stopwatch() as acquire,
             PathJob(self._scene, self._layer, measurement, folder, chosen) as job,
@@ -164,24 +164,24 @@ class PaperScene:
             target_w = table_sum(rows, "power_w", number)
         single = []
         if replicates:
-            for shift in range(record.shifts):
+            for shift in range(record.replicates):
                 paths = table_paths(rows, wavelength_m, shift)
-                single.append(record.shifts * range_profile(paths, measurement.radar))
+                single.append(record.replicates * range_profile(paths, measurement.radar))
         details = {
             "tiles": record.tiles,
-            "finest_level": record.finest_level,
+            "finest_refinement_level": record.finest_refinement_level,
             "relative_error": record.relative_error,
             "reached": record.reached,
-            "left_depth_share": record.left_depth_share,
+            "truncated_transparency_fraction": record.truncated_transparency_fraction,
             "peak_mib": peak,
             "target_sr": table_sum(rows, "solid_angle_sr", number),
         }
         del rows
         shutil.rmtree(folder)
-        label = f"{width_px}x{height_px}, {chosen.shifts} shift{'s' * (chosen.shifts > 1)}"
+        label = f"{width_px}x{height_px}, {chosen.replicates} shift{'s' * (chosen.replicates > 1)}"
         if chosen.refines:
-            label += f", {100 * chosen.error_target:g} %"
-            label += "" if chosen.refine_by == "both" else f" of {chosen.refine_by}"
+            label += f", {100 * chosen.max_standard_error:g} %"
+            label += "" if chosen.refine_for == "both" else f" of {chosen.refine_for}"
         return Result(
             "paths",
             label,
@@ -224,7 +224,7 @@ class TargetSum:
 
         No other surface of the target's range lies in its direction: nothing is cut or added.
         """
-        for ring, paths in enumerate(iter_paths(frame)):
+        for ring, paths in enumerate(iter_path_chunks(frame)):
             record, _ = frame.image(ring, 0)
             grid = pixel_grid(record.camera, record.width_px, record.height_px)
             azimuth = -np.arctan(grid.u[paths.col])  # positive to the left, as the scene is built
@@ -250,9 +250,9 @@ def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Ite
 def spread_paths(rows: Any, record: contract.PathsRecord, radar: Radar) -> Iterator[Paths]:
     """Rows as `radarsim process` takes them for the expected profile, spread over their pixels."""
     area_m2 = effective_area_m2(radar.waveform.wavelength_m)
-    for views in views_by_shift(rows, record.shifts):
+    for views in views_by_shift(rows, record.replicates):
         for view in views:
-            steps = steps_of(view, record.camera, record.shifts)
+            steps = steps_of(view, record.camera, record.replicates)
             for part in spread(view, steps, radar.waveform.sample_spacing_m / 2, np.inf):
                 power = view["power_w"][part.row] * part.share
                 yield make_paths(power / area_m2, part.length_m)
@@ -270,7 +270,7 @@ def table_sum(rows: Any, column: str, number: int) -> float:
 def range_profile(paths: Iterable[Paths], radar: Radar) -> Real:
     """Expected power at the range bins (one a sample of the echo) [W]."""
     oversample = 4
-    profile = expected_power_profile(paths, radar, window_m=WINDOW_M, oversample=oversample)
+    profile = expected_power_profile(paths, radar, range_limits_m=WINDOW_M, oversample=oversample)
     return np.asarray(profile.power[::oversample])
 
 

@@ -58,7 +58,7 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
     ]
     for row in part["runs"]:
         lines.append(
-            f"   {row['acquisition']:6} {row['label']:34} {row['wall_s']:>5.2f} s "
+            f"   {row['sampling_mode']:6} {row['label']:34} {row['wall_s']:>5.2f} s "
             f"{row['cpu_s']:>5.2f} s {row['renders']:>8} {row['samples']:>11} "
             f"{100 * row['error']:>6.2f} % {100 * row['error_coarse']:>6.2f} % "
             f"{100 * row['error_by_bin']:>6.1f} % {row['target_db']:>+6.2f} dB"
@@ -83,7 +83,7 @@ def _target(part: dict[str, Any]) -> list[str]:
 def _rings(part: dict[str, Any]) -> list[str]:
     lines = ["", "2. Rings: one render, file written and verified"]
     for row in part["runs"]:
-        if row["acquisition"] == "rings":
+        if row["sampling_mode"] == "rings":
             each = row["samples"] / row["renders"]
             lines.append(
                 f"   {row['label']:20} {1e3 * row['acquire_cpu_s'] / row['renders']:>8.0f} ms cpu, "
@@ -98,7 +98,7 @@ def _scaling(rows: list[dict[str, Any]]) -> list[str]:
     lines = ["", "3. Paths: cost and memory against the length of the run (tiles of 256 pixels)"]
     for row in rows:
         lines.append(
-            f"   {row['width_px']}x{row['height_px']}, {row['shifts']:>2} shifts: "
+            f"   {row['width_px']}x{row['height_px']}, {row['replicates']:>2} shifts: "
             f"{row['paths']:>9} paths, {row['renders']:>5} renders, {row['wall_s']:>6.1f} s wall, "
             f"{row['cpu_s']:>6.1f} s cpu, {row['cpu_us_per_path']:>5.2f} us a path, "
             f"peak {row['peak_mib']:.0f} MiB (+{row['peak_above_idle_mib']:.0f})"

@@ -34,18 +34,20 @@ def run_scaling(script: Path, blend: Path, folder: Path, large: bool) -> list[di
     return rows
 
 
-def measure_one(blend: Path, folder: Path, width: int, height: int, shifts: int) -> dict[str, Any]:
+def measure_one(
+    blend: Path, folder: Path, width: int, height: int, replicates: int
+) -> dict[str, Any]:
     """One run of paths and the memory it needed beside the open scene."""
     from .paper import PaperScene
 
     scene = PaperScene(blend, folder)
-    scene.paths(16, 16, shifts=1)
+    scene.paths(16, 16, replicates=1)
     before_mib = peak_mib()
-    result = scene.paths(width, height, shifts=shifts)
+    result = scene.paths(width, height, replicates=replicates)
     return {
         "width_px": width,
         "height_px": height,
-        "shifts": shifts,
+        "replicates": replicates,
         "paths": result.samples,
         "renders": result.renders,
         "wall_s": result.acquire.wall_s,

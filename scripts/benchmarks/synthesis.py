@@ -129,8 +129,8 @@ def measure_burst(count: int = 10**6, pulses: int = 256, frequencies: int = 512)
     length_m, amplitude = _scene(count, frequencies, 2)
     rng = np.random.default_rng(3)
     rate_mps = np.zeros(count)
-    movers = rng.choice(count, count // 100, replace=False)
-    rate_mps[movers] = rng.uniform(-14, 14, movers.size)
+    moving_targets = rng.choice(count, count // 100, replace=False)
+    rate_mps[moving_targets] = rng.uniform(-14, 14, moving_targets.size)
     before_mib = peak_mib()
     walls, cpus = [], []
     for _ in range(3):
@@ -148,7 +148,7 @@ def measure_burst(count: int = 10**6, pulses: int = 256, frequencies: int = 512)
     error = np.linalg.norm(values.ravel()[places] - exact) / np.linalg.norm(exact)
     result = {
         "paths": count,
-        "moving": int(movers.size),
+        "moving": int(moving_targets.size),
         "pulses": pulses,
         "frequencies": frequencies,
         "wall_s": min(walls),

@@ -68,7 +68,7 @@ def target_summary(rows: list[dict[str, Any]], spread: list[dict[str, Any]]) -> 
     tiles = [r for r in rows if r["series"] == "tiles"]
     cpu_s, wall_s = (float(np.median([r[key] for r in tiles])) for key in ("cpu_s", "wall_s"))
     rings = {"full": rows[0]}
-    times = {r["label"]: r for r in rows if r["acquisition"] == "rings"}
+    times = {r["label"]: r for r in rows if r["sampling_mode"] == "rings"}
     enough = [times[s["label"]] for s in spread if s["max_db"] <= TOLERANCE_DB]
     if enough:
         rings["cheapest"] = min(enough, key=lambda r: r["cpu_s"])

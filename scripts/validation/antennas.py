@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from radarsim_addon.array_types import Real
-from radarsim_addon.contract import AntennaRecord, SystemRecord
+from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
 from radarsim_addon.signal.detection.objects import ObjectEcho
@@ -91,7 +91,7 @@ def directivity(pattern: Pattern) -> float:
     return float(4 * math.pi / np.sum(weights * pattern(azimuth, elevation)))
 
 
-def echoes(run: Acquired, system: SystemRecord | None = None) -> dict[str, ObjectEcho]:
+def echoes(run: Acquired, system: LinkBudget | None = None) -> dict[str, ObjectEcho]:
     """Objects as the program reports them, with the gains of a system."""
     opened = open_run(run.folder)
     frame = opened.frame(1)
@@ -103,7 +103,7 @@ def sweep(
     bench: Bench, label: str, transmit: tuple[Any, Pattern], receive: tuple[Any, Pattern]
 ) -> list[Check]:
     """Turn the rig in azimuth, then in elevation; powers in watts where above -40 dB."""
-    system = SystemRecord(
+    system = LinkBudget(
         transmit_power_w=TRANSMIT_W,
         transmitter=transmit[0],
         receiver=receive[0],

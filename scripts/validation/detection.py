@@ -10,7 +10,7 @@ import numpy as np
 from radarsim_addon.array_types import Real
 from radarsim_addon.signal import Burst, Cfar, FmcwWaveform, Radar, Receiver, cfar_threshold
 from radarsim_addon.signal.detection import CfarKind
-from radarsim_addon.signal.echoes.pulse_synthesis import receive, synthesizer_for
+from radarsim_addon.signal.echoes.pulse_synthesis import apply_receiver, synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain
 
 from . import targets
@@ -32,13 +32,13 @@ END_CELLS = Cfar().guard[1] + Cfar().train[1]
 BLOCK_CELLS = 60
 
 
-def _noise_maps(radar: Radar, window_m: tuple[float, float], window: str) -> list:
+def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) -> list:
     """Maps of thermal noise and the mean power of their cells, by k T F B and the filters."""
     gain = map_noise_gain(radar, window, window)
     found = []
     for seed in range(max(MAPS.values())):
-        silence = synthesizer_for(radar, window_m).result()
-        heard = receive(silence, Receiver(noise_figure_db=3.0, seed=seed))
+        silence = synthesizer_for(radar, range_limits_m).result()
+        heard = apply_receiver(silence, Receiver(noise_figure_db=3.0, seed=seed))
         found.append((map_of(heard.echoes, window), heard.noise_power_w * gain))
     return found
 
@@ -82,9 +82,9 @@ def false_alarms(bench: Bench) -> list[Check]:
     """Both detectors, two radars, five windows, three rates."""
     rows: dict[tuple[str, str, float], list[Check]] = {}
     table: dict[tuple[str, str], list[str]] = {}
-    for radar_name, (radar, window_m) in RADARS.items():
+    for radar_name, (radar, range_limits_m) in RADARS.items():
         for label, window in WINDOWS.items():
-            maps = _noise_maps(radar, window_m, window)
+            maps = _noise_maps(radar, range_limits_m, window)
             for kind, count in MAPS.items():
                 for pfa, (rate, spread) in zip(RATES, _rates(maps[:count], kind), strict=True):
                     table.setdefault((kind, label), []).append(f"{rate:.3f} ± {spread:.3f}")
@@ -134,7 +134,7 @@ GROUP = Group(
         Case("peaks", targets.peaks, 20.0),
         Case("beside clutter, at the end of the window", targets.beside_clutter, 40.0),
         Case("SNR", targets.snr, 40.0),
-        Case("movers", targets.movers, 40.0),
+        Case("moving_targets", targets.moving_targets, 40.0),
         Case("slow movers", targets.slow_movers, 10.0, quick=True),
     ),
 )

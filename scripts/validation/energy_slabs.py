@@ -16,7 +16,7 @@ from radarsim_addon.blender.materials.physical_materials import Medium
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
 from radarsim_addon.blender.nodes.materials import lets_nothing_through
-from radarsim_addon.blender.state import Recorder
+from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.blender.ui.asset_library import ASSETS, BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
@@ -195,7 +195,7 @@ def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
         plate = facing_plate((0.0, 0.0, 0.0), 1e3, 90.0, spin_deg=13.0)
         add_plate("Plate", plate, material)
     look_down(scene, 0.0)
-    set_layer_normals(Recorder(), bpy.context.evaluated_depsgraph_get())
+    set_layer_normals(SettingsRestorer(), bpy.context.evaluated_depsgraph_get())
     nodes_of_sky = scene.world.node_tree.nodes
     sky = next(node for node in nodes_of_sky if node.bl_idname == "ShaderNodeMapRange")
     return _Furnace(bench, scene, sky)

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from radarsim_addon.array_types import Real
-from radarsim_addon.contract import AntennaRecord, SystemRecord
-from radarsim_addon.signal import iter_paths, open_run, range_doppler, synthesize
+from radarsim_addon.contract import AntennaRecord, LinkBudget
+from radarsim_addon.signal import iter_path_chunks, open_run, range_doppler, synthesize
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
-from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, receive
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, apply_receiver
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.paths.paths import Paths
 from radarsim_addon.signal.radar import Burst
 from radarsim_addon.signal.scattering import FrameSpeckle
@@ -60,7 +60,7 @@ def hamming_loss_db() -> float:
     return float(10 * math.log10(np.mean(w**2) / np.mean(w) ** 2))
 
 
-def measured_run(bench: Bench, width_px: int, shifts: int, close: bool) -> Any:
+def measured_run(bench: Bench, width_px: int, replicates: int, close: bool) -> Any:
     """The scene measured by paths; the PRF puts the target's Doppler into the middle of a cell.
 
     close: with the camera's field of view narrowed to the target and what surrounds it.
@@ -86,12 +86,12 @@ def measured_run(bench: Bench, width_px: int, shifts: int, close: bool) -> Any:
     measurement = properties.read_measurement(scene, width_px=width_px, height_px=height_px)
     wavelength_m = LIGHT / measurement.waveform.carrier_hz
     prf_hz = 2 * SPEED_MPS / wavelength_m * PULSES / DOPPLER_CELL
-    measurement = dataclasses.replace(measurement, passes=2, burst=Burst(prf_hz, PULSES))
+    measurement = dataclasses.replace(measurement, snapshots=2, burst=Burst(prf_hz, PULSES))
     folder = bench.fresh()
     with (
         quiet_blender(),
         PathJob(
-            scene, scene.view_layers[0], measurement, folder, PathOptions(shifts=shifts)
+            scene, scene.view_layers[0], measurement, folder, PathOptions(replicates=replicates)
         ) as job,
     ):
         for task in job.pending():
@@ -101,10 +101,10 @@ def measured_run(bench: Bench, width_px: int, shifts: int, close: bool) -> Any:
     return open_run(folder)
 
 
-def system() -> SystemRecord:
+def system() -> LinkBudget:
     """The power budget."""
     antenna = AntennaRecord("isotropic", {"gain_dbi": GAIN_DBI})
-    return SystemRecord(
+    return LinkBudget(
         transmit_power_w=TRANSMIT_W,
         transmitter=antenna,
         receiver=antenna,
@@ -145,7 +145,7 @@ def in_watts(bench: Bench) -> list[Check]:
     near = np.abs(mean_map.range_m - TARGET_M) < 6.0
     peak_at = int(np.argmax(column[:, near].mean(axis=0)))
     # The textbook: energy over noise density, all pulses, what two Hamming windows cost.
-    ideal_w = noise_density() / (waveform.chirp_length_s * PULSES)
+    ideal_w = noise_density() / (waveform.chirp_duration_s * PULSES)
     loss_db = 2 * hamming_loss_db()
     expected_snr = expected_w / ideal_w / 10 ** (loss_db / 10)
     measured_snr = (float(peaks_w.mean()) - floor_w) / floor_w
@@ -201,10 +201,10 @@ def _maps(
     whole = synthesize(
         _paths(scene, FrameBudget(scene.frame(1), radar, system()), 0),
         radar,
-        window_m=(0.0, 9000.0),
+        range_limits_m=(0.0, 9000.0),
         speckle_seed=0,
     )
-    noisy = receive(whole, receiver).echoes
+    noisy = apply_receiver(whole, receiver).echoes
     beyond = LIGHT / 2 * noisy.fast_time_s > 7500.0
     raw = np.abs(noisy.samples[:, beyond]) ** 2
     level_w = noise_density() * waveform.sampling_rate_hz
@@ -216,12 +216,12 @@ def _maps(
         "k T_0 B F, B the complex sampling rate",
         relative_error=1 / math.sqrt(raw.size),
     )
-    compressed = compress(noisy)
+    compressed = range_process(noisy)
     rd_map = range_doppler(compressed)
     floor = rd_map.power[:, (rd_map.range_m > 7500) & (rd_map.range_m < 8900)]
     floor_w = float(floor.mean())
     loss = 10 ** (2 * hamming_loss_db() / 10)
-    map_expected = noise_density() / (waveform.chirp_length_s * PULSES) * loss
+    map_expected = noise_density() / (waveform.chirp_duration_s * PULSES) * loss
     # Independent cells: one a range resolution, two Doppler cells under a Hamming window.
     cells = floor.size / 4
     map_row = power_check(
@@ -235,12 +235,14 @@ def _maps(
     profile = rd_map.power.max(axis=0)
     for reach_m, power_w in zip(rd_map.range_m[::8], profile[::8], strict=True):
         bench.point("paper_profile", range_m=reach_m, power_w=power_w, floor_w=floor_w)
-    window_m = (TARGET_M - NEAR_M, TARGET_M + NEAR_M)
+    range_limits_m = (TARGET_M - NEAR_M, TARGET_M + NEAR_M)
     powers = []
     for seed in range(SEEDS):
-        part = synthesize(_paths(run, budget, seed), radar, window_m=window_m, speckle_seed=seed)
+        part = synthesize(
+            _paths(run, budget, seed), radar, range_limits_m=range_limits_m, speckle_seed=seed
+        )
         noise = dataclasses.replace(receiver, seed=seed + 1)
-        found = range_doppler(compress(receive(part, noise).echoes, oversample=4))
+        found = range_doppler(range_process(apply_receiver(part, noise).echoes, oversample=4))
         rows = np.abs(found.doppler_hz) < 450
         cols = np.abs(found.range_m - TARGET_M) < 30
         powers.append(found.power[np.ix_(rows, cols)])
@@ -252,7 +254,7 @@ def _paths(run: Any, budget: FrameBudget, seed: int) -> Iterator[Paths]:
     """Paths with gains and speckle."""
     frame = run.frame(1)
     speckle = FrameSpeckle(frame, run.radar, seed)
-    for part in iter_paths(frame):
+    for part in iter_path_chunks(frame):
         yield speckle.apply(budget.apply(part))
 
 

@@ -19,12 +19,12 @@ from radarsim_addon.signal import (
     RangeDopplerMap,
     SteppedWaveform,
     Waveform,
-    cancel,
     make_paths,
+    mti_cancel,
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
 
 #: Of 50 MHz each: cells of 2.5 to 3 m, whatever the kind.
@@ -53,7 +53,11 @@ def radar_of(name: str) -> Radar:
 
 
 def heard(
-    name: str, points: Sequence[Point], window_m: tuple[float, float], window: str, mti: int = 0
+    name: str,
+    points: Sequence[Point],
+    range_limits_m: tuple[float, float],
+    window: str,
+    mti: int = 0,
 ) -> tuple[Echoes, RangeDopplerMap]:
     """Echoes of points, and their map."""
     radar = radar_of(name)
@@ -62,7 +66,7 @@ def heard(
     paths = make_paths(
         10 ** (level_db / 10) / aperture_m2, 2 * range_m, cells * radar.velocity_resolution_mps
     )
-    echoes = synthesize(paths, radar, window_m=window_m)
+    echoes = synthesize(paths, radar, range_limits_m=range_limits_m)
     if isinstance(radar.waveform, FmcwWaveform) and radar.waveform.real_adc:
         echoes = dataclasses.replace(echoes, samples=echoes.samples.real.astype(complex))
     return echoes, map_of(echoes, window, mti)
@@ -70,8 +74,8 @@ def heard(
 
 def map_of(echoes: Echoes, window: str, mti: int = 0) -> RangeDopplerMap:
     """The same window over frequencies and over pulses."""
-    compressed = compress(echoes, window)
-    return range_doppler(cancel(compressed, mti) if mti else compressed, window)
+    compressed = range_process(echoes, window)
+    return range_doppler(mti_cancel(compressed, mti) if mti else compressed, window)
 
 
 def apparent_range_m(radar: Radar, range_m: float, rate_mps: float) -> float:

@@ -236,12 +236,14 @@ class Acquired:
         The error comes from the sub-pixel shifts, which are replicates of one another.
         """
         rows = self.rows if name is None else self.of(name)
-        shifts = self.record.shifts
-        each = np.array([rows["power_w"][rows["shift"] == k].sum() * shifts for k in range(shifts)])
+        replicates = self.record.replicates
+        each = np.array(
+            [rows["power_w"][rows["shift"] == k].sum() * replicates for k in range(replicates)]
+        )
         mean = float(each.mean())
-        if shifts < 2 or mean == 0:
+        if replicates < 2 or mean == 0:
             return mean, math.nan
-        return mean, float(each.std(ddof=1) / math.sqrt(shifts) / mean)
+        return mean, float(each.std(ddof=1) / math.sqrt(replicates) / mean)
 
     def of(self, name: str) -> Any:
         """Rows whose last scatterer is on an object."""
@@ -251,7 +253,7 @@ class Acquired:
 def acquire(
     bench: Bench,
     side_px: int,
-    shifts: int = 4,
+    replicates: int = 4,
     *,
     height_px: int | None = None,
     carrier_hz: float = CARRIER_HZ,
@@ -268,14 +270,14 @@ def acquire(
         frames=(1,),
         rings=0,
         ring_step_m=4.0,
-        passes=1,
+        snapshots=1,
         width_px=side_px,
         height_px=height_px or side_px,
         samples=1,
         **extra,
     )
     scene, folder = bpy.context.scene, bench.fresh()
-    chosen = PathOptions(shifts=shifts, **options)
+    chosen = PathOptions(replicates=replicates, **options)
     with (
         quiet_blender(),
         PathJob(scene, scene.view_layers[0], measurement, folder, chosen) as job,

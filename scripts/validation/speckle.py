@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim_addon.array_types import Real
-from radarsim_addon.signal import expected_power_profile, iter_paths, open_run, synthesize
+from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
 
@@ -49,16 +49,18 @@ def _intensities(run: Any) -> Real:
     """|s|^2 over the expected power, (seeds, range cells): cells a resolution and a half apart."""
     frame, radar = run.frame(1), run.radar
     reach_m = PLATE_M / 2 * math.sin(math.radians(TILT_DEG)) - MARGIN_M
-    window_m = (RANGE_M - reach_m - 100, RANGE_M + reach_m + 100)
-    profile = expected_power_profile(iter_paths(frame), radar, window_m=window_m, oversample=2)
+    range_limits_m = (RANGE_M - reach_m - 100, RANGE_M + reach_m + 100)
+    profile = expected_power_profile(
+        iter_path_chunks(frame), radar, range_limits_m=range_limits_m, oversample=2
+    )
     spacing_m = radar.waveform.sample_spacing_m
     step = math.ceil(2 * radar.waveform.range_resolution_m / spacing_m)
     found = []
     for seed in range(SEEDS):
         speckle = FrameSpeckle(frame, radar, seed)
-        paths = (speckle.apply(part) for part in iter_paths(frame))
-        echoes = synthesize(paths, radar, window_m=window_m, speckle_seed=seed)
-        compressed = compress(echoes, oversample=1)
+        paths = (speckle.apply(part) for part in iter_path_chunks(frame))
+        echoes = synthesize(paths, radar, range_limits_m=range_limits_m, speckle_seed=seed)
+        compressed = range_process(echoes, oversample=1)
         power = np.abs(compressed.values[0]) ** 2
         expected = np.interp(compressed.range_m, profile.range_m, profile.power)
         full = np.abs(compressed.range_m - RANGE_M) < reach_m
@@ -177,7 +179,9 @@ def _paths_per_cell(run: Any) -> float:
     """Median number of the table's rows in a range cell well within the patch."""
     resolution_m = run.radar.waveform.range_resolution_m
     reach_m = PLATE_M / 2 * math.sin(math.radians(TILT_DEG)) - MARGIN_M
-    away_m = np.concatenate([part.length_m / 2 for part in iter_paths(run.frame(1))]) - RANGE_M
+    away_m = (
+        np.concatenate([part.length_m / 2 for part in iter_path_chunks(run.frame(1))]) - RANGE_M
+    )
     cells = int(reach_m / resolution_m)
     edges = resolution_m * np.arange(-cells, cells + 1)
     return float(np.median(np.histogram(away_m, edges)[0]))

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from radarsim_addon.signal import Cfar, detect_targets, find_peaks
-from radarsim_addon.signal.detection import CfarKind, Peak, find_movers, heard_recording
+from radarsim_addon.signal.detection import CfarKind, Peak, find_moving_targets, received_recording
 from radarsim_addon.signal.maps import map_noise_gain
 
 from .case import Bench, Check, absolute_check, worst_of
@@ -83,7 +83,7 @@ def beside_clutter(_bench: Bench) -> list[Check]:
                 rows.append(_errors(f"{name}, {label}, {cells:g} cells off", name, found, point))
             point = (400 + 0.3 * waveform.sample_spacing_m, 8.3, 0.0)
             echoes, rd_map = heard(name, [point], (400.0, 700.0), window)
-            wide = heard_recording(echoes, rd_map, 0).rd_map
+            wide = received_recording(echoes, rd_map, 0).rd_map
             targets = detect_targets(rd_map, wide=wide).targets
             target = max(targets, key=lambda item: item.level_db)
             peak = Peak(
@@ -133,7 +133,7 @@ def snr(_bench: Bench) -> list[Check]:
     return checks
 
 
-def movers(_bench: Bench) -> list[Check]:
+def moving_targets(_bench: Bench) -> list[Check]:
     """Random scenes: 0 to 3 movers, up to 60 points at rest, any waveform, window and canceller."""
     rng = np.random.default_rng(7)
     names = list(WAVEFORMS)
@@ -142,7 +142,7 @@ def movers(_bench: Bench) -> list[Check]:
         name = names[number % len(names)]
         window = list(WINDOWS.values())[int(rng.integers(len(WINDOWS)))]
         mti = int(rng.choice([0, 0, 2, 3]))
-        window_m = (0.0, 900.0) if rng.uniform() < 0.5 else (300.0, 600.0)
+        range_limits_m = (0.0, 900.0) if rng.uniform() < 0.5 else (300.0, 600.0)
         moving = _apart(rng)
         still = [
             (float(rng.uniform(100, 800)), 0.0, float(rng.uniform(-20, 30)))
@@ -150,13 +150,13 @@ def movers(_bench: Bench) -> list[Check]:
         ]
         if not moving and not still:
             continue
-        echoes, rd_map = heard(name, moving + still, window_m, window, mti)
-        listed = find_movers(echoes, rd_map, mti)
+        echoes, rd_map = heard(name, moving + still, range_limits_m, window, mti)
+        listed = find_moving_targets(echoes, rd_map, mti)
         radar = radar_of(name)
         cell_m, cell_mps = radar.waveform.sample_spacing_m, radar.velocity_resolution_mps
         for point in moving:
             range_m = apparent_range_m(radar, point[0], point[1] * cell_mps)
-            from_end_m = min(range_m - window_m[0], window_m[1] - range_m)
+            from_end_m = min(range_m - range_limits_m[0], range_limits_m[1] - range_m)
             near = [
                 peak
                 for peak in listed
@@ -198,7 +198,7 @@ def slow_movers(_bench: Bench) -> list[Check]:
     for name in WAVEFORMS:
         for label, window in WINDOWS.items():
             echoes, rd_map = heard(name, [(500.3, 1.55, 0.0), *still], (0.0, 900.0), window)
-            listed = find_movers(echoes, rd_map)
+            listed = find_moving_targets(echoes, rd_map)
             cells = math.nan
             if len(listed) == 1:
                 cells = listed[0].velocity_mps / radar_of(name).velocity_resolution_mps

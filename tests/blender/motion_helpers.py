@@ -94,7 +94,9 @@ def measured(
 ) -> tuple[np.ndarray, signal.Paths, ph.PathRun]:
     """A small run: rows of the table, and the same as paths."""
     changes = {
-        name: options.pop(name) for name in ("width_px", "height_px", "passes") if name in options
+        name: options.pop(name)
+        for name in ("width_px", "height_px", "snapshots")
+        if name in options
     }
     changes = {"width_px": 16, "height_px": 16, **changes}
     run = ph.run_paths(
@@ -139,7 +141,7 @@ def iq_error(
     """Relative L2 of the echoes against those of the rendered points moved in closed form."""
     times_s = np.arange(burst.pulses) / burst.prf_hz
     found = echoes(paths.lengths.lengths_m(times_s, slice(None)), rows["power_w"], carrier_hz)
-    points = motion(rows["last_m"], times_s)
+    points = motion(rows["last_scatterer_m"], times_s)
     antenna = np.zeros((1, 1, 3))
     if radar is not None:
         antenna = radar(antenna[0], times_s)

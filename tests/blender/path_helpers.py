@@ -51,7 +51,7 @@ def run_paths(
 ) -> PathRun:
     """Measure the current scene; stop after `limit` renders if given."""
     scene = bpy.context.scene
-    path_options = PathOptions(**{"shifts": 1, **(options or {})})
+    path_options = PathOptions(**{"replicates": 1, **(options or {})})
     measured = rs.measurement(**changes)
     with PathJob(
         scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite
@@ -66,7 +66,7 @@ def run_paths(
     return PathRun(job, folder)
 
 
-def radiance(rows: np.ndarray, carrier_hz: float = 5.3e9, shifts: int = 1) -> np.ndarray:
+def radiance(rows: np.ndarray, carrier_hz: float = 5.3e9, replicates: int = 1) -> np.ndarray:
     """Radiance of each row, W/(m^2 sr): what the row's power says of its solid angle."""
     area = effective_area_m2(C0_MPS / carrier_hz)
     return rows["power_w"] / rows["solid_angle_sr"] / area

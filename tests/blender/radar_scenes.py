@@ -71,7 +71,7 @@ def measurement(**changes: Any) -> Measurement:
         "frames": (1,),
         "rings": 0,
         "ring_step_m": 4.0,
-        "passes": 1,
+        "snapshots": 1,
         "width_px": 32,
         "height_px": 32,
         "samples": 1,
@@ -103,21 +103,21 @@ def run(
     return job
 
 
-def images(folder: Path, frame: int = 1, pass_index: int = 0) -> list[dict[str, np.ndarray]]:
+def images(folder: Path, frame: int = 1, snapshot_index: int = 0) -> list[dict[str, np.ndarray]]:
     """Channels of every ring, in float64."""
     radar_frame = signal.open_run(folder).frame(frame)
     return [
         {
             name: image.astype(np.float64)
-            for name, image in radar_frame.image(ring, pass_index)[1].items()
+            for name, image in radar_frame.image(ring, snapshot_index)[1].items()
         }
         for ring in range(radar_frame.rings)
     ]
 
 
-def decoded(folder: Path, frame: int = 1, pass_index: int = 0) -> list[signal.Decoded]:
+def decoded(folder: Path, frame: int = 1, snapshot_index: int = 0) -> list[signal.Decoded]:
     """Every ring through the companion module."""
     radar_frame = signal.open_run(folder).frame(frame)
     return [
-        signal.decode(*radar_frame.image(ring, pass_index)) for ring in range(radar_frame.rings)
+        signal.decode(*radar_frame.image(ring, snapshot_index)) for ring in range(radar_frame.rings)
     ]

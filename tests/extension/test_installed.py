@@ -64,7 +64,7 @@ def test_a_frame_is_rendered(found: dict[str, Any], out: Path):
 
     assert found["rendered"] == ["FINISHED"]
     run = read_record(out / contract.RUN_FILE, contract.RunRecord)
-    assert (run.rings, run.ring_step_m, run.passes) == (RINGS, 5.0, 2)
+    assert (run.rings, run.ring_step_m, run.snapshots) == (RINGS, 5.0, 2)
     light = []
     for ring in range(RINGS):
         path = out / contract.frame_dir(1) / (contract.render_stem(ring, 0) + ".exr")

@@ -44,7 +44,7 @@ def row(
     kind: str, cpu_s: float, error: float, target_db: float, series: str = ""
 ) -> dict[str, object]:
     return {
-        "acquisition": kind,
+        "sampling_mode": kind,
         "label": f"{kind} {cpu_s:g}",
         "series": series or kind,
         "cpu_s": cpu_s,

@@ -22,7 +22,7 @@ def echo_at(
             delay_s = (length_m + 2 * rate_mps * time_s) / SPEED_OF_LIGHT_MPS
             t = fast_time_s - delay_s
             chirp = np.exp(1j * np.pi * waveform.fm_rate_hz_per_s * t**2)
-            inside = np.abs(t) <= waveform.chirp_length_s / 2
+            inside = np.abs(t) <= waveform.chirp_duration_s / 2
             carrier = np.exp(-2j * np.pi * waveform.carrier_hz * delay_s)
             samples[pulse] += a * inside * chirp * carrier
     return samples

@@ -33,10 +33,10 @@ def pose(position: Sequence[float], azimuth_deg: float = 0.0, elevation_deg: flo
     return matrix.tolist()
 
 
-def camera(matrix: list, half_deg: float = 30.0) -> contract.CameraRecord:
+def camera(matrix: list, half_deg: float = 30.0) -> contract.ReceiverRecord:
     """A square perspective camera."""
     t = math.tan(math.radians(half_deg))
-    return contract.CameraRecord("perspective", matrix, -t, t, -t, t, 0.0)
+    return contract.ReceiverRecord("perspective", matrix, -t, t, -t, t, 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ def plate(
 
 def trace(
     plates: Sequence[Plate],
-    receiver: contract.CameraRecord,
-    emitter: contract.EmitterRecord,
+    receiver: contract.ReceiverRecord,
+    emitter: contract.TransmitterRecord,
     size_px: int,
-    shifts: int = 1,
+    replicates: int = 1,
     seed: int = 0,
 ) -> PathRows:
     """Rows of order 1, nearest plate first; shifts move the grid by a random part of a pixel."""
@@ -72,8 +72,8 @@ def trace(
     emitter_m = np.array(emitter.matrix_world)[:3, 3]
     wavelength_m = C0_MPS / WAVEFORM.carrier_hz
     parts = []
-    for shift in range(shifts):
-        du, dv = rng.uniform(-0.5, 0.5, 2) if shifts > 1 else (0.0, 0.0)
+    for shift in range(replicates):
+        du, dv = rng.uniform(-0.5, 0.5, 2) if replicates > 1 else (0.0, 0.0)
         step = (receiver.right - receiver.left) / size_px
         moved = dataclasses.replace(
             receiver, left=receiver.left + du * step, right=receiver.right + du * step,
@@ -107,12 +107,12 @@ def trace(
         there = np.linalg.norm(to_emitter, axis=1)
         cosine = np.abs(np.sum(to_emitter * normal, axis=1)) / there
         radiance = albedo / math.pi * emitter.eirp_w * cosine / (4 * math.pi * there**2)
-        rows["power_w"] = radiance * solid[hit] * wavelength_m**2 / (4 * math.pi) / shifts
+        rows["power_w"] = radiance * solid[hit] * wavelength_m**2 / (4 * math.pi) / replicates
         rows["length_m"] = nearest[hit] + there
         rows["order"] = 1
-        rows["first_m"] = rows["last_m"] = point
+        rows["first_scatterer_m"] = rows["last_scatterer_m"] = point
         rows["direction"] = direction[hit]
-        rows["solid_angle_sr"] = solid[hit] / shifts
+        rows["solid_angle_sr"] = solid[hit] / replicates
         rows["object"] = rows["first_object"] = which[hit]
         rows["shift"] = shift
         parts.append(rows)
@@ -123,13 +123,13 @@ def write_run(
     folder: Path,
     rows: PathRows,
     names: list[str],
-    receiver: contract.CameraRecord,
-    emitter: contract.EmitterRecord,
+    receiver: contract.ReceiverRecord,
+    emitter: contract.TransmitterRecord,
     *,
-    window_m: float,
-    system: contract.SystemRecord | None = None,
-    shifts: int = 1,
-    scene: contract.SceneRecord | None = None,
+    range_limits_m: float,
+    system: contract.LinkBudget | None = None,
+    replicates: int = 1,
+    scene: contract.GroundTruthRecord | None = None,
 ) -> Path:
     """A run of one frame; returns its folder."""
     frame = folder / contract.frame_dir(1)
@@ -137,25 +137,25 @@ def write_run(
     table = frame / contract.PATHS_TABLE
     write_table(table, [rows])
     run = contract.RunRecord(
-        acquisition="paths", frames=[1], frame_times_s=[0.0], rings=1, ring_step_m=window_m,
-        passes=1, delta_t_s=0.0, width_px=64, height_px=64, samples=1, seed=0, max_bounces=0,
-        metres_per_unit=1.0, code_length_m=100.0, extinction_length_m=1.0,
+        sampling_mode="paths", frames=[1], frame_times_s=[0.0], rings=1, ring_step_m=range_limits_m,
+        snapshots=1, snapshot_interval_s=0.0, width_px=64, height_px=64, samples=1, seed=0, max_bounces=0,
+        metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
         waveform=dataclasses.asdict(WAVEFORM), burst=dataclasses.asdict(BURST),
         blend_file="", fingerprint="", system=system,
     )  # fmt: skip
     write_record(folder / contract.RUN_FILE, run)
     record = contract.PathsRecord(
-        frame=1, time_s=0.0, metres_per_unit=1.0, code_length_m=100.0, extinction_length_m=1.0,
+        frame=1, time_s=0.0, metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
         code="materials", coloured=False, amplitude_channel="mean",
         carrier_hz=WAVEFORM.carrier_hz, camera=receiver, emitter=emitter, width_px=64,
-        height_px=64, max_order=1, residual=0.0, seed=0, tiles=1, shifts=shifts, finest_level=0,
+        height_px=64, max_reflections=1, residual=0.0, seed=0, tiles=1, replicates=replicates, finest_refinement_level=0,
         renders=1, render_time_s=0.0, rows=rows.size, objects=names,
-        total_power_w=float(rows["power_w"].sum()), left_order_share=0.0, left_depth_share=0.0,
-        mixed_share=0.0, no_code_share=0.0, mixed_bias_bound_m=0.0, length_sigma_m=0.0,
+        total_power_w=float(rows["power_w"].sum()), truncated_reflections_fraction=0.0, truncated_transparency_fraction=0.0,
+        mixed_power_fraction=0.0, unranged_power_fraction=0.0, mixed_bias_bound_m=0.0, length_sigma_m=0.0,
         length_sigma_wavelengths=0.0, relative_error=0.0, reached="all tiles",
         table_file=contract.PATHS_TABLE, table_sha256=file_sha256(table),
     )  # fmt: skip
     write_record(frame / contract.PATHS_FILE, record)
     if scene is not None:
-        write_record(frame / contract.SCENE_FILE, scene)
+        write_record(frame / contract.GROUND_TRUTH_FILE, scene)
     return folder

@@ -16,11 +16,11 @@ from radarsim_addon.signal import (
     RangeDopplerMap,
     SteppedWaveform,
     Waveform,
-    cancel,
+    mti_cancel,
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 
@@ -46,7 +46,7 @@ def radar_of(name: str) -> Radar:
 def scene(
     name: str,
     echoes: list[tuple[float, float, float]],
-    window_m: tuple[float, float],
+    range_limits_m: tuple[float, float],
     window: str,
     mti: int = 0,
 ) -> tuple[Echoes, RangeDopplerMap]:
@@ -55,11 +55,11 @@ def scene(
     range_m, cells, level_db = np.array(echoes).T
     paths = unit_paths(radar, list(range_m), list(cells * radar.velocity_resolution_mps))
     paths = dataclasses.replace(paths, radiance=paths.radiance * 10 ** (level_db / 10))
-    found = synthesize(paths, radar, window_m=window_m)
+    found = synthesize(paths, radar, range_limits_m=range_limits_m)
     if name == "fmcw real":
         found = dataclasses.replace(found, samples=found.samples.real.astype(complex))
-    compressed = compress(found, window)
-    return found, range_doppler(cancel(compressed, mti) if mti else compressed, window)
+    compressed = range_process(found, window)
+    return found, range_doppler(mti_cancel(compressed, mti) if mti else compressed, window)
 
 
 def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
@@ -68,7 +68,7 @@ def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
     return [(rng.uniform(100, 800), 0.0, rng.uniform(-20, 30)) for _ in range(count)]
 
 
-def speeds(movers: list[Peak], name: str) -> list[float]:
+def speeds(moving_targets: list[Peak], name: str) -> list[float]:
     """In Doppler cells."""
     radar = radar_of(name)
-    return [mover.velocity_mps / radar.velocity_resolution_mps for mover in movers]
+    return [mover.velocity_mps / radar.velocity_resolution_mps for mover in moving_targets]

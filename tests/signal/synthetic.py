@@ -32,19 +32,19 @@ class Setup:
     frames: tuple[int, ...] = (1,)
     rings: int = 4
     ring_step_m: float = 250.0
-    passes: int = 2
-    delta_t_s: float = 0.01
+    snapshots: int = 2
+    snapshot_interval_s: float = 0.01
     width_px: int = 16
     height_px: int = 12
     metres_per_unit: float = 100.0
-    code_length_m: float = 1000.0
+    range_encoding_length_m: float = 1000.0
     near_clip_m: float = 1e-4
     half_width: float = 0.4
     half_height: float = 0.3
 
-    def camera(self) -> contract.CameraRecord:
+    def camera(self) -> contract.ReceiverRecord:
         """The receiver: looks along -z from the origin."""
-        return contract.CameraRecord(
+        return contract.ReceiverRecord(
             kind="perspective",
             matrix_world=IDENTITY,
             left=-self.half_width,
@@ -67,10 +67,10 @@ def empty(setup: Setup) -> tuple[np.ndarray, np.ndarray]:
 def points(setup: Setup, echoes: list[tuple[int, int, float, float, float]]) -> Picture:
     """Echoes (row, col, range_m at t, range rate, radiance), each in the ring where it belongs."""
 
-    def picture(frame: int, ring: int, pass_index: int) -> tuple[np.ndarray, np.ndarray]:
+    def picture(frame: int, ring: int, snapshot_index: int) -> tuple[np.ndarray, np.ndarray]:
         range_m, radiance = empty(setup)
         for row, col, start_m, rate_mps, strength in echoes:
-            now_m = start_m + rate_mps * setup.delta_t_s * pass_index
+            now_m = start_m + rate_mps * setup.snapshot_interval_s * snapshot_index
             if ring * setup.ring_step_m <= now_m < (ring + 1) * setup.ring_step_m:
                 range_m[row, col], radiance[row, col] = now_m, strength
         return range_m, radiance
@@ -84,33 +84,37 @@ def encode(setup: Setup, range_m: np.ndarray, radiance: np.ndarray) -> dict[str,
     u = camera.left + (np.arange(setup.width_px) + 0.5) * (2 * setup.half_width / setup.width_px)
     v = camera.top - (np.arange(setup.height_px) + 0.5) * (2 * setup.half_height / setup.height_px)
     cut_m = setup.near_clip_m * np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2)
-    code = np.where(radiance > 0, np.exp(-(2 * range_m - cut_m) / setup.code_length_m), 0.0)
+    code = np.where(
+        radiance > 0, np.exp(-(2 * range_m - cut_m) / setup.range_encoding_length_m), 0.0
+    )
     blue = radiance * setup.metres_per_unit**2
     planes = {"R": blue * code, "G": blue * code**2, "B": blue}
     return {name: plane.astype(np.float32) for name, plane in planes.items()}
 
 
-def render_record(setup: Setup, frame: int, ring: int, pass_index: int) -> contract.RenderRecord:
+def render_record(
+    setup: Setup, frame: int, ring: int, snapshot_index: int
+) -> contract.RenderRecord:
     """Sidecar of one render; its checksum is still to be filled in."""
     return contract.RenderRecord(
-        acquisition="rings",
+        sampling_mode="rings",
         frame=frame,
-        pass_index=pass_index,
-        time_s=setup.frame_time_s(frame) + pass_index * setup.delta_t_s,
+        snapshot_index=snapshot_index,
+        time_s=setup.frame_time_s(frame) + snapshot_index * setup.snapshot_interval_s,
         ring=ring,
         ring_min_m=ring * setup.ring_step_m,
         ring_max_m=(ring + 1) * setup.ring_step_m,
         width_px=setup.width_px,
         height_px=setup.height_px,
         metres_per_unit=setup.metres_per_unit,
-        code_length_m=setup.code_length_m,
+        range_encoding_length_m=setup.range_encoding_length_m,
         extinction_length_m=setup.metres_per_unit,
         camera=setup.camera(),
-        emitter=contract.EmitterRecord(matrix_world=IDENTITY, eirp_w=1.0),
+        emitter=contract.TransmitterRecord(matrix_world=IDENTITY, eirp_w=1.0),
         samples=1,
         seed=0,
         max_bounces=1,
-        exr_file=f"{contract.render_stem(ring, pass_index)}.exr",
+        exr_file=f"{contract.render_stem(ring, snapshot_index)}.exr",
         exr_sha256="",
     )
 
@@ -118,20 +122,20 @@ def render_record(setup: Setup, frame: int, ring: int, pass_index: int) -> contr
 def run_record(setup: Setup) -> contract.RunRecord:
     """Plan of the run."""
     return contract.RunRecord(
-        acquisition="rings",
+        sampling_mode="rings",
         frames=list(setup.frames),
         frame_times_s=[setup.frame_time_s(f) for f in setup.frames],
         rings=setup.rings,
         ring_step_m=setup.ring_step_m,
-        passes=setup.passes,
-        delta_t_s=setup.delta_t_s,
+        snapshots=setup.snapshots,
+        snapshot_interval_s=setup.snapshot_interval_s,
         width_px=setup.width_px,
         height_px=setup.height_px,
         samples=1,
         seed=0,
         max_bounces=1,
         metres_per_unit=setup.metres_per_unit,
-        code_length_m=setup.code_length_m,
+        range_encoding_length_m=setup.range_encoding_length_m,
         extinction_length_m=setup.metres_per_unit,
         waveform=waveform_to_dict(setup.radar.waveform),
         burst=dataclasses.asdict(setup.radar.burst),
@@ -145,7 +149,7 @@ def write_render(
     setup: Setup,
     frame: int,
     ring: int,
-    pass_index: int,
+    snapshot_index: int,
     channels: dict[str, np.ndarray],
     /,
     **changes: Any,
@@ -153,10 +157,10 @@ def write_render(
     """Write one EXR and its sidecar, with fields of the sidecar changed at will."""
     place = folder / contract.frame_dir(frame)
     place.mkdir(parents=True, exist_ok=True)
-    path = place / f"{contract.render_stem(ring, pass_index)}.exr"
+    path = place / f"{contract.render_stem(ring, snapshot_index)}.exr"
     write_exr(path, channels)
     record = dataclasses.replace(
-        render_record(setup, frame, ring, pass_index), exr_sha256=sidecar.file_sha256(path)
+        render_record(setup, frame, ring, snapshot_index), exr_sha256=sidecar.file_sha256(path)
     )
     sidecar.write_record(path.with_suffix(".json"), dataclasses.replace(record, **changes))
     return path
@@ -167,8 +171,8 @@ def write_run(folder: Path, setup: Setup, picture: Picture) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     sidecar.write_record(folder / contract.RUN_FILE, run_record(setup))
     for frame in setup.frames:
-        for pass_index in range(setup.passes):
+        for snapshot_index in range(setup.snapshots):
             for ring in range(setup.rings):
-                channels = encode(setup, *picture(frame, ring, pass_index))
-                write_render(folder, setup, frame, ring, pass_index, channels)
+                channels = encode(setup, *picture(frame, ring, snapshot_index))
+                write_render(folder, setup, frame, ring, snapshot_index, channels)
     return folder

@@ -14,10 +14,10 @@ _RINGS = ("auto_rings",)
 _RING_NUMBERS = ("rings", "ring_step", "samples", "bounces")
 #: Options of paths that are called otherwise than what they set.
 _PATH_FLAGS = {
-    "max_order": "order",
-    "refine_by": "error_of",
-    "error_target": "error",
-    "time_budget_s": "budget",
+    "max_reflections": "order",
+    "refine_for": "error_scope",
+    "max_standard_error": "error",
+    "time_limit_s": "budget",
 }
 
 
@@ -34,15 +34,15 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "ring_count": arguments.rings,
         "ring_mode": "AUTO" if arguments.auto_rings else None,
         "ring_step_m": arguments.ring_step,
-        "passes": arguments.passes,
-        "delta_t_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
+        "snapshots": arguments.snapshots,
+        "snapshot_interval_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
         "samples": arguments.samples,
         "width_px": width_px,
         "height_px": height_px,
         "max_bounces": arguments.bounces,
         "carrier_ghz": arguments.carrier_ghz,
         "bandwidth_mhz": arguments.bandwidth_mhz,
-        "chirp_length_us": arguments.chirp_us,
+        "chirp_duration_us": arguments.chirp_us,
         "sampling_rate_mhz": arguments.sampling_mhz,
         "prf_hz": arguments.prf_hz,
         "pulses": arguments.pulses,
@@ -54,8 +54,8 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
     """The acquisition that was named, or that the options belong to; None: the file's own."""
-    if arguments.acquisition is not None:
-        return str(arguments.acquisition)
+    if arguments.sampling_mode is not None:
+        return str(arguments.sampling_mode)
     of_rings = [f"--{name.replace('_', '-')}" for name in _RINGS if getattr(arguments, name)]
     of_rings += [
         f"--{name.replace('_', '-')}"
@@ -78,14 +78,14 @@ def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
 def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """Options of the acquisition "paths"; None where not given."""
     return {
-        "max_order": arguments.order,
-        "shifts": arguments.shifts,
-        "refine_by": arguments.error_of,
-        "error_target": None if arguments.error is None else arguments.error / 100,
-        "time_budget_s": arguments.budget,
+        "max_reflections": arguments.order,
+        "replicates": arguments.replicates,
+        "refine_for": arguments.error_scope,
+        "max_standard_error": None if arguments.error is None else arguments.error / 100,
+        "time_limit_s": arguments.budget,
         "motion": arguments.motion,
         "motion_samples": arguments.motion_samples,
-        "renders_per_burst": arguments.renders_per_burst,
+        "visibility_updates": arguments.visibility_updates,
         "code": arguments.code,
         "amplitude": arguments.amplitude,
     }

@@ -19,7 +19,7 @@ def make_job(
     folder: Path,
     *,
     overwrite: bool = False,
-    acquisition: str | None = None,
+    sampling_mode: str | None = None,
     overrides: dict[str, Any] | None = None,
     path_overrides: dict[str, Any] | None = None,
     system_file: Path | None = None,
@@ -34,7 +34,7 @@ def make_job(
         Output folder.
     overwrite
         Remove another run's frames.
-    acquisition
+    sampling_mode
         "rings" or "paths"; None: the scene's setting.
     overrides, path_overrides
         Numbers from a command line, see `read_measurement` and `read_path_options`.
@@ -51,7 +51,7 @@ def make_job(
     system = read_system_settings(settings, measurement.waveform.wavelength_m, system_file)
     measurement = dataclasses.replace(measurement, system=system)
     antennas = {"camera": settings.camera, "emitter": settings.emitter}
-    kind = acquisition or settings.acquisition.lower()
+    kind = sampling_mode or settings.sampling_mode.lower()
     if kind == "paths":
         options = read_path_options(settings, **(path_overrides or {}))
         return PathJob(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ROOM."""
 
-from .assignments import SURFACE_TYPES, Worn, slot_materials, worn_materials
+from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .layers import beyond_float32, is_entered, set_layer_normals
 from .physical_materials import EXACT_FACETS, is_physical, refresh_materials, update_materials
 from .surface_roughness import roughness_of
@@ -9,7 +9,8 @@ from .surface_roughness import roughness_of
 __all__ = [
     "EXACT_FACETS",
     "SURFACE_TYPES",
-    "Worn",
+    "MaterialAssignment",
+    "assigned_materials",
     "beyond_float32",
     "is_entered",
     "is_physical",
@@ -18,5 +19,4 @@ __all__ = [
     "set_layer_normals",
     "slot_materials",
     "update_materials",
-    "worn_materials",
 ]

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
 
 
-class Worn(NamedTuple):
+class MaterialAssignment(NamedTuple):
     """An original object and its original materials; None for an empty slot."""
 
     item: Any
     materials: tuple[Any, ...]
 
 
-def worn_materials(depsgraph: Any) -> list[Worn]:
+def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     """What each rendered object with a surface wears, members of instanced collections included.
 
     Parameters
@@ -29,14 +29,14 @@ def worn_materials(depsgraph: Any) -> list[Worn]:
     depsgraph : bpy.types.Depsgraph
         Up to date.
     """
-    found: dict[int, Worn] = {}
+    found: dict[int, MaterialAssignment] = {}
     for instance in depsgraph.object_instances:
         evaluated = instance.object
         original = evaluated.original
         if original.type not in SURFACE_TYPES or original.hide_render:
             continue
         if original.as_pointer() not in found:
-            found[original.as_pointer()] = Worn(original, slot_materials(evaluated))
+            found[original.as_pointer()] = MaterialAssignment(original, slot_materials(evaluated))
     return list(found.values())
 
 

@@ -19,8 +19,8 @@ from ..nodes import attributes
 from ..nodes.find_group import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import EXTINCTION, KIND
-from ..state import Recorder
-from .assignments import worn_materials
+from ..state import SettingsRestorer
+from .assignments import assigned_materials
 
 #: Share of an object's surface that must lie in one pair of directions for it to be a layer.
 LAYER_SHARE = 0.6
@@ -143,7 +143,7 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
     return thickness if area[outer].sum() >= PLATE_SHARE * area.sum() else None
 
 
-def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
+def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
     """Give every object with a penetrable physical material its layer's normal and thickness.
 
     For a run; linked objects, too, whose properties are set in memory. Properties that the user
@@ -155,7 +155,7 @@ def set_layer_normals(recorder: Recorder, depsgraph: Any) -> list[str]:
         A warning that names the objects that are no layers.
     """
     others = []
-    for item, materials in worn_materials(depsgraph):
+    for item, materials in assigned_materials(depsgraph):
         if not any(is_entered(material) for material in materials):
             continue
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
@@ -207,7 +207,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
     """
     limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
     deep = {}
-    for item, materials in worn_materials(depsgraph):
+    for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_entered(material)]
         if item.type != "MESH" or not entered:
             continue

@@ -45,7 +45,7 @@ from ..nodes.physical_material import (
 )
 from ..nodes.sheet import KIND as SHEET_KIND
 from ..nodes.sheet import THICKNESS
-from ..state import Recorder
+from ..state import SettingsRestorer
 from .assignments import slot_materials
 from .medium import Medium, Surface
 
@@ -243,7 +243,9 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
     }
 
 
-def update_material(material: Any, carrier_hz: float, recorder: Recorder | None = None) -> None:
+def update_material(
+    material: Any, carrier_hz: float, recorder: SettingsRestorer | None = None
+) -> None:
     """Set a physical material's inputs for a carrier; sockets that the user linked are left.
 
     Raises
@@ -255,7 +257,7 @@ def update_material(material: Any, carrier_hz: float, recorder: Recorder | None 
         _put(socket, value, recorder)
 
 
-def _put(socket: Any, value: float, recorder: Recorder | None) -> None:
+def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
     if recorder is not None:
         recorder.set(socket, "default_value", value)
     elif socket.default_value != value:
@@ -284,7 +286,7 @@ def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
 
 
 def update_materials(
-    carrier_hz: float, recorder: Recorder | None = None, worn: Collection[Any] | None = None
+    carrier_hz: float, recorder: SettingsRestorer | None = None, worn: Collection[Any] | None = None
 ) -> list[str]:
     """Evaluate every physical material of the file at a carrier, linked ones too.
 

@@ -19,7 +19,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
-from ..scene import Key, Poses, Shown, beside_box
+from ..scene import InstancePose, Key, Poses, beside_box
 
 #: How far from a surface a vertex may lie, relative to the path's length: vertices from the
 #: emitter's colours are known to 1e-6 of the scene's size.
@@ -33,7 +33,7 @@ class Part:
     number: int
     name: str
     key: Key
-    shown: Shown
+    shown: InstancePose
 
 
 class Bodies:
@@ -79,11 +79,13 @@ class Bodies:
 
     def label(self, rows: PathRows) -> None:
         """Fill in bodies, and objects where they are unknown and the vertex is known."""
-        self._label_end(rows, "last_m", "object", "body", np.arange(rows.size))
+        self._label_end(rows, "last_scatterer_m", "object", "body", np.arange(rows.size))
         one = rows["order"] == 1
         rows["first_object"][one] = rows["object"][one]
         rows["first_body"][one] = rows["body"][one]
-        self._label_end(rows, "first_m", "first_object", "first_body", np.flatnonzero(~one))
+        self._label_end(
+            rows, "first_scatterer_m", "first_object", "first_body", np.flatnonzero(~one)
+        )
 
     def _label_end(
         self, rows: PathRows, points: str, objects: str, bodies: str, wanted: Indices

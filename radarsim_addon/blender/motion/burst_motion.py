@@ -27,7 +27,7 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Poses, instance_name, pose_in_metres, shown_poses
+from ..scene import Poses, evaluated_poses, instance_name, pose_in_metres
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
@@ -56,7 +56,7 @@ class BurstMotion:
     plan
         What is sampled.
     receiver_kind
-        As `contract.CameraRecord` names it.
+        As `contract.ReceiverRecord` names it.
     frozen
         Take everything to stand still as it is at the frame's time.
     render
@@ -100,7 +100,7 @@ class BurstMotion:
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
-        self.poses: Poses = shown_poses(depsgraph, self._units)
+        self.poses: Poses = evaluated_poses(depsgraph, self._units)
         self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
         return depsgraph
 
@@ -205,7 +205,7 @@ class BurstMotion:
             if elapsed_s > _PATIENCE_S:
                 self.warnings.append(
                     f"Motion was sampled {len(grid)} times only, as that took {elapsed_s:.0f} s. "
-                    f"Displacements are known to {fits.bound_m:.2g} m."
+                    f"Displacements are known to {fits.displacement_error_bound_m:.2g} m."
                 )
                 break
             while count < min(more, plan.most_samples):
@@ -231,7 +231,7 @@ class BurstMotion:
             tracks,
             plan.shown[0],
         )
-        self._bound_m = fits.bound_m
+        self._bound_m = fits.displacement_error_bound_m
         return self._scene
 
     def _stand_still(self) -> FrameMotion:
@@ -239,12 +239,12 @@ class BurstMotion:
         receiver, emitter = (
             BodyMotion(
                 pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units),
-                reference_s=self._plan.shown[0],
+                epoch_offset_s=self._plan.shown[0],
             )
             for item in (self._rig.camera, self._rig.emitter)
         )
         at_s = self._plan.shown[0]
-        bodies = [BodyMotion(part.shown.pose, reference_s=at_s) for part in self._touched]
+        bodies = [BodyMotion(part.shown.pose, epoch_offset_s=at_s) for part in self._touched]
         self._samples, self._bound_m = 1, 0.0
         self._scene = FrameMotion(
             self._plan.span_s,
@@ -252,7 +252,7 @@ class BurstMotion:
             emitter,
             self._kind == "orthographic",
             bodies,
-            reference_s=at_s,
+            epoch_offset_s=at_s,
         )
         return self._scene
 
@@ -301,13 +301,13 @@ class BurstMotion:
             receiver_kind=self._kind,
             antennas=antennas,
             bodies=bodies,
-            bound_m=self._bound_m,
-            bound_wavelengths=wavelengths,
-            approximated_share=self._approximated_w / total,
-            unknown_share=self._unknown_w / total,
+            displacement_error_bound_m=self._bound_m,
+            displacement_error_bound_wavelengths=wavelengths,
+            approximated_motion_fraction=self._approximated_w / total,
+            unknown_motion_fraction=self._unknown_w / total,
             tracks_file=tracks_file,
             tracks_sha256=digest,
-            reference_s=self._plan.shown[0],
+            epoch_offset_s=self._plan.shown[0],
             warnings=list(self.warnings),
             versions=versions,
         )

@@ -21,7 +21,10 @@ _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
 
 
 #: By the column of points: those of their bodies and tracks.
-_COLUMNS = {"last_m": ("body", "track"), "first_m": ("first_body", "first_track")}
+_COLUMNS = {
+    "last_scatterer_m": ("body", "track"),
+    "first_scatterer_m": ("first_body", "first_surface_point"),
+}
 
 
 def may_deform(item: Any) -> bool:
@@ -157,7 +160,7 @@ class Deformations:
             rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
             self._numbered += mine.size
         one = rows["order"] == 1
-        rows["first_track"][one] = rows["track"][one]
+        rows["first_surface_point"][one] = rows["track"][one]
 
     def _ends(
         self, rows: PathRows, bodies: Sequence[Part]
@@ -165,7 +168,7 @@ class Deformations:
         """Rows on deforming surfaces, by end and body."""
         for points, (column, _) in _COLUMNS.items():
             wanted = np.arange(rows.size)
-            if points == "first_m":  # at order 1 both ends are one
+            if points == "first_scatterer_m":  # at order 1 both ends are one
                 wanted = np.flatnonzero(rows["order"] > 1)
             numbers = rows[column][wanted]
             for number in np.unique(numbers).tolist():

@@ -31,9 +31,9 @@ class Fits:
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
 
     @property
-    def bound_m(self) -> float:
+    def displacement_error_bound_m(self) -> float:
         """Largest bound of what moves."""
-        moving = [m.bound_m for m in self.motions if m.moving]
+        moving = [m.displacement_error_bound_m for m in self.motions if m.moving]
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
 
     def fit(self, times_s: list[float]) -> None:
@@ -47,7 +47,7 @@ class Fits:
         for index, reach_m in enumerate(reaches):
             if self.motions and index not in self._missed:
                 motions.append(self.motions[index])
-                if self.motions[index].bound_m <= self._target_m:
+                if self.motions[index].displacement_error_bound_m <= self._target_m:
                     continue
                 motions.pop()
             there = np.isfinite(poses[:, index, 0, 0])
@@ -100,12 +100,14 @@ class Fits:
         if miss <= _MISSES * (motion.noise_m + rounding):
             return motion
         self._missed[index] = miss
-        return dataclasses.replace(motion, bound_m=max(motion.bound_m, miss))
+        return dataclasses.replace(
+            motion, displacement_error_bound_m=max(motion.displacement_error_bound_m, miss)
+        )
 
     def more_samples(self, count: int) -> int:
         """How many samples the worst fit asks for; 0: it is good enough."""
-        worst = max((m.bound_m for m in self.motions if m.moving), default=0.0)
-        worst = max([worst, *self._missed.values(), self.bound_m])
+        worst = max((m.displacement_error_bound_m for m in self.motions if m.moving), default=0.0)
+        worst = max([worst, *self._missed.values(), self.displacement_error_bound_m])
         if worst <= self._target_m:
             return 0
         # bounds fall with the root of the number

@@ -74,7 +74,7 @@ class CellGrid:
         return self.bins + 1
 
     def shift_powers(
-        self, rows: PathRows, count: int, camera: contract.CameraRecord | None = None
+        self, rows: PathRows, count: int, camera: contract.ReceiverRecord | None = None
     ) -> ShiftPowers:
         """Cell powers of one of `count` shifts of a tile (each row's power is its share); without
         a camera nothing is known of edges along the grid."""
@@ -98,7 +98,7 @@ class CellGrid:
             edges,
         )
 
-    def _by_bin(self, rows: PathRows, count: int, camera: contract.CameraRecord | None) -> Real:
+    def _by_bin(self, rows: PathRows, count: int, camera: contract.ReceiverRecord | None) -> Real:
         """Power of range bins, each row spread over what its pixel covers, as in the profile."""
         rows = rows[rows["flags"] & PathFlag.NO_RANGE == 0]
         parts: Iterable[Points]
@@ -114,14 +114,14 @@ class CellGrid:
             total += np.bincount(place, share, minlength=total.size)
         return total
 
-    def powers(self, shifts: Sequence[ShiftPowers]) -> CellPowers:
+    def powers(self, replicates: Sequence[ShiftPowers]) -> CellPowers:
         """Means and variances of a tile's cells over its shifts."""
-        count = len(shifts)
-        cells = np.unique(np.concatenate([shift.cells for shift in shifts]))
+        count = len(replicates)
+        cells = np.unique(np.concatenate([shift.cells for shift in replicates]))
         total = np.zeros((count, cells.size))
-        hits = np.zeros(max(shift.hits.size for shift in shifts))
+        hits = np.zeros(max(shift.hits.size for shift in replicates))
         edges = np.zeros(hits.size)
-        for number, shift in enumerate(shifts):
+        for number, shift in enumerate(replicates):
             total[number, np.searchsorted(cells, shift.cells)] = shift.power
             hits[: shift.hits.size] += shift.hits
             edges[: shift.edges.size] += shift.edges

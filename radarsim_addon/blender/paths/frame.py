@@ -19,13 +19,13 @@ from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, Instant
 from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ShiftPowers
-from .inset_tiles import lay_over_small
-from .missed_objects import unseen_warning
+from .inset_tiles import add_inset_tiles
+from .missed_objects import missed_objects_warning
 from .quality import QualitySums
-from .screen_boxes import ViewBoxes, view_boxes
-from .small_object_ranking import MOST_TILED, in_sight, most_needy, small_boxes
+from .screen_boxes import ViewBoxes, projected_bounds
+from .small_object_ranking import MOST_TILED, in_sight, rank_by_error, small_boxes
 from .task import PathTask
-from .tile_checkpoints import TileParts, TileRecord
+from .tile_checkpoints import TileCheckpoints, TileRecord
 from .tiles import Tile
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ class FrameWork:
         job: PathJob,
         frame: int,
         instant: Instant,
-        camera: contract.CameraRecord,
-        emitter: contract.EmitterRecord,
+        camera: contract.ReceiverRecord,
+        emitter: contract.TransmitterRecord,
         motion: BurstMotion,
     ) -> None:
         self._job, self._frame, self._instant = job, frame, instant
@@ -87,7 +87,7 @@ class FrameWork:
         # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
         asked = job.measurement
         carrier_hz = asked.waveform.carrier_hz
-        self._parts = TileParts(
+        self._parts = TileCheckpoints(
             self._folder, f"{job.options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
         )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
@@ -98,9 +98,9 @@ class FrameWork:
         self._grid = CellGrid(
             resolution_m,
             min(int(reach_m / resolution_m) + 1, 1 << 20),
-            ranges=job.options.error_of != "objects",
+            ranges=job.options.error_scope != "objects",
         )
-        self._budget = ErrorBudget(self._grid.first_object, job.options.error_of)
+        self._budget = ErrorBudget(self._grid.first_object, job.options.error_scope)
         self._whole = ViewWindow(
             camera.left,
             camera.right,
@@ -122,7 +122,7 @@ class FrameWork:
         uniform = tiles = Tile(self._whole).split(job.options.tile_px)
         if job.options.refines:
             chosen = yield from self._choose(uniform)
-            tiles = lay_over_small(uniform, chosen.areas(self._whole), self._whole, job.options)
+            tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, job.options)
         job.total += len(tiles) - len(uniform)
         for tile in tiles:
             yield from self._measure(tile)
@@ -136,10 +136,10 @@ class FrameWork:
         """Boxes of the small objects that get tiles of their own."""
         scene = self._job.path_scene
         assert scene is not None
-        boxes = view_boxes(self._poses, scene.objects, self._camera, scene.hidden)
+        boxes = projected_bounds(self._poses, scene.objects, self._camera, scene.hidden)
         small = chosen = small_boxes(boxes, self._whole)
         most = MOST_TILED
-        if len(small) and self._job.options.time_budget_s:
+        if len(small) and self._job.options.time_limit_s:
             most = yield from self._affordable_tiles(uniform[0])
         if len(small) > most:
             start_s = time.monotonic()
@@ -152,7 +152,7 @@ class FrameWork:
                 seen |= in_sight(small, camera, tile.window, view, scene.opaque, units)
             self._renders += len(uniform)
             self._seconds += time.monotonic() - start_s
-            chosen = most_needy(
+            chosen = rank_by_error(
                 small, seen, boxes, self._whole, self._camera, self._emitter_m, most
             )
         self._small, self._tiled = len(small), len(chosen)
@@ -180,30 +180,33 @@ class FrameWork:
         now_s = time.monotonic()
         self._renders += 2
         self._seconds += now_s - start_s
-        a_tile_s = options.shifts * (now_s - last_s)
-        return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_budget_s / a_tile_s))
+        a_tile_s = options.replicates * (now_s - last_s)
+        return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_limit_s / a_tile_s))
 
     def _refine(self) -> Generator[PathTask, None, str]:
         """Split the worst tiles until a limit is reached; returns which one it was."""
         options = self._job.options
         while True:
-            if options.error_target and self._budget.relative_error() <= options.error_target:
+            if (
+                options.max_standard_error
+                and self._budget.relative_error() <= options.max_standard_error
+            ):
                 return "error target"
             open_tiles = [
                 number
                 for number, measured in self._tiles.items()
-                if measured.tile.level < options.max_level
+                if measured.tile.level < options.max_refinement_level
                 and measured.tile.window.pitch / 2 >= FINEST_PITCH
             ]
             open_error = math.sqrt(sum(self._budget.squared_errors(open_tiles).values()))
-            if open_error <= options.error_target:
+            if open_error <= options.max_standard_error:
                 # The others are as fine as may be, and the error is theirs.
                 return "finest pixels"
             worst = self._budget.worst(open_tiles, _ROUND_SHARE)
             if not worst:
                 return "finest pixels"
             for number in worst:
-                if options.time_budget_s and self._seconds > options.time_budget_s:
+                if options.time_limit_s and self._seconds > options.time_limit_s:
                     return "time budget"
                 # The parts take the tile's place only when all of them are measured.
                 parts = self._tiles[number].tile.halved()
@@ -221,9 +224,9 @@ class FrameWork:
             record, powers = yield from self._trace(tile, number, key)
             self._job.done += 1
         else:  # an earlier session measured it
-            shifts = self._parts.shifts(key, record)
+            replicates = self._parts.replicates(key, record)
             powers = [
-                self._grid.shift_powers(rows, len(record.rows), self._camera) for rows in shifts
+                self._grid.shift_powers(rows, len(record.rows), self._camera) for rows in replicates
             ]
             self._job.found_done()
         quality, further = record.sums()
@@ -239,7 +242,7 @@ class FrameWork:
         """Measure a tile shift by shift, each written before the next one."""
         job = self._job
         start_s = time.monotonic()
-        count = job.options.shifts
+        count = job.options.replicates
         quality, further = QualitySums(), QualitySums()
         powers: list[ShiftPowers] = []
         rows_of: list[int] = []
@@ -291,7 +294,7 @@ class FrameWork:
         scene = job.path_scene
         assert scene is not None
         warnings = quality.warnings(wavelength_m, scene.objects)
-        unseen = unseen_warning(
+        unseen = missed_objects_warning(
             self._poses,
             scene.objects,
             quality.seen | quality.echoing | scene.hidden,
@@ -308,16 +311,16 @@ class FrameWork:
             )
         warnings += self._motion.warnings
         # where it was not met, `reached` says so
-        met = self._budget.relative_error() <= job.options.error_target
-        if job.options.error_target and met and job.options.refine_by != "ranges":
+        met = self._budget.relative_error() <= job.options.max_standard_error
+        if job.options.max_standard_error and met and job.options.refine_for != "ranges":
             warnings += _uncertain(
-                self._budget.object_errors(), scene.objects, job.options.error_target
+                self._budget.object_errors(), scene.objects, job.options.max_standard_error
             )
         record = contract.PathsRecord(
             frame=self._frame,
             time_s=self._instant.time_s,
             metres_per_unit=job.plan.metres_per_unit,
-            code_length_m=job.plan.code_length_m,
+            range_encoding_length_m=job.plan.range_encoding_length_m,
             extinction_length_m=job.plan.extinction_length_m,
             code="world" if job.code_world else "materials",
             coloured=quality.coloured,
@@ -327,29 +330,29 @@ class FrameWork:
             emitter=self._emitter,
             width_px=job.measurement.width_px,
             height_px=job.measurement.height_px,
-            max_order=job.options.max_order,
+            max_reflections=job.options.max_reflections,
             residual=job.options.residual,
             seed=job.measurement.seed,
             tiles=len(self._tiles),
-            shifts=job.options.shifts,
+            replicates=job.options.replicates,
             small_objects=self._small,
             small_objects_tiled=self._tiled,
-            finest_level=max((m.tile.level for m in self._tiles.values()), default=0),
+            finest_refinement_level=max((m.tile.level for m in self._tiles.values()), default=0),
             renders=self._renders,
             render_time_s=self._seconds,
             rows=rows,
             objects=scene.objects,
             total_power_w=quality.total_w,
-            left_order_share=quality.share(quality.left_order_w),
-            left_order_sigma=quality.left_order_sigma,
-            left_depth_share=quality.share(quality.left_depth_w),
-            mixed_share=quality.share(quality.mixed_w),
-            no_code_share=quality.share(quality.no_code_w),
+            truncated_reflections_fraction=quality.share(quality.left_order_w),
+            truncated_reflections_stderr=quality.truncated_reflections_stderr,
+            truncated_transparency_fraction=quality.share(quality.left_depth_w),
+            mixed_power_fraction=quality.share(quality.mixed_w),
+            unranged_power_fraction=quality.share(quality.no_code_w),
             mixed_bias_bound_m=quality.mixed_bias_bound_m,
             length_sigma_m=quality.length_sigma_m,
             length_sigma_wavelengths=quality.length_sigma_m / wavelength_m,
             relative_error=self._budget.relative_error(),
-            error_of=job.options.error_of,
+            error_scope=job.options.error_scope,
             reached=reached,
             table_file=table.name,
             table_sha256=file_sha256(table),

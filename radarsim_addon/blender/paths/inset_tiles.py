@@ -35,15 +35,15 @@ def pixels_across(options: PathOptions) -> float:
     sqrt(1 / (2 S)) / s; edges aslant are better. Half the error asked for is planned for: pixels
     are cheap here, and what the shifts say of the error has an error of its own.
     """
-    if options.refine_by == "ranges":
+    if options.refine_for == "ranges":
         return _LEAST_ACROSS
-    if not options.error_target:
+    if not options.max_standard_error:
         return _USUAL_ACROSS
-    needed = math.sqrt(0.5 / options.shifts) / (options.error_target / 2)
+    needed = math.sqrt(0.5 / options.replicates) / (options.max_standard_error / 2)
     return min(max(needed, _LEAST_ACROSS), _MOST_ACROSS)
 
 
-def lay_over_small(
+def add_inset_tiles(
     tiles: Sequence[Tile], areas: Sequence[Area], frame: ViewWindow, options: PathOptions
 ) -> list[Tile]:
     """The partition with finer tiles over those of the areas that are small in it.
@@ -71,7 +71,9 @@ def lay_over_small(
     found = list(tiles)
     # From coarse to fine: a small object in front of a less small one lies in its tile.
     for pitch, area in sorted(wanted, key=lambda w: (-w[0], w[1].left, w[1].bottom, w[1].right)):
-        found = lay_in(found, area, pitch, options.tile_px, FINEST_PITCH, options.max_level)
+        found = lay_in(
+            found, area, pitch, options.tile_px, FINEST_PITCH, options.max_refinement_level
+        )
     return found
 
 

@@ -10,18 +10,18 @@ import numpy as np
 from ... import contract
 from ..scene import Poses
 from ..views import ViewWindow
-from .screen_boxes import view_boxes
+from .screen_boxes import projected_bounds
 
 #: Objects of fewer pixels than this can lie between all rays of a view.
 _SURELY_HIT_PX = 2.0
 _NAMES_SHOWN = 5
 
 
-def unseen_warning(
+def missed_objects_warning(
     poses: Poses,
     names: Sequence[str],
     met: Collection[int],
-    camera: contract.CameraRecord,
+    camera: contract.ReceiverRecord,
     frame: ViewWindow,
 ) -> str | None:
     """What to say of objects that no ray met although they are in sight.
@@ -40,7 +40,7 @@ def unseen_warning(
     camera, frame
         The frame before any refinement.
     """
-    boxes = view_boxes(poses, names, camera, met)
+    boxes = projected_bounds(poses, names, camera, met)
     # The side of fewer pixels decides whether it can slip through between rays.
     slips = np.minimum(*boxes.pixels(frame)) < _SURELY_HIT_PX
     small = [names[number - 1] for number in np.unique(boxes.number[slips])]

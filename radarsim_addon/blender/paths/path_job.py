@@ -23,12 +23,12 @@ from ...physics.radar_equation import effective_area_m2
 from ...sidecar import file_sha256, read_record
 from ...signal.decoding import pixel_rays
 from ...signal.paths import PathRows, shift_px
-from ..materials import SURFACE_TYPES, worn_materials
+from ..materials import SURFACE_TYPES, assigned_materials
 from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementSettings, RenderJob, output_folder
-from ..scene import camera_record, emitter_record, evaluated_depsgraph
+from ..scene import evaluated_depsgraph, receiver_record, transmitter_record
 from ..views import (
     Gate,
     PathScene,
@@ -43,7 +43,7 @@ from ..views import (
 )
 from .frame import FrameWork
 from .task import PathTask
-from .tile_checkpoints import TileParts
+from .tile_checkpoints import TileCheckpoints
 from .tiles import Tile
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
@@ -67,7 +67,9 @@ class PathJob(RenderJob):
         **keywords: Any,
     ) -> None:
         # One sample a pixel; bounces follow from the order.
-        measurement = dataclasses.replace(measurement, samples=1, max_bounces=options.max_order - 1)
+        measurement = dataclasses.replace(
+            measurement, samples=1, max_bounces=options.max_reflections - 1
+        )
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self.path_scene: PathScene | None = None
@@ -96,9 +98,9 @@ class PathJob(RenderJob):
             self._metres_per_unit(),
             self._fps(),
             extent,
-            acquisition="paths",
+            sampling_mode="paths",
             options=repr(self.options) + (" world" if self.code_world else " materials"),
-            renders_per_burst=self.options.renders_per_burst,
+            visibility_updates=self.options.visibility_updates,
         )
 
     def _make_settings(self) -> MeasurementSettings:
@@ -116,7 +118,7 @@ class PathJob(RenderJob):
                 self.rig.camera,
                 self.rig.emitter,
                 self.plan.metres_per_unit,
-                self.plan.code_length_m,
+                self.plan.range_encoding_length_m,
                 self.code_world,
             )
             self.path_scene.apply()
@@ -128,7 +130,7 @@ class PathJob(RenderJob):
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
         # More where tiles are refined: the total grows as they are split.
-        renders = self.options.renders_per_burst
+        renders = self.options.visibility_updates
         self.total = tiles * len(frames) * renders
         kept = [
             (frame, render)
@@ -138,7 +140,7 @@ class PathJob(RenderJob):
         ]
         self.done = self._done_before = tiles * len(kept)
         for frame, render in kept:  # a kill may have left them
-            TileParts(self.folder / contract.burst_dir(frame, render), "").remove()
+            TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
 
     @property
     def _span_s(self) -> float:
@@ -147,7 +149,7 @@ class PathJob(RenderJob):
         return burst.pulses / burst.prf_hz
 
     def _is_done(self, frame: int) -> bool:
-        renders = range(self.options.renders_per_burst)
+        renders = range(self.options.visibility_updates)
         return all(self._render_is_done(frame, render) for render in renders)
 
     def _render_is_done(self, frame: int, render: int) -> bool:
@@ -213,7 +215,7 @@ class PathJob(RenderJob):
         assert self.path_scene is not None
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
-        for render in range(self.options.renders_per_burst):
+        for render in range(self.options.visibility_updates):
             if not self._render_is_done(frame, render):
                 output_folder.make_frame_folder(self.folder, frame, render)
                 yield from self._render_tasks(frame, render)
@@ -222,7 +224,7 @@ class PathJob(RenderJob):
         """One of the renders of a burst."""
         assert self.path_scene is not None
         units = self.plan.metres_per_unit
-        last = self.options.renders_per_burst - 1
+        last = self.options.visibility_updates - 1
         sampling = SamplingPlan(
             frame,
             self._fps(),
@@ -242,10 +244,10 @@ class PathJob(RenderJob):
             render=render,
         )
         depsgraph = motion.begin()
-        camera = camera_record(
+        camera = receiver_record(
             self.rig, depsgraph, units, self._measurement.width_px, self._measurement.height_px
         )
-        emitter = emitter_record(self.rig, depsgraph, units)
+        emitter = transmitter_record(self.rig, depsgraph, units)
         self.path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
         work = FrameWork(self, frame, sampling.shown[1], camera, emitter, motion)
@@ -264,7 +266,7 @@ class PathJob(RenderJob):
 
     def look_tasks(
         self, frame: int, instant: Instant, number: int, window: ViewWindow
-    ) -> Generator[PathTask, None, tuple[contract.CameraRecord, View]]:
+    ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
         """One render of a part of the unrefined frame, for what is seen first in each pixel."""
         assert self.path_scene is not None
         record = self.path_scene.look(window, (0.0, 0.0), self._measurement.seed)
@@ -288,10 +290,10 @@ class PathJob(RenderJob):
         record = self.path_scene.look(window, shift_px(shift), seed)
         rays = pixel_rays(record, window.width_px, window.height_px)
         limits = TraceLimits(
-            max_order=options.max_order,
+            max_reflections=options.max_reflections,
             max_depth=options.max_depth,
             residual=options.residual,
-            lottery_free=not self.code_world,
+            deterministic_transmission=not self.code_world,
             world_code=self.code_world,
             amplitude=options.amplitude,
             # What lies beyond is asked once, of the whole frame: finer tiles would ask it again.
@@ -316,11 +318,11 @@ class PathJob(RenderJob):
             rays,
             record,
             emitter_m,
-            self.plan.code_length_m,
+            self.plan.range_encoding_length_m,
             self.plan.metres_per_unit,
             self._vertex_map,
             float(effective_area_m2(self._measurement.waveform.wavelength_m)),
-            1 / options.shifts,
+            1 / options.replicates,
             number,
             shift,
         )
@@ -328,7 +330,7 @@ class PathJob(RenderJob):
 
 
 def _vertex_map(
-    extent: Extent, camera: contract.CameraRecord, metres_per_unit: float
+    extent: Extent, camera: contract.ReceiverRecord, metres_per_unit: float
 ) -> tuple[NDArray[np.float64], float]:
     """Origin and scale that bring every point of the scene to colours from 1/2 to 3/2."""
     position = np.array(camera.matrix_world, dtype=np.float64)[:3, 3] / metres_per_unit
@@ -352,6 +354,6 @@ def _needs_world_code(view_layer: Any, options: PathOptions) -> bool:
     # What geometry nodes set shows in the evaluated object alone.
     return any(
         material is not None and not is_radar_material(material)
-        for worn in worn_materials(evaluated_depsgraph(view_layer))
+        for worn in assigned_materials(evaluated_depsgraph(view_layer))
         for material in worn.materials
     )

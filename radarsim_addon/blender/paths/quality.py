@@ -95,7 +95,7 @@ class QualitySums:
         return watts / self.total_w if self.total_w > 0 else 0.0
 
     @property
-    def left_order_sigma(self) -> float:
+    def truncated_reflections_stderr(self) -> float:
         """Standard error of the share of power in orders that were not followed."""
         return self.share(float(np.sqrt(self.left_order_variance_w2)))
 
@@ -113,9 +113,9 @@ class QualitySums:
         """What a user should know of this frame; `objects` names the numbers from 1."""
         found = []
         left = self.share(self.left_order_w)
-        if max(left, self.left_order_sigma) > _WARN_SHARE:
+        if max(left, self.truncated_reflections_stderr) > _WARN_SHARE:
             found.append(
-                f"{100 * left:.2g} % (standard error {100 * self.left_order_sigma:.1g} %) of the "
+                f"{100 * left:.2g} % (standard error {100 * self.truncated_reflections_stderr:.1g} %) of the "
                 "power is in more reflections than were followed. Raise the order."
             )
         for share, text in (

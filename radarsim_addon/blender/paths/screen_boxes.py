@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...array_types import Indices, Real
-from ..scene import Poses, Shown
+from ..scene import InstancePose, Poses
 from ..views import ViewWindow
 from .tiles import Area
 
@@ -33,7 +33,7 @@ class ViewBoxes:
     number
         Number of the object, from 1, (n,).
     left, right, bottom, top
-        Edges in the camera's coordinates (`contract.CameraRecord`), (n,). Longitudes may lie
+        Edges in the camera's coordinates (`contract.ReceiverRecord`), (n,). Longitudes may lie
         beyond pi where a box straddles the seam: see :meth:`areas`.
     stretch
         Most true length per unit of the first coordinate, (n,): the cosine of the latitude in an
@@ -82,10 +82,10 @@ class ViewBoxes:
         ]
 
 
-def view_boxes(
+def projected_bounds(
     poses: Poses,
     names: Sequence[str],
-    camera: contract.CameraRecord,
+    camera: contract.ReceiverRecord,
     left_out: Collection[int] = (),
 ) -> ViewBoxes:
     """Areas around the boxes of all that is in view.
@@ -117,7 +117,9 @@ def view_boxes(
     )
 
 
-def _boxes_in_view(found: Sequence[tuple[int, Shown]], camera: contract.CameraRecord) -> ViewBoxes:
+def _boxes_in_view(
+    found: Sequence[tuple[int, InstancePose]], camera: contract.ReceiverRecord
+) -> ViewBoxes:
     count = len(found)
     number = np.fromiter((number for number, _ in found), dtype=np.intp, count=count)
     local = _corners(found, np.array(camera.matrix_world, dtype=np.float64))
@@ -148,7 +150,7 @@ def _boxes_in_view(found: Sequence[tuple[int, Shown]], camera: contract.CameraRe
     return boxes.take(known)
 
 
-def _corners(found: Sequence[tuple[int, Shown]], pose: Real) -> Real:
+def _corners(found: Sequence[tuple[int, InstancePose]], pose: Real) -> Real:
     """Corners of the boxes in the camera's axes, (n, 8, 3) [m]."""
     box = np.array([shown.box for _, shown in found]).reshape(-1, 2, 3)
     own = np.array([shown.pose for _, shown in found]).reshape(-1, 4, 4)
@@ -200,7 +202,7 @@ def _latitudes_within(a: Real, b: Real) -> Real:
     return np.asarray(np.arctan2(point[..., 1], np.hypot(point[..., 0], point[..., 2])))
 
 
-def _meets_turned(left: Real, right: Real, camera: contract.CameraRecord) -> NDArray[np.bool_]:
+def _meets_turned(left: Real, right: Real, camera: contract.ReceiverRecord) -> NDArray[np.bool_]:
     met = np.zeros(left.shape, dtype=bool)
     for turn in (-2 * math.pi, 0.0, 2 * math.pi):
         met |= (right + turn > camera.left) & (left + turn < camera.right)

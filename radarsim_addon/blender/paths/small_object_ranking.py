@@ -34,7 +34,7 @@ def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
 
 def in_sight(
     boxes: ViewBoxes,
-    camera: contract.CameraRecord,
+    camera: contract.ReceiverRecord,
     window: ViewWindow,
     view: View,
     opaque: frozenset[int],
@@ -88,12 +88,12 @@ def _pixels(first: float, last: float, count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(low, high - 1, min(high - low, _MOST_LOOKED)).astype(np.intp))
 
 
-def most_needy(
+def rank_by_error(
     small: ViewBoxes,
     seen: Mask,
     boxes: ViewBoxes,
     frame: ViewWindow,
-    camera: contract.CameraRecord,
+    camera: contract.ReceiverRecord,
     emitter_m: Real,
     most: int,
 ) -> ViewBoxes:
@@ -127,7 +127,7 @@ def most_needy(
 
 
 def _echo(
-    boxes: ViewBoxes, frame: ViewWindow, camera: contract.CameraRecord, emitter_m: Real
+    boxes: ViewBoxes, frame: ViewWindow, camera: contract.ReceiverRecord, emitter_m: Real
 ) -> Real:
     """Echo of each box up to a factor: solid angle over squared distance from the emitter."""
     across, down = boxes.pixels(frame)

@@ -55,7 +55,7 @@ class TileRecord:
         return quality, QualitySums.from_numbers(self.further)
 
 
-class TileParts:
+class TileCheckpoints:
     """Folder of the tiles of one frame.
 
     Parameters
@@ -100,7 +100,7 @@ class TileParts:
         """Say that a tile is whole."""
         write_record(self._folder / f"{key}.json", record)
 
-    def shifts(self, key: str, record: TileRecord) -> Iterator[PathRows]:
+    def replicates(self, key: str, record: TileRecord) -> Iterator[PathRows]:
         """Rows of a tile, one shift after the other."""
         with open(self.rows_file(key), "rb") as stream:
             for count in record.rows:

@@ -2,7 +2,7 @@
 """ROOM."""
 
 from .config_warnings import derive, warnings_for
-from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames, typed
+from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames, shortest_decimal
 from .path_options import FINEST_PITCH, PathOptions
 from .run_plan import (
     Extent,
@@ -37,6 +37,6 @@ __all__ = [
     "make_plan",
     "parse_frames",
     "run_record",
-    "typed",
+    "shortest_decimal",
     "warnings_for",
 ]

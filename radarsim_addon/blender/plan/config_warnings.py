@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...signal.radar import implausible
+from ...signal.radar import find_suspicious_parameters
 from .measurement import Measurement
 
 _FOLD = "fold back to small ranges. Lower the PRF."
@@ -27,7 +27,7 @@ class Derived:
 
     range_resolution_m: float
     unambiguous_range_m: float
-    max_velocity_mps: float
+    max_unambiguous_velocity_mps: float
     velocity_resolution_mps: float
     burst_s: float
     rings: int
@@ -41,7 +41,7 @@ def derive(measurement: Measurement, rings: int) -> Derived:
     return Derived(
         range_resolution_m=radar.waveform.range_resolution_m,
         unambiguous_range_m=radar.unambiguous_range_m,
-        max_velocity_mps=radar.max_velocity_mps,
+        max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
         velocity_resolution_mps=radar.velocity_resolution_mps,
         burst_s=radar.burst.pulses / radar.burst.prf_hz,
         rings=rings,
@@ -55,7 +55,7 @@ def warnings_for(
     rings: int,
     farthest_m: float | None = None,
     frame_interval_s: float | None = None,
-    acquisition: str = "rings",
+    sampling_mode: str = "rings",
     animation_s: float | None = None,
 ) -> list[str]:
     """Sentences about numbers that do not fit together; empty when all is well.
@@ -70,17 +70,17 @@ def warnings_for(
         Farthest point of the scene from the emitter [m], if known.
     frame_interval_s
         Time between two radar frames [s], if there are several.
-    acquisition
+    sampling_mode
         "rings" or "paths", which reach as far as the scene does.
     animation_s
         Length of the scene's animation [s], if known.
     """
     radar = measurement.radar
-    of_rings = acquisition == "rings"
+    of_rings = sampling_mode == "rings"
     covered_m = rings * measurement.ring_step_m if of_rings else math.inf
     reach_m = covered_m if farthest_m is None else min(covered_m, farthest_m)
     known_m = reach_m if math.isfinite(reach_m) else None
-    found = implausible(radar, known_m, animation_s)
+    found = find_suspicious_parameters(radar, known_m, animation_s)
     if of_rings and farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
         found.append(
             f"The rings end at {covered_m:.6g} m, the scene at {farthest_m:.6g} m: echoes from "
@@ -98,11 +98,11 @@ def warnings_for(
             f"The ring step of {measurement.ring_step_m:.4g} m is below the range resolution of "
             f"{radar.waveform.range_resolution_m:.4g} m: more renders, no more detail."
         )
-    if of_rings and measurement.passes == 1:
+    if of_rings and measurement.snapshots == 1:
         found.append("One pass gives no Doppler: every echo will be at 0 m/s. Take two passes.")
-    elif of_rings and measurement.delta_t_s < 0.002:
+    elif of_rings and measurement.snapshot_interval_s < 0.002:
         found.append(
-            f"Delta t of {measurement.delta_t_s * 1e3:.4g} ms is short: Blender keeps animation in "
+            f"Delta t of {measurement.snapshot_interval_s * 1e3:.4g} ms is short: Blender keeps animation in "
             "float32, which at 1 ms costs about 1 % of the velocity. 10 ms is a good value."
         )
     if frame_interval_s is not None and len(measurement.frames) > 1:

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from decimal import Decimal
 
-from ...contract import SystemRecord
+from ...contract import LinkBudget
 from ...errors import ConfigError
 from ...signal.radar import AnyWaveform, Burst, Radar
 
@@ -20,7 +20,7 @@ MAX_RINGS = 10_000
 MAX_PIXELS = 1 << 28
 
 
-def typed(value: float, exponent: int = 0) -> float:
+def shortest_decimal(value: float, exponent: int = 0) -> float:
     """The decimal number that the user typed into a float32 field, times ``10**exponent``.
 
     A Blender FloatProperty holds float32: 77 GHz as 77e9 would read back 76999999488. Seven
@@ -76,9 +76,9 @@ class Measurement:
         Number of rings from range 0; 0 means: as many as the scene needs.
     ring_step_m
         Width of a ring in one-way range [m] (Delta r of Eq. 5).
-    passes
-        1: at t only; 2: at t and t + delta_t_s, from which Doppler follows (Eq. 12).
-    delta_t_s
+    snapshots
+        1: at t only; 2: at t and t + snapshot_interval_s, from which Doppler follows (Eq. 12).
+    snapshot_interval_s
         Time between the passes [s].
     width_px, height_px, samples, seed
         Size of each render, Cycles samples a pixel, Cycles seed (the same for all renders).
@@ -97,15 +97,15 @@ class Measurement:
     frames: tuple[int, ...]
     rings: int
     ring_step_m: float
-    passes: int = 2
-    delta_t_s: float = 0.01
+    snapshots: int = 2
+    snapshot_interval_s: float = 0.01
     width_px: int = 256
     height_px: int = 256
     samples: int = 16
     seed: int = 0
     max_bounces: int = 0
     extinction_length_m: float = 0.0
-    system: SystemRecord | None = None
+    system: LinkBudget | None = None
     polarisation: str = "average"
 
     def __post_init__(self) -> None:
@@ -126,11 +126,13 @@ class Measurement:
             raise ConfigError(
                 f"Number of rings is {self.rings}; expected 1 to {MAX_RINGS}, or automatic."
             )
-        if self.passes not in (1, 2):
-            raise ConfigError(f"Number of passes is {self.passes}; expected 1 or 2.")
-        if self.passes == 2 and not (math.isfinite(self.delta_t_s) and self.delta_t_s > 0):
+        if self.snapshots not in (1, 2):
+            raise ConfigError(f"Number of passes is {self.snapshots}; expected 1 or 2.")
+        if self.snapshots == 2 and not (
+            math.isfinite(self.snapshot_interval_s) and self.snapshot_interval_s > 0
+        ):
             raise ConfigError(
-                f"Delta t is {self.delta_t_s!r} s; expected a positive time between the "
+                f"Delta t is {self.snapshot_interval_s!r} s; expected a positive time between the "
                 "two passes. 10 ms is a good value; one pass alone needs none."
             )
         for name, value, least in (
@@ -167,4 +169,4 @@ class Measurement:
 
     def renders(self, rings: int) -> int:
         """Number of Cycles renders when the run has `rings` rings."""
-        return len(self.frames) * self.passes * rings
+        return len(self.frames) * self.snapshots * rings

@@ -18,23 +18,23 @@ class PathOptions:
 
     Parameters
     ----------
-    max_order
+    max_reflections
         Most reflections.
     max_depth
         Most transparent surfaces on the receiver's side.
     residual
         Share of the total power that may stay unfollowed.
-    shifts
+    replicates
         Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
         One alone tells that of objects, by their edges and by what neighbouring pixels differ.
-    error_target
+    max_standard_error
         Relative standard error (over range bins and objects) at which refinement ends; 0: no
         refinement.
-    refine_by
+    refine_for
         What the relative error is of: "both", "ranges" (range bins) or "objects".
-    time_budget_s
+    time_limit_s
         Time per radar frame after which no further tile is refined [s]; 0: no limit.
-    max_level
+    max_refinement_level
         Most halvings of the pixel pitch.
     tile_px
         Side of a tile.
@@ -43,7 +43,7 @@ class PathOptions:
         all stands still during a burst.
     motion_samples
         Most samples of the animation in a burst.
-    renders_per_burst
+    visibility_updates
         How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
         at its end and evenly between. Echoes fade from one to the next.
     code
@@ -52,37 +52,37 @@ class PathOptions:
         Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
     """
 
-    max_order: int = 1
+    max_reflections: int = 1
     max_depth: int = 64
     residual: float = 1e-4
-    shifts: int = 4
-    error_target: float = 0.0
-    refine_by: str = "both"
-    time_budget_s: float = 0.0
-    max_level: int = 12
+    replicates: int = 4
+    max_standard_error: float = 0.0
+    refine_for: str = "both"
+    time_limit_s: float = 0.0
+    max_refinement_level: int = 12
     tile_px: int = 256
     motion: str = "kinematic"
     motion_samples: int = 4097
-    renders_per_burst: int = 1
+    visibility_updates: int = 1
     code: str = "auto"
     amplitude: str = "mean"
 
     def __post_init__(self) -> None:
         for name, value, low, high in (
-            ("Reflections", self.max_order, 1, 64),
+            ("Reflections", self.max_reflections, 1, 64),
             ("Transparent surfaces", self.max_depth, 0, 1000),
-            ("Shifts", self.shifts, 1, 10_000),
-            ("Refinement levels", self.max_level, 0, 40),
+            ("Shifts", self.replicates, 1, 10_000),
+            ("Refinement levels", self.max_refinement_level, 0, 40),
             ("Tile size", self.tile_px, 4, 4096),
             ("Motion samples", self.motion_samples, 17, 65_537),
-            ("Renders per burst", self.renders_per_burst, 1, 1000),
+            ("Renders per burst", self.visibility_updates, 1, 1000),
         ):
             if not (isinstance(value, int) and low <= value <= high):
                 raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
         for name, number, top in (
             ("Residual", self.residual, 1.0),
-            ("Error target", self.error_target, 10.0),
-            ("Time budget", self.time_budget_s, 1e9),
+            ("Error target", self.max_standard_error, 10.0),
+            ("Time budget", self.time_limit_s, 1e9),
         ):
             if not (math.isfinite(number) and 0 <= number <= top):
                 raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
@@ -92,23 +92,23 @@ class PathOptions:
             raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
         if self.amplitude not in ("mean", "R", "G", "B"):
             raise ConfigError(f"Amplitude {self.amplitude!r}; expected 'mean', 'R', 'G' or 'B'.")
-        if self.refine_by not in ("both", "ranges", "objects"):
+        if self.refine_for not in ("both", "ranges", "objects"):
             raise ConfigError(
-                f"Refinement by {self.refine_by!r}; expected 'both', 'ranges' or 'objects'."
+                f"Refinement by {self.refine_for!r}; expected 'both', 'ranges' or 'objects'."
             )
-        if self.refines and self.shifts < 2 and self.refine_by != "objects":
+        if self.refines and self.replicates < 2 and self.refine_for != "objects":
             raise ConfigError(
                 f"One shift a tile gives no standard error of range bins, and the error is of "
-                f"{self.refine_by!r}; expected at least 2 shifts with an error target or a time "
+                f"{self.refine_for!r}; expected at least 2 shifts with an error target or a time "
                 "budget, or an error of 'objects'."
             )
 
     @property
-    def error_of(self) -> str:
+    def error_scope(self) -> str:
         """What the error that is reported is of: one shift knows that of objects alone."""
-        return "objects" if self.shifts == 1 else self.refine_by
+        return "objects" if self.replicates == 1 else self.refine_for
 
     @property
     def refines(self) -> bool:
         """Whether tiles are refined at all."""
-        return self.error_target > 0 or self.time_budget_s > 0
+        return self.max_standard_error > 0 or self.time_limit_s > 0

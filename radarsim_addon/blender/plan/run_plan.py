@@ -61,7 +61,7 @@ class Task:
     """One Cycles render: one ring in one pass of one radar frame."""
 
     frame: int
-    pass_index: int
+    snapshot_index: int
     ring: int
     instant: Instant
     ring_min_m: float
@@ -72,7 +72,7 @@ class Task:
         """EXR file, relative to the run's folder."""
         return (
             f"{contract.frame_dir(self.frame)}/"
-            f"{contract.render_stem(self.ring, self.pass_index)}.exr"
+            f"{contract.render_stem(self.ring, self.snapshot_index)}.exr"
         )
 
     @property
@@ -89,12 +89,12 @@ class Plan:
     rings: int
     metres_per_unit: float
     fps: float
-    code_length_m: float
+    range_encoding_length_m: float
     extinction_length_m: float
     extent: Extent
-    acquisition: str = "rings"
+    sampling_mode: str = "rings"
     options: str = ""
-    renders_per_burst: int = 1
+    visibility_updates: int = 1
 
     @property
     def total(self) -> int:
@@ -108,15 +108,19 @@ class Plan:
         """
         step_m = self.measurement.ring_step_m
         for frame in self.measurement.frames:
-            for pass_index, instant in enumerate(self.instants(frame)):
+            for snapshot_index, instant in enumerate(self.instants(frame)):
                 for ring in range(self.rings):
-                    yield Task(frame, pass_index, ring, instant, ring * step_m, (ring + 1) * step_m)
+                    yield Task(
+                        frame, snapshot_index, ring, instant, ring * step_m, (ring + 1) * step_m
+                    )
 
     def instants(self, frame: int) -> list[Instant]:
         """Moments of the passes of a radar frame: t, and t + delta t where there are two."""
         moments = [instant_at(float(frame), self.fps)]
-        if self.measurement.passes == 2:
-            moments.append(instant_at(frame + self.measurement.delta_t_s * self.fps, self.fps))
+        if self.measurement.snapshots == 2:
+            moments.append(
+                instant_at(frame + self.measurement.snapshot_interval_s * self.fps, self.fps)
+            )
         return moments
 
 
@@ -133,7 +137,7 @@ def instant_at(frame: float, fps: float) -> Instant:
     return Instant(whole, subframe, float(np.float32(whole) + np.float32(subframe)) / fps)
 
 
-def code_length_m(measurement: Measurement, rings: int, extent: Extent) -> float:
+def range_encoding_length_m(measurement: Measurement, rings: int, extent: Extent) -> float:
     """Code length k such that neither R nor G can underflow: an eighth of the longest path.
 
     The longest path goes from the receiver over the bounces to the emitter; the last segment ends
@@ -154,9 +158,9 @@ def make_plan(
     metres_per_unit: float,
     fps: float,
     extent: Extent,
-    acquisition: str = "rings",
+    sampling_mode: str = "rings",
     options: str = "",
-    renders_per_burst: int = 1,
+    visibility_updates: int = 1,
 ) -> Plan:
     """Plan of a run.
 
@@ -166,15 +170,15 @@ def make_plan(
         Automatic rings would be more than `MAX_RINGS`, scale or frame rate are not positive, or
         there are more renders in a burst than pulses.
     """
-    if renders_per_burst > measurement.burst.pulses:
+    if visibility_updates > measurement.burst.pulses:
         raise ConfigError(
-            f"Renders per burst: {renders_per_burst}, more than the {measurement.burst.pulses} "
+            f"Renders per burst: {visibility_updates}, more than the {measurement.burst.pulses} "
             "pulses of the burst; expected at most one a pulse. Lower it, or send more pulses."
         )
     check_unit_scale(metres_per_unit)
     check_frame_rate(fps)
     rings = measurement.rings or automatic_rings(measurement.ring_step_m, extent)
-    inverse_k = np.float32(metres_per_unit / code_length_m(measurement, rings, extent))
+    inverse_k = np.float32(metres_per_unit / range_encoding_length_m(measurement, rings, extent))
     if not (np.isfinite(inverse_k) and inverse_k > 0):
         raise ConfigError(
             f"Rings of {measurement.ring_step_m:g} m do not fit a scene with "
@@ -186,12 +190,12 @@ def make_plan(
         metres_per_unit=metres_per_unit,
         fps=fps,
         # What the shader sees is 1/k in float32; k is recorded as the inverse of exactly that.
-        code_length_m=metres_per_unit / float(inverse_k),
+        range_encoding_length_m=metres_per_unit / float(inverse_k),
         extinction_length_m=measurement.extinction_length_m or metres_per_unit,
         extent=extent,
-        acquisition=acquisition,
+        sampling_mode=sampling_mode,
         options=options,
-        renders_per_burst=renders_per_burst,
+        visibility_updates=visibility_updates,
     )
 
 
@@ -246,17 +250,17 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
         "measurement": measurement,
         "metres_per_unit": plan.metres_per_unit,
         "fps": plan.fps,
-        "code_length_m": plan.code_length_m,
+        "range_encoding_length_m": plan.range_encoding_length_m,
         "extinction_length_m": plan.extinction_length_m,
-        "acquisition": plan.acquisition,
+        "sampling_mode": plan.sampling_mode,
         "options": plan.options,
         "scene": scene_digest,
         "versions": versions,
     }
-    if plan.acquisition == "paths":
+    if plan.sampling_mode == "paths":
         # These follow from how far the scene reaches in the frames asked for; each table has its
         # own code length beside it.
-        del measurement["ring_step_m"], parts["code_length_m"]
+        del measurement["ring_step_m"], parts["range_encoding_length_m"]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -270,21 +274,21 @@ def run_record(
     """The record that ``run.json`` holds."""
     measurement = plan.measurement
     return contract.RunRecord(
-        acquisition=plan.acquisition,
+        sampling_mode=plan.sampling_mode,
         frames=list(measurement.frames),
         frame_times_s=[plan.instants(frame)[0].time_s for frame in measurement.frames],
         rings=plan.rings,
         ring_step_m=measurement.ring_step_m,
-        passes=measurement.passes,
-        delta_t_s=measurement.delta_t_s if measurement.passes == 2 else 0.0,
+        snapshots=measurement.snapshots,
+        snapshot_interval_s=measurement.snapshot_interval_s if measurement.snapshots == 2 else 0.0,
         width_px=measurement.width_px,
         height_px=measurement.height_px,
-        renders_per_burst=plan.renders_per_burst,
+        visibility_updates=plan.visibility_updates,
         samples=measurement.samples,
         seed=measurement.seed,
         max_bounces=measurement.max_bounces,
         metres_per_unit=plan.metres_per_unit,
-        code_length_m=plan.code_length_m,
+        range_encoding_length_m=plan.range_encoding_length_m,
         extinction_length_m=plan.extinction_length_m,
         waveform=waveform_to_dict(measurement.waveform),
         burst=dataclasses.asdict(measurement.burst),

@@ -205,10 +205,10 @@ def _own_files(folder: Path) -> list[Path]:
         contract.PATHS_TABLE,
         contract.PATHS_FILE,
         contract.MOTION_FILE,
-        contract.MOTION_TRACKS,
+        contract.DEFORMING_SURFACES_FILE,
         "burst_*/*",
         f"burst_*/{contract.TILES_DIR}/*",
-        contract.SCENE_FILE,
+        contract.GROUND_TRUTH_FILE,
         f"{contract.TILES_DIR}/*",
         "*.part",
     )

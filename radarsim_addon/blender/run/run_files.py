@@ -14,7 +14,7 @@ from ...errors import RadarSimError
 from ...sidecar import file_sha256, read_record, write_record
 from ..plan import Instant, Plan, Task, fingerprint, run_record
 from ..scene import Rig
-from ..scene import ground_truth as scene_truth
+from ..scene import ground_truth as ground_truth
 
 
 def write_run(
@@ -75,9 +75,9 @@ def write_scene(
     OutputError
         The file cannot be written.
     """
-    path = folder / contract.frame_dir(frame) / contract.SCENE_FILE
+    path = folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
     try:
-        read_record(path, contract.SceneRecord)
+        read_record(path, contract.GroundTruthRecord)
         return
     except RadarSimError:
         pass
@@ -85,17 +85,17 @@ def write_scene(
     units = plan.metres_per_unit
     later, interval_s = None, 0.0
     if len(instants) > 1:
-        later = scene_truth.origin_positions(show(instants[1]), rig, units)
+        later = ground_truth.origin_positions(show(instants[1]), rig, units)
         interval_s = instants[1].time_s - instants[0].time_s
-    objects = scene_truth.object_records(show(instants[0]), rig, units, later, interval_s)
-    write_record(path, contract.SceneRecord(frame, instants[0].time_s, objects))
+    objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
+    write_record(path, contract.GroundTruthRecord(frame, instants[0].time_s, objects))
 
 
 def render_record(
     plan: Plan,
     task: Task,
-    camera: contract.CameraRecord,
-    emitter: contract.EmitterRecord,
+    camera: contract.ReceiverRecord,
+    emitter: contract.TransmitterRecord,
     exr: Path,
     versions: dict[str, str],
 ) -> contract.RenderRecord:
@@ -116,9 +116,9 @@ def render_record(
     """
     measurement = plan.measurement
     return contract.RenderRecord(
-        acquisition="rings",
+        sampling_mode="rings",
         frame=task.frame,
-        pass_index=task.pass_index,
+        snapshot_index=task.snapshot_index,
         time_s=task.instant.time_s,
         ring=task.ring,
         ring_min_m=task.ring_min_m,
@@ -126,7 +126,7 @@ def render_record(
         width_px=measurement.width_px,
         height_px=measurement.height_px,
         metres_per_unit=plan.metres_per_unit,
-        code_length_m=plan.code_length_m,
+        range_encoding_length_m=plan.range_encoding_length_m,
         extinction_length_m=plan.extinction_length_m,
         camera=camera,
         emitter=emitter,

@@ -42,13 +42,13 @@ from ..plan import (
     fingerprint,
     instant_at,
     make_plan,
-    typed,
+    shortest_decimal,
     warnings_for,
 )
 from ..rings import save_render, verify_exr
-from ..scene import Rig, camera_record, emitter_record, find_rig, show_what_renders
-from ..scene import ground_truth as scene_truth
-from ..state import Recorder
+from ..scene import Rig, find_rig, receiver_record, show_what_renders, transmitter_record
+from ..scene import ground_truth as ground_truth
+from ..state import SettingsRestorer
 from . import output_folder, run_files
 from .folder_lock import FolderLock
 from .scene_state import MeasurementSettings
@@ -98,10 +98,10 @@ class RenderJob:
         self._overwrite = overwrite
         self._antennas = (camera, emitter)
         self._settings: MeasurementSettings | None = None
-        self._shown_for_run = Recorder()
+        self._shown_for_run = SettingsRestorer()
         self._lock = FolderLock(folder)
         self._scene_written: int | None = None
-        self._records: tuple[contract.CameraRecord, contract.EmitterRecord] | None = None
+        self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
         self._shown: Instant | None = None
         self._started_s = 0.0
         self._rendered = 0
@@ -155,10 +155,10 @@ class RenderJob:
 
     def _prepare(self) -> None:
         # Before anything is touched: afterwards the file would count as changed.
-        file_digest = scene_truth.file_digest(self.file_just_opened)
+        file_digest = ground_truth.file_digest(self.file_just_opened)
         # A file of an older radarsim holds older node groups, which know less of the measurement.
         refresh_groups()
-        survey = Recorder()
+        survey = SettingsRestorer()
         try:
             self._remember_view(survey)
             extent, geometry_digest = self._survey()
@@ -193,13 +193,13 @@ class RenderJob:
         return MeasurementSettings(self._scene, self._view_layer, self.rig, self.plan)
 
     def _metres_per_unit(self) -> float:
-        return check_unit_scale(typed(self._scene.unit_settings.scale_length))
+        return check_unit_scale(shortest_decimal(self._scene.unit_settings.scale_length))
 
     def _fps(self) -> float:
         render = self._scene.render
-        return check_frame_rate(float(render.fps) / typed(render.fps_base))
+        return check_frame_rate(float(render.fps) / shortest_decimal(render.fps_base))
 
-    def _remember_view(self, recorder: Recorder) -> None:
+    def _remember_view(self, recorder: SettingsRestorer) -> None:
         scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
         recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
 
@@ -211,21 +211,23 @@ class RenderJob:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent = Extent()
         measurement = self._measurement
-        later = measurement.delta_t_s * self._fps() if measurement.passes == 2 else None
+        later = (
+            measurement.snapshot_interval_s * self._fps() if measurement.snapshots == 2 else None
+        )
         for frame in measurement.frames:
             if later is not None:
                 self._refuse_what_is_no_number(instant_at(frame + later, self._fps()))
             for at in self._surveyed(frame):
                 depsgraph = self._refuse_what_is_no_number(instant_at(at, self._fps()))
                 extent = extent.union(
-                    scene_truth.scene_extent(
+                    ground_truth.scene_extent(
                         depsgraph, self.rig, self._metres_per_unit(), self.code_world
                     )
                 )
-        digests = [scene_truth.animation_digest()]
+        digests = [ground_truth.animation_digest()]
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
             depsgraph = self._show(instant_at(float(frame), self._fps()))
-            digests.append(scene_truth.geometry_digest(depsgraph, self.rig))
+            digests.append(ground_truth.geometry_digest(depsgraph, self.rig))
         self._shown = None
         return extent, "+".join(digests)
 
@@ -233,7 +235,7 @@ class RenderJob:
         """See that all can be recorded at a moment, before anything is written; its depsgraph."""
         depsgraph = self._show(instant)
         self._antenna_records(depsgraph, self._metres_per_unit())
-        scene_truth.check_surfaces(depsgraph)
+        ground_truth.check_surfaces(depsgraph)
         return depsgraph
 
     def _write_plan(self, digests: list[str]) -> None:
@@ -247,7 +249,7 @@ class RenderJob:
             self.plan.rings,
             self.plan.extent.from_emitter_m or None,
             interval_s,
-            self.plan.acquisition,
+            self.plan.sampling_mode,
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
         )
         run_files.write_run(self.folder, self.plan, digests, self._run_warnings, self.versions)
@@ -278,12 +280,12 @@ class RenderJob:
 
     def _antenna_records(
         self, depsgraph: Any, metres_per_unit: float
-    ) -> tuple[contract.CameraRecord, contract.EmitterRecord]:
+    ) -> tuple[contract.ReceiverRecord, contract.TransmitterRecord]:
         """Both antennas at the depsgraph's time."""
         size_px = self._measurement.width_px, self._measurement.height_px
         return (
-            camera_record(self.rig, depsgraph, metres_per_unit, *size_px),
-            emitter_record(self.rig, depsgraph, metres_per_unit),
+            receiver_record(self.rig, depsgraph, metres_per_unit, *size_px),
+            transmitter_record(self.rig, depsgraph, metres_per_unit),
         )
 
     def render(self, task: Task) -> None:
@@ -340,7 +342,7 @@ class RenderJob:
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None
-        return scene_truth.evaluated_depsgraph(self._view_layer)
+        return ground_truth.evaluated_depsgraph(self._view_layer)
 
     def _shows(self, instant: Instant) -> bool:
         # The user may have scrubbed the timeline since.

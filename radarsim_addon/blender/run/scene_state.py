@@ -15,16 +15,16 @@ import bpy
 from ...errors import SceneError
 from ..materials import (
     EXACT_FACETS,
+    assigned_materials,
     beyond_float32,
     set_layer_normals,
     update_materials,
-    worn_materials,
 )
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
 from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, evaluated_depsgraph, isolate
-from ..state import Recorder
+from ..state import SettingsRestorer
 
 #: Surfaces that may lie in line; transparent ones count.
 TRANSPARENT_BOUNCES = 1024
@@ -59,7 +59,7 @@ class MeasurementSettings:
         self._rig = rig
         self._plan = plan
         self._any_material = any_material
-        self._recorder = Recorder()
+        self._recorder = SettingsRestorer()
         self.warnings: list[str] = []
 
     def __enter__(self) -> MeasurementSettings:
@@ -276,7 +276,7 @@ class MeasurementSettings:
             if is_radar_material(material):
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
         depsgraph = evaluated_depsgraph(self._view_layer)
-        worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+        worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
         carrier_hz = self._plan.measurement.waveform.carrier_hz
         failures = update_materials(carrier_hz, self._recorder, worn)
         depsgraph = evaluated_depsgraph(self._view_layer)
@@ -292,7 +292,11 @@ class MeasurementSettings:
     def _set_code(self) -> None:
         put = self._recorder.set_item
         units, measurement = self._plan.metres_per_unit, self._plan.measurement
-        put(self._scene, attributes.ATTR_INVERSE_CODE_LENGTH, units / self._plan.code_length_m)
+        put(
+            self._scene,
+            attributes.ATTR_INVERSE_CODE_LENGTH,
+            units / self._plan.range_encoding_length_m,
+        )
         put(self._scene, attributes.ATTR_EXTINCTION_LENGTH, self._plan.extinction_length_m / units)
         waveform, name = measurement.waveform, measurement.polarisation
         put(self._scene, attributes.ATTR_WAVELENGTH, waveform.wavelength_m / units)

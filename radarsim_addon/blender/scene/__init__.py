@@ -5,19 +5,19 @@ from .depsgraph import evaluated_depsgraph
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
+    InstancePose,
     Key,
     Poses,
-    Shown,
     beside_box,
+    evaluated_poses,
     instance_key,
     instance_name,
     pose_in_metres,
-    shown_poses,
 )
 from .isolation import echoes, isolate
 from .mesh_checks import check_meshes
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
-from .poses import camera_record, emitter_record, rigid_pose
+from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
 from .rig import Rig, find_rig, setup_rig
 from .visibility import show_what_renders
@@ -25,30 +25,30 @@ from .visibility import show_what_renders
 __all__ = [
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "InstancePose",
     "Key",
     "Poses",
     "Rig",
-    "Shown",
     "aim",
     "beside_box",
     "camera_kind",
-    "camera_record",
     "check_meshes",
     "check_pose",
     "check_vertices",
     "draw_patterns",
     "echoes",
-    "emitter_record",
     "evaluated_depsgraph",
+    "evaluated_poses",
     "find_rig",
     "instance_key",
     "instance_name",
     "isolate",
     "pose_in_metres",
+    "receiver_record",
     "remove_patterns",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_what_renders",
-    "shown_poses",
+    "transmitter_record",
 ]

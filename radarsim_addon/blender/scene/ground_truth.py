@@ -26,7 +26,7 @@ from .visibility import rendered_objects
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _EvaluatedObject:
     """One object, or one instance of it, as the depsgraph shows it."""
 
     name: str
@@ -35,7 +35,7 @@ class _Shown:
     matrix: Real  # (4, 4), Blender units
 
 
-def _shown_surfaces(depsgraph: Any) -> Iterator[_Shown]:
+def _shown_surfaces(depsgraph: Any) -> Iterator[_EvaluatedObject]:
     rendered = rendered_objects(depsgraph.view_layer)
     for item in depsgraph.object_instances:
         evaluated = item.object
@@ -50,10 +50,10 @@ def _shown_surfaces(depsgraph: Any) -> Iterator[_Shown]:
         if item.is_instance:
             name = f"{item.parent.original.name}/{name}"
         key = tuple(item.persistent_id) if item.is_instance else ()
-        yield _Shown(name, key, evaluated, np.array(item.matrix_world, dtype=np.float64))
+        yield _EvaluatedObject(name, key, evaluated, np.array(item.matrix_world, dtype=np.float64))
 
 
-def _corners(shown: _Shown) -> Real:
+def _corners(shown: _EvaluatedObject) -> Real:
     """Bounding box, shape (8, 3), world space, Blender units."""
     box = np.array([tuple(corner) for corner in shown.evaluated.bound_box], dtype=np.float64)
     return np.asarray(box @ shown.matrix[:3, :3].T + shown.matrix[:3, 3])
@@ -204,7 +204,7 @@ def collections_of(item: Any) -> list[str]:
     return sorted(held_by.name for held_by in held if held_by.name in bpy.data.collections)
 
 
-def _surface_distance(shown: _Shown, point: Real) -> float | None:
+def _surface_distance(shown: _EvaluatedObject, point: Real) -> float | None:
     """Least distance of a point from the evaluated surface, Blender units; None without faces."""
     mesh = shown.evaluated.to_mesh()
     if mesh is None:

@@ -16,7 +16,7 @@ Key = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
-class Shown:
+class InstancePose:
     """One object or instance: its pose (4, 4) in metres, and its box (2, 3) in its own axes [m]."""
 
     pose: Real
@@ -27,7 +27,7 @@ class Shown:
 class Poses:
     """What is shown, by name and instance, in metres."""
 
-    objects: Mapping[str, Mapping[Key, Shown]]
+    objects: Mapping[str, Mapping[Key, InstancePose]]
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
@@ -55,21 +55,21 @@ def instance_name(key: Key) -> str:
     return "/".join(str(part) for part in key if part != 2**31 - 1)
 
 
-def shown_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
+def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     """Poses at the depsgraph's time."""
-    objects: dict[str, dict[Key, Shown]] = {}
+    objects: dict[str, dict[Key, InstancePose]] = {}
     for item in depsgraph.object_instances:
         evaluated = item.object
         if evaluated.type in {"CAMERA", "LIGHT", "EMPTY"}:
             continue
         corners = np.array([tuple(corner) for corner in evaluated.bound_box])
         box = np.stack([corners.min(axis=0), corners.max(axis=0)]) * metres_per_unit
-        shown = Shown(pose_in_metres(item.matrix_world, metres_per_unit), box)
+        shown = InstancePose(pose_in_metres(item.matrix_world, metres_per_unit), box)
         objects.setdefault(evaluated.original.name, {})[instance_key(item)] = shown
     return Poses(objects)
 
 
-def beside_box(shown: Shown, points: Real) -> tuple[Real, Real]:
+def beside_box(shown: InstancePose, points: Real) -> tuple[Real, Real]:
     """Points in the object's own axes, and in world lengths how far outside its box they lie."""
     try:
         inverse = np.linalg.inv(shown.pose)

@@ -3,7 +3,8 @@
 
 Light of another lamp has no code at the emitter, light reflected by another material none at that
 surface: both would read as wrong ranges. Other lamps are hidden; objects without Radar Material
-absorb, so they still cast a radar shadow but give no echo. Everything goes through a `Recorder`.
+absorb, so they still cast a radar shadow but give no echo. Everything goes through a
+`SettingsRestorer`.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import Any
 
 import bpy
 
-from ..materials import SURFACE_TYPES, Worn, slot_materials, worn_materials
+from ..materials import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from ..nodes import is_radar_material
-from ..state import Recorder
+from ..state import SettingsRestorer
 
 #: Object types that Cycles renders and that have no radar model.
 UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
@@ -24,7 +25,7 @@ _NAMES_SHOWN = 5
 
 
 def isolate(
-    recorder: Recorder, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
+    recorder: SettingsRestorer, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
 ) -> list[str]:
     """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
 
@@ -39,7 +40,7 @@ def isolate(
     _hide_other_lamps(recorder, emitter)
     if any_material:
         return _isolate_any_material(recorder, scene)
-    worn = worn_materials(depsgraph)
+    worn = assigned_materials(depsgraph)
     silent = [one.item.name for one in worn if _is_silent(one)]
     rendered = _rendered(scene)
     unsupported = [
@@ -64,7 +65,7 @@ def isolate(
     return warnings
 
 
-def _isolate_any_material(recorder: Recorder, scene: Any) -> list[str]:
+def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[str]:
     fog = [
         item
         for item in _rendered(scene)
@@ -129,7 +130,7 @@ def echoes(item: Any) -> bool:
     return any(modifier.type == "NODES" for modifier in item.modifiers)
 
 
-def _is_silent(worn: Worn) -> bool:
+def _is_silent(worn: MaterialAssignment) -> bool:
     return not any(is_radar_material(material) for material in worn.materials)
 
 
@@ -153,7 +154,7 @@ def _names(names: list[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _hide_other_lamps(recorder: Recorder, emitter: Any) -> None:
+def _hide_other_lamps(recorder: SettingsRestorer, emitter: Any) -> None:
     # Any other lamp takes samples from ours, however weak it is; lamps inside instanced
     # collections are not among scene.objects, so all lamps of the file are asked.
     for item in bpy.data.objects:
@@ -162,12 +163,12 @@ def _hide_other_lamps(recorder: Recorder, emitter: Any) -> None:
     _mute_animation(recorder, emitter, "hide_render")
 
 
-def _hide(recorder: Recorder, item: Any) -> None:
+def _hide(recorder: SettingsRestorer, item: Any) -> None:
     _mute_animation(recorder, item, "hide_render")
     recorder.set(item, "hide_render", True)
 
 
-def _mute_animation(recorder: Recorder, item: Any, data_path: str) -> None:
+def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> None:
     """Keep animation from overriding a setting at the next frame."""
     for curve in animation_curves(item.animation_data):
         if curve.data_path == data_path:
@@ -192,7 +193,7 @@ def animation_curves(animation: Any) -> Iterator[Any]:
                     yield from bag.fcurves
 
 
-def _absorb_other_materials(recorder: Recorder) -> None:
+def _absorb_other_materials(recorder: SettingsRestorer) -> None:
     for material in bpy.data.materials:
         if material.is_grease_pencil or is_radar_material(material):
             continue
@@ -202,7 +203,7 @@ def _absorb_other_materials(recorder: Recorder) -> None:
             _absorb(recorder, material)
 
 
-def _absorb(recorder: Recorder, material: Any) -> None:
+def _absorb(recorder: SettingsRestorer, material: Any) -> None:
     """Give a material a second output that absorbs, and make it the active one."""
     nodes = material.node_tree.nodes
     outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
@@ -237,7 +238,7 @@ def _remove(nodes: Any, added: list[Any]) -> None:
         nodes.remove(node)
 
 
-def _absorb_bare_objects(recorder: Recorder, worn: list[Worn]) -> None:
+def _absorb_bare_objects(recorder: SettingsRestorer, worn: list[MaterialAssignment]) -> None:
     """Objects without any material get Blender's grey default, which carries no code."""
     bare = [
         one.item.data
@@ -266,7 +267,7 @@ def _absorb_bare_objects(recorder: Recorder, worn: list[Worn]) -> None:
                 _fill_slot(recorder, data, index, absorber)
 
 
-def _fill_slot(recorder: Recorder, data: Any, index: int, absorber: Any) -> None:
+def _fill_slot(recorder: SettingsRestorer, data: Any, index: int, absorber: Any) -> None:
     data.materials[index] = absorber
 
     def undo() -> None:

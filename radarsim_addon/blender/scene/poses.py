@@ -57,9 +57,9 @@ def frustum(camera: Any, width_px: int, height_px: int) -> tuple[float, float, f
     return shift_u - half_u, shift_u + half_u, shift_v - half_v, shift_v + half_v
 
 
-def camera_record(
+def receiver_record(
     rig: Rig, depsgraph: Any, metres_per_unit: float, width_px: int, height_px: int
-) -> contract.CameraRecord:
+) -> contract.ReceiverRecord:
     """Receiver as it is at the depsgraph's time.
 
     Raises
@@ -83,7 +83,7 @@ def camera_record(
             f"Camera {rig.camera.name!r} has {setting}, so that its frame is {right - left:g} wide "
             f"and {top - bottom:g} high; expected more than 0, and an end. Set Camera > Lens."
         )
-    return contract.CameraRecord(
+    return contract.ReceiverRecord(
         kind=kind,
         matrix_world=rigid_pose(camera.matrix_world, metres_per_unit).tolist(),
         left=left,
@@ -94,7 +94,9 @@ def camera_record(
     )
 
 
-def emitter_record(rig: Rig, depsgraph: Any, metres_per_unit: float) -> contract.EmitterRecord:
+def transmitter_record(
+    rig: Rig, depsgraph: Any, metres_per_unit: float
+) -> contract.TransmitterRecord:
     """Transmitter as it is at the depsgraph's time.
 
     Raises
@@ -111,7 +113,7 @@ def emitter_record(rig: Rig, depsgraph: Any, metres_per_unit: float) -> contract
             f"The emitter {rig.emitter.name!r} has a power of {eirp_w:g} W; expected a number. Set "
             "EIRP in Radar > Rig."
         )
-    return contract.EmitterRecord(
+    return contract.TransmitterRecord(
         matrix_world=rigid_pose(emitter.matrix_world, metres_per_unit).tolist(),
         eirp_w=eirp_w,
     )

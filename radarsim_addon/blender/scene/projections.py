@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Aiming a camera of any kind at a part of the field of view, and reading back what it sees.
 
-Edges are in the coordinates of `contract.CameraRecord`: tangents for a perspective camera, metres
+Edges are in the coordinates of `contract.ReceiverRecord`: tangents for a perspective camera, metres
 for an orthographic one, radians of longitude and latitude for an equirectangular one.
 """
 

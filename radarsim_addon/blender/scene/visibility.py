@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ..state import Recorder
+from ..state import SettingsRestorer
 
 
-def show_what_renders(recorder: Recorder, view_layer: Any) -> None:
+def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
     """Take from everything that is rendered what hides it in the viewport.
 
     Parameters

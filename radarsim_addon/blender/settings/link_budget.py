@@ -8,9 +8,9 @@ from typing import Any
 
 import bpy
 
-from ...contract import AntennaRecord, SystemRecord
+from ...contract import AntennaRecord, LinkBudget
 from ...signal.radar import make_system, read_system, self_contained
-from ..plan import typed
+from ..plan import shortest_decimal
 
 _TAPERS = (
     ("uniform", "Uniform", "All elements alike: -13.3 dB sidelobes"),
@@ -155,8 +155,8 @@ class SystemSettings:
         name="Antenna temperature [K]", default=290.0, min=0.0, precision=1,
         description="Noise that the antenna picks up",
     )  # fmt: skip
-    weighting: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Weighting",
+    amplitude_model: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="AmplitudeModel",
         items=(
             ("radar-equation", "Radar equation", "Amplitude is the root of the received power"),
             ("paper", "Paper", "Blue as amplitude times range squared (Eq. 10, 14)"),
@@ -185,15 +185,15 @@ def antenna_record(settings: Any) -> AntennaRecord:
         if name == "file":
             parameters[name] = bpy.path.abspath(value)
         else:
-            parameters[name] = typed(value) if isinstance(value, float) else value
+            parameters[name] = shortest_decimal(value) if isinstance(value, float) else value
     if settings.set_peak and settings.kind not in ("isotropic", "table"):
-        parameters["gain_dbi"] = typed(settings.peak_gain_dbi)
+        parameters["gain_dbi"] = shortest_decimal(settings.peak_gain_dbi)
     return self_contained(AntennaRecord(settings.kind, parameters))
 
 
 def read_system_settings(
     settings: Any, wavelength_m: float, file: str | Path | None = None
-) -> SystemRecord | None:
+) -> LinkBudget | None:
     """The scene's power budget, checked; None where none is used.
 
     Parameters
@@ -214,16 +214,16 @@ def read_system_settings(
     elif not settings.use_system:
         return None
     else:
-        record = SystemRecord(
-            transmit_power_w=typed(settings.transmit_power_w),
+        record = LinkBudget(
+            transmit_power_w=shortest_decimal(settings.transmit_power_w),
             transmitter=antenna_record(settings.transmitter_antenna),
             receiver=antenna_record(settings.receiver_antenna),
-            transmit_loss_db=typed(settings.transmit_loss_db),
-            receive_loss_db=typed(settings.receive_loss_db),
-            other_loss_db=typed(settings.other_loss_db),
-            noise_figure_db=typed(settings.noise_figure_db),
-            antenna_temperature_k=typed(settings.antenna_temperature_k),
-            weighting=settings.weighting,
+            transmit_loss_db=shortest_decimal(settings.transmit_loss_db),
+            receive_loss_db=shortest_decimal(settings.receive_loss_db),
+            other_loss_db=shortest_decimal(settings.other_loss_db),
+            noise_figure_db=shortest_decimal(settings.noise_figure_db),
+            antenna_temperature_k=shortest_decimal(settings.antenna_temperature_k),
+            amplitude_model=settings.amplitude_model,
         )
     make_system(record, wavelength_m)  # checks it
     return record

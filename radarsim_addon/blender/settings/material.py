@@ -16,7 +16,7 @@ from ...errors import RadarSimError
 from ...physics.material_model import Parameter
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
-from ..plan import typed
+from ..plan import shortest_decimal
 
 MATERIAL_PROPERTY = "radarsim"
 
@@ -42,7 +42,7 @@ _NAMES = [item[0] for item in _MEDIA]
 
 def carrier_hz(scene: Any) -> float:
     """The carrier that a scene's settings ask for."""
-    return typed(scene.radarsim.carrier_ghz, 9)
+    return shortest_decimal(scene.radarsim.carrier_ghz, 9)
 
 
 def _refresh(material: Any) -> None:
@@ -88,7 +88,7 @@ def _getter(key: str, default: float, scale: float = 1.0) -> Callable[[Any], flo
 
 def _setter(key: str, exponent: int = 0) -> Callable[[Any, float], None]:
     def write(settings: Any, value: float) -> None:
-        settings.id_data[key] = typed(value, exponent)
+        settings.id_data[key] = shortest_decimal(value, exponent)
         _refresh(settings.id_data)
 
     return write
@@ -140,7 +140,7 @@ class MaterialSettings(bpy.types.PropertyGroup):
 
 def _set_thickness(settings: Any, value: float) -> None:
     material = settings.id_data
-    material[pm.SHEET_THICKNESS] = typed(value, -3)
+    material[pm.SHEET_THICKNESS] = shortest_decimal(value, -3)
     if pm.is_physical(material) and pm.is_sheet(material) != (value > 0):
         pm.make_physical(material)
     _refresh(material)

@@ -7,13 +7,13 @@ from typing import Any
 
 import bpy
 
-from ..plan import PathOptions, typed
+from ..plan import PathOptions, shortest_decimal
 
 
 class PathSettings:
     """Mixed into `properties.RadarSettings`."""
 
-    acquisition: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    sampling_mode: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Acquisition",
         items=(
             ("RINGS", "Rings", "The paper's: shells of range, all paths of a shell in a pixel"),
@@ -34,7 +34,7 @@ class PathSettings:
         max=64,
         description="Most reflections of a path. Power in more is reported as a share",
     )
-    path_shifts: bpy.props.IntProperty(  # type: ignore[valid-type]
+    path_replicates: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Shifts",
         default=4,
         min=1,
@@ -83,7 +83,7 @@ class PathSettings:
         description="Most moments of a burst at which the animation is looked at; fewer are taken "
         "where they are enough for the wavelength",
     )
-    path_renders_per_burst: bpy.props.IntProperty(  # type: ignore[valid-type]
+    path_visibility_updates: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Renders per burst",
         default=1,
         min=1,
@@ -128,14 +128,14 @@ def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
         Numbers that do not fit together.
     """
     values: dict[str, Any] = {
-        "max_order": int(settings.path_order),
-        "shifts": int(settings.path_shifts),
-        "error_target": typed(settings.path_error_percent) / 100,
-        "refine_by": settings.path_refine_by,
-        "time_budget_s": typed(settings.path_budget_s),
+        "max_reflections": int(settings.path_order),
+        "replicates": int(settings.path_replicates),
+        "max_standard_error": shortest_decimal(settings.path_error_percent) / 100,
+        "refine_for": settings.path_refine_by,
+        "time_limit_s": shortest_decimal(settings.path_budget_s),
         "motion": settings.path_motion,
         "motion_samples": int(settings.path_motion_samples),
-        "renders_per_burst": int(settings.path_renders_per_burst),
+        "visibility_updates": int(settings.path_visibility_updates),
         "code": settings.path_code,
         "amplitude": settings.path_amplitude,
     }

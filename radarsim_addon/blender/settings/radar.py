@@ -16,7 +16,7 @@ from ...errors import ConfigError, OutputError
 from ...signal.radar import AnyWaveform
 from ..materials import refresh_materials
 from ..nodes import PRESETS
-from ..plan import MAX_RINGS, Measurement, typed
+from ..plan import MAX_RINGS, Measurement, shortest_decimal
 from .link_budget import RadarAntennaSettings, SystemSettings
 from .material import MATERIAL_PROPERTY, MaterialSettings
 from .paths import PathSettings
@@ -36,7 +36,7 @@ def _is_lamp(_: Any, item: Any) -> bool:
 
 def _carrier_changed(settings: Any, _: Any) -> None:
     # What cannot be evaluated there is told by the material's panel, and by the run.
-    refresh_materials(typed(settings.carrier_ghz, 9))
+    refresh_materials(shortest_decimal(settings.carrier_ghz, 9))
 
 
 class RadarSettings(PathSettings, SystemSettings, WaveformSettings, bpy.types.PropertyGroup):
@@ -136,7 +136,7 @@ class RadarSettings(PathSettings, SystemSettings, WaveformSettings, bpy.types.Pr
         description="Rings from range 0: ring n covers n x step to (n + 1) x step",
     )
 
-    passes: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    snapshots: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Passes",
         items=(
             ("1", "One", "At t alone: no Doppler"),
@@ -145,7 +145,7 @@ class RadarSettings(PathSettings, SystemSettings, WaveformSettings, bpy.types.Pr
         default="2",
         description="Renders of each ring",
     )
-    delta_t_ms: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    snapshot_interval_ms: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Delta t [ms]",
         default=10.0,
         min=0.0,
@@ -255,7 +255,7 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
     given = {name: value for name, value in overrides.items() if value is not None}
 
     def number(name: str, exponent: int = 0) -> float:
-        return typed_or_exact(given.get(name), getattr(settings, name), exponent)
+        return exact_or_shortest_decimal(given.get(name), getattr(settings, name), exponent)
 
     def whole(name: str) -> int:
         return int(given.get(name, getattr(settings, name)))
@@ -275,8 +275,8 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
         frames=given["frames"] if "frames" in given else _frames(scene, settings),
         rings=rings,
         ring_step_m=number("ring_step_m"),
-        passes=whole("passes"),
-        delta_t_s=number("delta_t_ms", -3),
+        snapshots=whole("snapshots"),
+        snapshot_interval_s=number("snapshot_interval_ms", -3),
         width_px=whole("width_px"),
         height_px=whole("height_px"),
         samples=whole("samples"),
@@ -287,10 +287,10 @@ def read_measurement(scene: Any, **overrides: Any) -> Measurement:
     )
 
 
-def typed_or_exact(given: float | None, stored: float, exponent: int) -> float:
+def exact_or_shortest_decimal(given: float | None, stored: float, exponent: int) -> float:
     """A number in SI: from the command line as it is, from the panel as it was typed."""
     if given is None:
-        return typed(stored, exponent)
+        return shortest_decimal(stored, exponent)
     # repr is the shortest decimal of a float64, so the shift of the decimal point is exact.
     return float(f"{given!r}e{exponent}") if "e" not in repr(given) else given * 10.0**exponent
 
@@ -312,7 +312,7 @@ def _frames(scene: Any, settings: Any) -> tuple[int, ...]:
 def _extinction_length_m(settings: Any, waveform: AnyWaveform) -> float:
     if settings.extinction == "WAVELENGTH":
         return waveform.wavelength_m
-    return typed(settings.extinction_length_m)
+    return shortest_decimal(settings.extinction_length_m)
 
 
 def output_folder(scene: Any) -> Path:

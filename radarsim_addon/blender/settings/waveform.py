@@ -24,7 +24,7 @@ from ...signal.radar import (
 #: Settings that a kind of waveform uses beside the carrier, in the order of the panel; those of
 #: the LFM pulse hang on `sweep_by`.
 WAVEFORM_SETTINGS: dict[str, tuple[str, ...]] = {
-    "lfm": ("chirp_length_us", "sampling_rate_mhz"),
+    "lfm": ("chirp_duration_us", "sampling_rate_mhz"),
     "fmcw": ("bandwidth_mhz", "adc_samples", "adc_rate_mhz", "adc_start_us", "idle_us", "real_adc"),
     "stepped": ("step_khz", "steps", "step_time_us"),
     "pmcw": ("chip_ns", "code_degree", "code_repeats"),
@@ -32,7 +32,7 @@ WAVEFORM_SETTINGS: dict[str, tuple[str, ...]] = {
     "file": ("radar_file",),
 }
 #: Numbers of the command line that belong to the LFM pulse.
-_OF_PULSE = ("bandwidth_mhz", "chirp_length_us", "sampling_rate_mhz")
+_OF_PULSE = ("bandwidth_mhz", "chirp_duration_us", "sampling_rate_mhz")
 
 
 class WaveformSettings:
@@ -72,7 +72,7 @@ class WaveformSettings:
         precision=4,
         description="Chirp rate K; 20 MHz/us are 20e12 Hz/s",
     )
-    chirp_length_us: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    chirp_duration_us: bpy.props.FloatProperty(  # type: ignore[valid-type]
         name="Chirp length [us]",
         default=2.5,
         min=1e-6,
@@ -222,10 +222,10 @@ def _waveform(
         carrier_hz=carrier_hz,
         bandwidth_hz=(
             # MHz/us times us are MHz: no rounding by 1e12 and 1e-6.
-            round(number("fm_rate_mhz_per_us") * number("chirp_length_us") * 1e6, 3)
+            round(number("fm_rate_mhz_per_us") * number("chirp_duration_us") * 1e6, 3)
             if by_rate
             else number("bandwidth_mhz", 6)
         ),
-        chirp_length_s=number("chirp_length_us", -6),
+        chirp_duration_s=number("chirp_duration_us", -6),
         sampling_rate_hz=number("sampling_rate_mhz", 6),
     )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ROOM."""
 
-from .settings_restorer import Recorder
+from .settings_restorer import SettingsRestorer
 
 __all__ = [
-    "Recorder",
+    "SettingsRestorer",
 ]

@@ -14,7 +14,7 @@ from typing import Any
 _ABSENT = object()
 
 
-class Recorder:
+class SettingsRestorer:
     """Sets values and restores all of them.
 
     Every change is undone even if undoing another one fails (an object that the user removed

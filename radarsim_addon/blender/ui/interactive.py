@@ -16,7 +16,7 @@ import bpy
 from ...errors import RenderError
 from ..plan import Task
 from ..run import RenderJob
-from ..state import Recorder
+from ..state import SettingsRestorer
 
 #: Timer ticks after which a render that neither ended nor runs is given up.
 _PATIENCE_TICKS = 500
@@ -44,7 +44,7 @@ class InteractiveRender:
         self._ended = ""
         self._idle_ticks = 0
         self._refused_ticks = 0
-        self._recorder = Recorder()
+        self._recorder = SettingsRestorer()
         self._recorder.set(preferences.view, "render_display_type", "NONE")
         self._hook(bpy.app.handlers.render_complete, self._on_complete)
         self._hook(bpy.app.handlers.render_cancel, self._on_cancel)

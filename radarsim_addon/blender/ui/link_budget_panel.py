@@ -94,7 +94,7 @@ class RADARSIM_PT_system(bpy.types.Panel):
         column.prop(settings, "other_loss_db")
         column.prop(settings, "noise_figure_db")
         column.prop(settings, "antenna_temperature_k")
-        layout.prop(settings, "weighting")
+        layout.prop(settings, "amplitude_model")
         for title, antenna in (
             ("Transmitter", settings.transmitter_antenna),
             ("Receiver", settings.receiver_antenna),

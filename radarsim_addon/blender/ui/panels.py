@@ -16,7 +16,7 @@ from ..plan import (
     automatic_rings,
     check_unit_scale,
     derive,
-    typed,
+    shortest_decimal,
     warnings_for,
 )
 from ..scene import echoes, find_rig, scene_extent
@@ -106,7 +106,7 @@ class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
         box = layout.box().column(align=True)
         box.label(text=f"Range resolution: {numbers.range_resolution_m:.4g} m")
         box.label(text=f"Unambiguous range: {length_text(numbers.unambiguous_range_m)}")
-        box.label(text=f"Max. velocity: {numbers.max_velocity_mps:.4g} m/s")
+        box.label(text=f"Max. velocity: {numbers.max_unambiguous_velocity_mps:.4g} m/s")
         box.label(text=f"Velocity resolution: {numbers.velocity_resolution_mps:.4g} m/s")
         box.label(text=f"Burst: {numbers.burst_s * 1e3:.4g} ms")
 
@@ -118,8 +118,8 @@ class RADARSIM_PT_rings(_RadarPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         layout = self.layout
         settings = getattr(context.scene, SCENE_PROPERTY)
-        layout.row().prop(settings, "acquisition", expand=True)
-        if settings.acquisition == "PATHS":
+        layout.row().prop(settings, "sampling_mode", expand=True)
+        if settings.sampling_mode == "PATHS":
             _draw_paths(layout, settings)
             return
         column = layout.column(align=True)
@@ -132,7 +132,7 @@ class RADARSIM_PT_rings(_RadarPanel, bpy.types.Panel):
 def _draw_paths(layout: Any, settings: Any) -> None:
     column = layout.column(align=True)
     column.prop(settings, "path_order")
-    column.prop(settings, "path_shifts")
+    column.prop(settings, "path_replicates")
     column.prop(settings, "path_error_percent")
     if settings.path_error_percent:
         column.prop(settings, "path_refine_by")
@@ -141,7 +141,7 @@ def _draw_paths(layout: Any, settings: Any) -> None:
     column.prop(settings, "path_motion")
     if settings.path_motion != "off":
         column.prop(settings, "path_motion_samples")
-    column.prop(settings, "path_renders_per_burst")
+    column.prop(settings, "path_visibility_updates")
     column.prop(settings, "path_code")
     column.prop(settings, "path_amplitude")
 
@@ -153,15 +153,15 @@ class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context: Any) -> bool:
         # Paths take Doppler from the motion of what they touch.
-        return getattr(context.scene, SCENE_PROPERTY).acquisition == "RINGS"
+        return getattr(context.scene, SCENE_PROPERTY).sampling_mode == "RINGS"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
         settings = getattr(context.scene, SCENE_PROPERTY)
         column = layout.column(align=True)
-        column.row().prop(settings, "passes", expand=True)
-        if settings.passes == "2":
-            column.prop(settings, "delta_t_ms")
+        column.row().prop(settings, "snapshots", expand=True)
+        if settings.snapshots == "2":
+            column.prop(settings, "snapshot_interval_ms")
         column.prop(settings, "max_bounces")
 
 
@@ -182,12 +182,12 @@ class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
         row.prop(settings, "width_px")
         row.prop(settings, "height_px")
         row = layout.row(align=True)
-        if settings.acquisition == "RINGS":
+        if settings.sampling_mode == "RINGS":
             row.prop(settings, "samples")
         row.prop(settings, "seed")
         layout.prop(settings, "output_dir", text="")
         layout.prop(settings, "overwrite")
-        if settings.acquisition == "RINGS":
+        if settings.sampling_mode == "RINGS":
             shown = _draw_plan(context, layout)
         else:
             shown = _draw_path_plan(context, layout, settings)
@@ -236,7 +236,7 @@ def _draw_warnings(
 ) -> list[str]:
     """Warnings where numbers do not fit together; returns them."""
     scene = context.scene
-    frame_s = typed(scene.render.fps_base) / scene.render.fps
+    frame_s = shortest_decimal(scene.render.fps_base) / scene.render.fps
     interval_s = None
     if len(measurement.frames) > 1:
         interval_s = (measurement.frames[1] - measurement.frames[0]) * frame_s
@@ -245,7 +245,7 @@ def _draw_warnings(
         rings,
         farthest_m,
         interval_s,
-        getattr(scene, SCENE_PROPERTY).acquisition.lower(),
+        getattr(scene, SCENE_PROPERTY).sampling_mode.lower(),
         (scene.frame_end - scene.frame_start) * frame_s,
     )
     for warning in found:
@@ -264,7 +264,7 @@ def _draw_path_plan(context: Any, layout: Any, settings: Any) -> list[str]:
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
         return []
-    rays = measurement.width_px * measurement.height_px * options.shifts
+    rays = measurement.width_px * measurement.height_px * options.replicates
     box = layout.box().column(align=True)
     box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
     box.label(text="Tiles are refined" if options.refines else "No refinement")
@@ -310,15 +310,15 @@ def _extent(context: Any) -> Extent | None:
         rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
     except RadarSimError:
         return None
-    scale = check_unit_scale(typed(context.scene.unit_settings.scale_length))
+    scale = check_unit_scale(shortest_decimal(context.scene.unit_settings.scale_length))
     depsgraph = context.evaluated_depsgraph_get()
     if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
         return None
-    return scene_extent(depsgraph, rig, scale, any_material=settings.acquisition == "PATHS")
+    return scene_extent(depsgraph, rig, scale, any_material=settings.sampling_mode == "PATHS")
 
 
 def _any_camera(settings: Any) -> bool:
-    return bool(settings.acquisition == "PATHS")
+    return bool(settings.sampling_mode == "PATHS")
 
 
 def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:

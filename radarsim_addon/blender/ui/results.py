@@ -77,7 +77,7 @@ class ProcessingJob:
     def _take(self, result: Any) -> None:
         """Keep one frame's pictures; those of the last frame stay."""
         title = f"frame {result.frame}, t = {result.time_s:.4g} s"
-        unit = "dBW" if result.echoes.weighting == "radar-equation" else "dB"
+        unit = "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB"
         self._warnings.add(result.frame, result.warnings)
         self.images = [
             as_image(

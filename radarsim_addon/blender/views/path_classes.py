@@ -89,13 +89,13 @@ class TraceLimits:
 
     Parameters
     ----------
-    max_order
+    max_reflections
         Most reflections.
     max_depth
         Most transparent surfaces on the camera's side.
     residual
         Share of the total power below which what is left is not followed.
-    lottery_free
+    deterministic_transmission
         Radar Materials that let power through are made deterministic at order 1.
     world_code
         The code is in the world's volume: materials may be of any kind, coloured ones too.
@@ -107,10 +107,10 @@ class TraceLimits:
         Numbers of objects that let nothing through, whatever the ray.
     """
 
-    max_order: int = 1
+    max_reflections: int = 1
     max_depth: int = 64
     residual: float = 1e-4
-    lottery_free: bool = False
+    deterministic_transmission: bool = False
     world_code: bool = False
     amplitude: str = "mean"
     probe: bool = False
@@ -129,7 +129,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     """
     found = TracedView()
     tracer = _Tracer(limits, weight, found)
-    if limits.lottery_free:
+    if limits.deterministic_transmission:
         anything = yield from tracer.first_order_in_turn()
         if not anything:
             return found
@@ -137,11 +137,11 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     else:
         # The world's code leaves paths as they are: the sum needs none. Materials that carry it
         # weigh their lobes by it, so switching it would change the paths.
-        left = yield from tracer.open_render(Gate(order_max=limits.max_order))
-    for order in range(2 if limits.lottery_free else 1, limits.max_order + 1):
+        left = yield from tracer.open_render(Gate(order_max=limits.max_reflections))
+    for order in range(2 if limits.deterministic_transmission else 1, limits.max_reflections + 1):
         if tracer.power(np.abs(left)) <= limits.residual * found.total:
             break
-        if order == limits.max_order == 1:
+        if order == limits.max_reflections == 1:
             base = left
         else:
             view = yield RenderRequest(
@@ -154,7 +154,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
         left = left - base
     found.left_order = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
-        gate = Gate(limits.max_order + 1, limits.max_order + PROBED_ORDERS)
+        gate = Gate(limits.max_reflections + 1, limits.max_reflections + PROBED_ORDERS)
         view = yield RenderRequest(
             gate, coded=not limits.world_code, coarse=PROBE_COARSE, probe=True
         )
@@ -198,9 +198,9 @@ class _Tracer:
     def orders_from_2(self) -> Generator[RenderRequest, View, Real]:
         """Everything above order 1, up to the limit."""
         found, limits = self._found, self._limits
-        if limits.max_order == 1:
+        if limits.max_reflections == 1:
             return np.zeros_like(self._weight)
-        gate = Gate(order_min=2, order_max=limits.max_order)
+        gate = Gate(order_min=2, order_max=limits.max_reflections)
         view = yield RenderRequest(gate, coded=not limits.world_code)
         found.renders += 1
         later = self.amplitude(view)

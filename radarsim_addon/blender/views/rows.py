@@ -16,9 +16,9 @@ from .path_classes import GateLayer, TracedView
 def rows_of_view(
     traced: TracedView,
     rays: PixelRays,
-    camera: contract.CameraRecord,
+    camera: contract.ReceiverRecord,
     emitter_m: Real,
-    code_length_m: float,
+    range_encoding_length_m: float,
     metres_per_unit: float,
     vertex_map: tuple[Real, float],
     effective_area_m2: float,
@@ -35,7 +35,7 @@ def rows_of_view(
     share
         One over the number of shifts of the tile.
     """
-    geometry = Geometry(emitter_m, code_length_m, camera.near_clip_m)
+    geometry = Geometry(emitter_m, range_encoding_length_m, camera.near_clip_m)
     parts = []
     for layer in traced.layers:
         row, col = np.nonzero(layer.amplitude > 0)

@@ -20,7 +20,7 @@ from ... import contract
 from ...errors import RenderError
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
-from ..state import Recorder
+from ..state import SettingsRestorer
 from .pass_files import read_passes
 from .requests import Gate, Region, RenderRequest, View
 from .view_setup import (
@@ -59,7 +59,7 @@ class PathScene:
     scene, view_layer : bpy types
     camera, emitter : bpy.types.Object
     metres_per_unit
-    code_length_m
+    range_encoding_length_m
         k.
     world_code
         The code is carried by a world volume instead of by Radar Materials.
@@ -72,15 +72,15 @@ class PathScene:
         camera: Any,
         emitter: Any,
         metres_per_unit: float,
-        code_length_m: float,
+        range_encoding_length_m: float,
         world_code: bool,
     ) -> None:
         self._scene, self._view_layer = scene, view_layer
         self._camera, self._emitter = camera, emitter
         self._units = metres_per_unit
-        self._inverse_k = metres_per_unit / code_length_m
+        self._inverse_k = metres_per_unit / range_encoding_length_m
         self._world_code = world_code
-        self._recorder = Recorder()
+        self._recorder = SettingsRestorer()
         self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
         self._recorder.on_restore(
             "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
@@ -143,7 +143,7 @@ class PathScene:
 
     def look(
         self, window: ViewWindow, shift_px: tuple[float, float], seed: int
-    ) -> contract.CameraRecord:
+    ) -> contract.ReceiverRecord:
         """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
 
         The record is computed from the float32 numbers that Blender really holds. Each view has a
@@ -162,7 +162,7 @@ class PathScene:
         top = window.top + shift_px[1] * pixel_v
         wanted = (left, left + across * pixel_u, top - down * pixel_v, top)
         left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
-        return contract.CameraRecord(
+        return contract.ReceiverRecord(
             kind=self.kind,
             matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
             left=left,

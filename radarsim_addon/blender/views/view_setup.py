@@ -12,7 +12,7 @@ from ..materials import SURFACE_TYPES
 from ..nodes import attributes
 from ..nodes.materials import lets_nothing_through
 from ..scene import PATTERN_PROPERTY
-from ..state import Recorder
+from ..state import SettingsRestorer
 
 LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range code (temporary)"
@@ -32,14 +32,14 @@ class NumberedObjects:
     hidden: frozenset[int]
 
 
-def number_objects(recorder: Recorder) -> NumberedObjects:
+def number_objects(recorder: SettingsRestorer) -> NumberedObjects:
     """Give every surface a number that its pixels carry."""
     names = []
     opaque, hidden = set(), set()
     for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
         if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
             names.append(item.name)
-            recorder.set(item, "pass_index", len(names))
+            recorder.set(item, "snapshot_index", len(names))
             if _is_opaque(item):
                 opaque.add(len(names))
             if item.hide_render:
@@ -47,7 +47,7 @@ def number_objects(recorder: Recorder) -> NumberedObjects:
     return NumberedObjects(names, frozenset(opaque), frozenset(hidden))
 
 
-def add_passes(recorder: Recorder, scene: Any, view_layer: Any, emitter: Any) -> None:
+def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, emitter: Any) -> None:
     """Position, object, and a light group of the emitter alone."""
     recorder.set(view_layer, "use_pass_position", True)
     recorder.set(view_layer, "use_pass_object_index", True)
@@ -70,7 +70,7 @@ def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
             bpy.ops.scene.view_layer_remove_lightgroup()
 
 
-def add_code_world(recorder: Recorder, scene: Any) -> Any:
+def add_code_world(recorder: SettingsRestorer, scene: Any) -> Any:
     """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
     by 1/k where the scene is coloured; returns the volume's node."""
     world = bpy.data.worlds.new(_WORLD)

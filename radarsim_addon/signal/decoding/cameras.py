@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Real
-from ...contract import CameraRecord
+from ...contract import ReceiverRecord
 from ...errors import SchemaError
 
 KINDS = ("perspective", "orthographic", "equirectangular")
@@ -43,7 +43,7 @@ class PixelRays:
     solid_angle_sr: Real
 
 
-def pixel_centres(camera: CameraRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
+def pixel_centres(camera: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
     """Camera coordinates u (w,) and v (h,) of the pixel centres.
 
     Tangents (perspective), metres (orthographic) or longitude and latitude in radians
@@ -54,7 +54,7 @@ def pixel_centres(camera: CameraRecord, width_px: int, height_px: int) -> tuple[
     return np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
 
 
-def solid_angles_sr(camera: CameraRecord, width_px: int, height_px: int) -> Real:
+def solid_angles_sr(camera: ReceiverRecord, width_px: int, height_px: int) -> Real:
     """Solid angle of every pixel (h, w), so that they add up to that of the frame.
 
     Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv over the pixel by 3 x 3 point
@@ -82,7 +82,7 @@ def solid_angles_sr(camera: CameraRecord, width_px: int, height_px: int) -> Real
     raise _unknown(camera.kind)
 
 
-def pixel_rays(camera: CameraRecord, width_px: int, height_px: int) -> PixelRays:
+def pixel_rays(camera: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
     """Origins, directions and solid angles of all pixels.
 
     Raises

@@ -27,17 +27,17 @@ from ..runs import RadarFrame
 from .ring_geometry import ring_geometry
 from .ring_pixels import Decoded
 from .ring_reader import RingReader
-from .snapshot_rate import MAX_SPEED_MPS, range_rate
+from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
 
 #: |G B/R^2 - 1| above which a pixel counts as mixed. float32 noise stays below 2e-6; 1e-5 is a
 #: spread of ranges (rms, one-way) of 0.16 % of the code length.
 MIXED_TOLERANCE = 1e-5
 
 
-def iter_paths(
+def iter_path_chunks(
     frame: RadarFrame,
     *,
-    max_speed_mps: float = MAX_SPEED_MPS,
+    max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Iterator[Paths]:
     """Paths of one radar frame, ring by ring; at most three rings are in memory at a time.
@@ -46,8 +46,8 @@ def iter_paths(
     ----------
     frame
         Radar frame with one or two passes. With one, every range rate is 0 and flagged.
-    max_speed_mps
-        Limit of a believable |range rate|, see :func:`.doppler.range_rate` [m/s].
+    max_range_rate_mps
+        Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
     mixed_tolerance
         |G B/R^2 - 1| above which a pixel is flagged as mixed.
 
@@ -56,20 +56,24 @@ def iter_paths(
     FrameFileError, SchemaError
         As :meth:`RadarFrame.image`; SchemaError also where the times of the passes do not fit.
     """
-    if frame.acquisition == "paths":
+    if frame.sampling_mode == "paths":
         yield from _table_paths(frame)
         return
     reader = RingReader(frame)
     for ring in range(frame.rings):
         first = reader.get(ring, 0)
-        if frame.passes == 2:
+        if frame.snapshots == 2:
             neighbours = [
                 (reader.get(n, 0), reader.get(n, 1))
                 for n in (ring - 1, ring + 1)
                 if 0 <= n < frame.rings
             ]
             rate, flags = range_rate(
-                first, reader.get(ring, 1), reader.delta_t_s, neighbours, max_speed_mps
+                first,
+                reader.get(ring, 1),
+                reader.snapshot_interval_s,
+                neighbours,
+                max_range_rate_mps,
             )
         else:
             rate = np.zeros(first.mask.shape)
@@ -101,7 +105,7 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
             row=place,
             col=zeros,
             flags=flags,
-            counts=_count_flags(flags, beyond_code=int(np.count_nonzero(~keep))),
+            counts=_count_flags(flags, range_encoding_underflow=int(np.count_nonzero(~keep))),
             geometry=geometry_of(rows),
             motion=as_path_motion(rows, scene),
         )
@@ -110,12 +114,14 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
 def frame_paths(
     frame: RadarFrame,
     *,
-    max_speed_mps: float = MAX_SPEED_MPS,
+    max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Paths:
-    """All paths of one radar frame in one table, see :func:`iter_paths`."""
+    """All paths of one radar frame in one table, see :func:`iter_path_chunks`."""
     return join_paths(
-        iter_paths(frame, max_speed_mps=max_speed_mps, mixed_tolerance=mixed_tolerance)
+        iter_path_chunks(
+            frame, max_range_rate_mps=max_range_rate_mps, mixed_tolerance=mixed_tolerance
+        )
     )
 
 
@@ -137,5 +143,5 @@ def _ring_paths(
         row=row.astype(np.int32),
         col=col.astype(np.int32),
         flags=here,
-        counts=_count_flags(here, decoded.beyond_code, decoded.not_coded),
+        counts=_count_flags(here, decoded.range_encoding_underflow, decoded.no_range_encoding),
     )

@@ -65,7 +65,7 @@ class Geometry:
     """What all pixels of a view share: antennas and the code."""
 
     emitter_m: Real
-    code_length_m: float
+    range_encoding_length_m: float
     near_clip_m: float
 
 
@@ -79,7 +79,7 @@ def log_code_ratio(coded: Real, plain: Real) -> Real:
 
 
 def first_vertex_order_2(
-    camera_m: Real, direction: Real, last_m: Real, emitter_m: Real, length_m: Real
+    camera_m: Real, direction: Real, last_scatterer_m: Real, emitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
     """First vertex of a path with two reflections, in closed form.
 
@@ -88,13 +88,13 @@ def first_vertex_order_2(
 
     Returns
     -------
-    first_m
+    first_scatterer_m
         (n, 3).
     conditioning
         The denominator over 2 s, (n,): the result is poor where it is small.
     """
-    to_last = last_m - camera_m
-    s = length_m - np.linalg.norm(last_m - emitter_m, axis=-1)
+    to_last = last_scatterer_m - camera_m
+    s = length_m - np.linalg.norm(last_scatterer_m - emitter_m, axis=-1)
     denominator = s - np.sum(direction * to_last, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         r = (s**2 - np.sum(to_last**2, axis=-1)) / (2 * denominator)
@@ -142,11 +142,11 @@ def assemble_rows(
     flags = np.zeros(count, dtype=np.uint16)
 
     known = np.isfinite(pixels.log_ratio)
-    coded_m = np.where(known, -geometry.code_length_m * pixels.log_ratio, 0.0)
+    coded_m = np.where(known, -geometry.range_encoding_length_m * pixels.log_ratio, 0.0)
     coded_m = np.maximum(coded_m, 0.0) + geometry.near_clip_m / rays.near_cosine[index]
     # Each segment's exponential and each product rounds once: the sum of their relative errors.
     factors = 2.0 * (pixels.order + 1)
-    sigma = geometry.code_length_m * _EPS32 * np.sqrt(factors) + coded_m * _EPS32
+    sigma = geometry.range_encoding_length_m * _EPS32 * np.sqrt(factors) + coded_m * _EPS32
     flags[~known] |= PathFlag.NO_RANGE
     with np.errstate(invalid="ignore"):
         flags[np.abs(pixels.mixing - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
@@ -190,7 +190,7 @@ def assemble_rows(
     rows["length_sigma_m"] = sigma
     rows["order"] = pixels.order
     rows["transparent_depth"] = pixels.depth
-    rows["first_m"], rows["last_m"] = first, last
+    rows["first_scatterer_m"], rows["last_scatterer_m"] = first, last
     rows["direction"] = direction
     rows["solid_angle_sr"] = solid
     rows["object"], rows["first_object"] = pixels.object, pixels.first_object

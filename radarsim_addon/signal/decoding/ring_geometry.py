@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from ...contract import CameraRecord, EmitterRecord
+from ...contract import ReceiverRecord, TransmitterRecord
 from ..paths import PathGeometry
 from .ring_pixels import Decoded
 
@@ -30,8 +30,8 @@ def ring_geometry(
     decoded: Decoded,
     row: NDArray[np.int32],
     col: NDArray[np.int32],
-    camera: CameraRecord,
-    emitter: EmitterRecord,
+    camera: ReceiverRecord,
+    emitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
     """Geometry of some pixels of a ring.
@@ -61,8 +61,8 @@ def ring_geometry(
     return PathGeometry(
         order=zeros + (1 if single else 0),
         transparent_depth=zeros,
-        first_m=vertex,
-        last_m=vertex,
+        first_scatterer_m=vertex,
+        last_scatterer_m=vertex,
         direction=direction,
         first_object=zeros,
         last_object=zeros,

@@ -13,7 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Mask, Real, Single
-from ...contract import AMPLITUDE_CHANNEL, CHECK_CHANNEL, RANGE_CHANNEL, CameraRecord, RenderRecord
+from ...contract import (
+    AMPLITUDE_CHANNEL,
+    CHECK_CHANNEL,
+    RANGE_CHANNEL,
+    ReceiverRecord,
+    RenderRecord,
+)
 from ...errors import SchemaError
 from .cameras import pixel_centres, solid_angles_sr
 
@@ -42,8 +48,8 @@ class PixelGrid:
     solid_angle_sr: Real
 
 
-def pixel_grid(camera: CameraRecord, width_px: int, height_px: int) -> PixelGrid:
-    """Directions and solid angles of all pixels, see :mod:`.cameras`.
+def pixel_grid(camera: ReceiverRecord, width_px: int, height_px: int) -> PixelGrid:
+    """Directions and solid angles of all pixels, see :mod:`.decoding.cameras`.
 
     Raises
     ------
@@ -80,9 +86,9 @@ class Decoded:
         G B / R^2: 1 for one path, 1 + (spread of l / k)^2 for several; NaN where undefined.
     solid_angle_sr, u, v
         Of the pixels, see :class:`PixelGrid`.
-    beyond_code
+    range_encoding_underflow
         Pixels with an echo whose R is denormal or zero: too far for this code length. Masked.
-    not_coded
+    no_range_encoding
         Pixels with R above B: light that does not carry the code. Masked.
     """
 
@@ -93,8 +99,8 @@ class Decoded:
     solid_angle_sr: Real
     u: Real
     v: Real
-    beyond_code: int
-    not_coded: int
+    range_encoding_underflow: int
+    no_range_encoding: int
 
     @property
     def range_m(self) -> Real:
@@ -136,7 +142,7 @@ def decode(
     mixing = np.full_like(blue, np.nan)
     np.divide(red, blue, out=length, where=mask)
     np.log(length, out=length, where=mask)
-    length *= -record.code_length_m
+    length *= -record.range_encoding_length_m
     np.maximum(length, 0.0, out=length)
     cosine_inverse = np.sqrt(1 + grid.u[None, :] ** 2 + grid.v[:, None] ** 2)
     length += record.camera.near_clip_m * cosine_inverse
@@ -155,6 +161,6 @@ def decode(
         solid_angle_sr=grid.solid_angle_sr,
         u=grid.u,
         v=grid.v,
-        beyond_code=int(np.count_nonzero(echo & ~reached)),
-        not_coded=int(np.count_nonzero(echo & reached & ~coded)),
+        range_encoding_underflow=int(np.count_nonzero(echo & ~reached)),
+        no_range_encoding=int(np.count_nonzero(echo & reached & ~coded)),
     )

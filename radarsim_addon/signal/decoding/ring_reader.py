@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ...contract import CameraRecord, EmitterRecord
+from ...contract import ReceiverRecord, TransmitterRecord
 from ...errors import SchemaError
 from ..runs import RadarFrame
 from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
@@ -22,21 +22,21 @@ class RingReader:
         self._frame = frame
         self._kept: dict[tuple[int, int], Decoded] = {}
         self._grids: dict[object, PixelGrid] = {}
-        self._antennas: tuple[CameraRecord, EmitterRecord] | None = None
+        self._antennas: tuple[ReceiverRecord, TransmitterRecord] | None = None
         self._times_s: dict[int, float] = {}
 
-    def get(self, ring: int, pass_index: int) -> Decoded:
+    def get(self, ring: int, snapshot_index: int) -> Decoded:
         """Pixels of a ring at one pass."""
-        key = (ring, pass_index)
+        key = (ring, snapshot_index)
         if key not in self._kept:
-            record, channels = self._frame.image(ring, pass_index)
-            time_s = self._times_s.setdefault(pass_index, record.time_s)
+            record, channels = self._frame.image(ring, snapshot_index)
+            time_s = self._times_s.setdefault(snapshot_index, record.time_s)
             if time_s != record.time_s:
                 raise SchemaError(
-                    f"{self._frame.path}: ring {ring}, pass {pass_index} is at {record.time_s} s, "
+                    f"{self._frame.path}: ring {ring}, pass {snapshot_index} is at {record.time_s} s, "
                     f"other rings of the pass at {time_s} s. Render this frame again."
                 )
-            if pass_index == 0:
+            if snapshot_index == 0:
                 self._antennas = record.camera, record.emitter
             view = repr(record.camera)
             if view not in self._grids:
@@ -46,16 +46,16 @@ class RingReader:
         return self._kept[key]
 
     @property
-    def antennas(self) -> tuple[CameraRecord, EmitterRecord]:
+    def antennas(self) -> tuple[ReceiverRecord, TransmitterRecord]:
         """Receiver and emitter at t."""
         assert self._antennas is not None
         return self._antennas
 
     @property
-    def delta_t_s(self) -> float:
+    def snapshot_interval_s(self) -> float:
         """Time between the passes, as the sidecars have it [s]."""
         measured_s = self._times_s[1] - self._times_s[0]
-        planned_s = self._frame.record.delta_t_s
+        planned_s = self._frame.record.snapshot_interval_s
         # the difference of two scene times keeps fewer digits than delta t itself
         slack_s = 1e-6 * planned_s + 1e-12 * abs(self._times_s[1])
         if abs(measured_s - planned_s) > slack_s:

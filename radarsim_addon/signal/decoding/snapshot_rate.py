@@ -23,15 +23,15 @@ from .ring_pixels import Decoded
 
 #: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
 #: second pass: the background appearing behind a target's edge.
-MAX_SPEED_MPS = 300.0
+MAX_RANGE_RATE_MPS = 300.0
 
 
 def range_rate(
     first: Decoded,
     second: Decoded,
-    delta_t_s: float,
+    snapshot_interval_s: float,
     neighbours: Sequence[tuple[Decoded, Decoded]] = (),
-    max_speed_mps: float = MAX_SPEED_MPS,
+    max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
 ) -> tuple[Real, Flags]:
     """Range rate of every pixel of one ring.
 
@@ -39,26 +39,29 @@ def range_rate(
     ----------
     first, second
         The ring at t and at t + delta t.
-    delta_t_s
+    snapshot_interval_s
         Time between the passes [s].
     neighbours
         The rings before and behind, each at both times. An echo that has none of its own ring in
         the second pass (or an unbelievable one) is looked for there, among echoes that were not
         there at t.
-    max_speed_mps
+    max_range_rate_mps
         Limit of a believable |range rate| [m/s].
 
     Returns
     -------
     rate_mps, flags
         Arrays (height, width). The rate is positive when receding, and 0 where a flag says that
-        it is unknown (`PathFlag.SINGLE_SNAPSHOT`, `PathFlag.RANGE_RATE_REJECTED`); such echoes count as standing still.
+        it is unknown (`PathFlag.SINGLE_SNAPSHOT`, `PathFlag.RANGE_RATE_REJECTED`); such echoes
+        count as standing still.
     """
-    if not delta_t_s > 0:
-        raise ConfigError(f"Time between the passes is {delta_t_s!r} s; expected a positive time.")
-    if not max_speed_mps > 0:
-        raise ConfigError(f"Speed limit is {max_speed_mps!r} m/s; expected a positive number.")
-    limit_m = max_speed_mps * delta_t_s
+    if not snapshot_interval_s > 0:
+        raise ConfigError(
+            f"Time between the passes is {snapshot_interval_s!r} s; expected a positive time."
+        )
+    if not max_range_rate_mps > 0:
+        raise ConfigError(f"Speed limit is {max_range_rate_mps!r} m/s; expected a positive number.")
+    limit_m = max_range_rate_mps * snapshot_interval_s
     start = first.range_m
     step = np.full(start.shape, np.inf)
     same = first.mask & second.mask
@@ -79,5 +82,5 @@ def range_rate(
     flags[first.mask & seen & (np.abs(step) > limit_m)] |= PathFlag.RANGE_RATE_REJECTED
     known = first.mask & (np.abs(step) <= limit_m)
     rate = np.zeros(start.shape)
-    rate[known] = step[known] / delta_t_s
+    rate[known] = step[known] / snapshot_interval_s
     return rate, flags

@@ -3,10 +3,10 @@
 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, detect_targets, target_count
-from .moving_targets import SLOWEST_CELLS, find_movers, heard_recording
+from .moving_targets import SLOWEST_CELLS, find_moving_targets, received_recording
 from .objects import matching_objects, object_echoes, require_objects
 from .options import ProcessOptions, Progress
-from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, level_above
+from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
 from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_warnings
 from .result import FrameResult
 from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_warnings
@@ -31,16 +31,16 @@ __all__ = [
     "cfar_threshold",
     "detect_targets",
     "find_edges",
-    "find_movers",
+    "find_moving_targets",
     "find_peaks",
     "frame_statistics",
-    "heard_recording",
     "leading_edges",
-    "level_above",
     "matching_objects",
     "object_echoes",
+    "peak_to_background_db",
     "predicted_snr",
     "projection_warnings",
+    "received_recording",
     "require_objects",
     "statistics_warnings",
     "target_count",

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Constant false-alarm rate: thresholds from the cells around each cell of a map.
 
-Cell averaging and the ordered statistic; the factors on them are those of :mod:`.cfarstats`, for
-neighbouring cells of a map are not independent: windows and oversampling join them.
+Cell averaging and the ordered statistic; the factors on them are those of
+:mod:`.detection.cfar_thresholds`, for neighbouring cells of a map are not independent: windows and
+oversampling join them.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
     radar = rd_map.radar
     waveform = radar.waveform
     pulses = rd_map.values.shape[0]
-    squared = slow_time_window(rd_map.doppler_window, pulses) ** 2
+    squared = slow_time_window(rd_map.doppler_taper, pulses) ** 2
     turn = np.exp(-2j * np.pi * np.outer(np.arange(lags[0] + 1), np.arange(pulses)) / pulses)
     doppler = turn @ squared / squared.sum()
     if isinstance(waveform, LineWaveform):

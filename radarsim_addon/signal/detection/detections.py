@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..echoes import Echoes
-from ..maps import RangeDopplerMap, Recording, decibels, point_response
+from ..maps import RangeDopplerMap, Recording, point_response, power_to_db
 from .cfar import Cfar, CfarResult, cfar_threshold
 from .peaks import Peak, local_maxima, pulse_spectra, refine_peak
 
@@ -63,7 +63,7 @@ class Detections:
     cfar
         The detector.
     training_cells, independent_cells
-        Of one cell, and what they are worth, see :mod:`.cfar`.
+        Of one cell, and what they are worth, see :mod:`.detection.cfar`.
     """
 
     targets: list[Detection]
@@ -92,14 +92,15 @@ def detect_targets(
     dynamics_db
         What is further below the strongest cell is error of the synthesis, no echo [dB].
     wide
-        The same map over more ranges (:func:`.movers.heard_recording`), to interpolate in: without
-        it a peak within a cell of the window's end is off by up to half a cell and 1.1 dB.
+        The same map over more ranges (:func:`.detection.moving_targets.received_recording`), to
+        interpolate in: without it a peak within a cell of the window's end is off by up to half a
+        cell and 1.1 dB.
 
     Notes
     -----
     Within the guard cells of a peak no weaker one is taken. Range and Doppler are those of the
-    maximum of the trigonometric interpolation, see :func:`.detect.find_peaks`: exact for one target
-    without noise.
+    maximum of the trigonometric interpolation, see :func:`.detection.peaks.find_peaks`: exact for
+    one target without noise.
     """
     cfar = cfar or Cfar()
     result = cfar_threshold(rd_map, cfar)
@@ -139,10 +140,10 @@ def _interpolate(
         assert spectrum is not None
         place = int(np.argmin(np.abs(wide.range_m - rd_map.range_m[col])))
         peak = refine_peak(wide, spectrum, row, place, 0.0)
-        noise_db = float(decibels(result.noise[row, col]))
+        noise_db = float(power_to_db(result.noise[row, col]))
         if number < _MOST_OWN and peak.level_db - noise_db > _OWN_DB:
             rest = _noise_without(rd_map, peak, row, col, cfar)
-            noise_db = min(noise_db, float(decibels(np.array(rest))))
+            noise_db = min(noise_db, float(power_to_db(np.array(rest))))
         found.append(
             Detection(
                 peak.range_m,
@@ -161,10 +162,10 @@ def _interpolate(
 def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar: Cfar) -> float:
     """Mean power of the training cells without the target's own response; inf: it is no point."""
     pulses, ranges = rd_map.values.shape
-    window_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
+    range_limits_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
     nothing = np.zeros((1, 1), dtype=np.complex128)
-    echoes = Echoes(nothing, 0.0, window_m, rd_map.radar, "radar-equation", 0.0)
-    recording = Recording(echoes, window_m, rd_map, 0, 0.0)
+    echoes = Echoes(nothing, 0.0, range_limits_m, rd_map.radar, "radar-equation", 0.0)
+    recording = Recording(echoes, range_limits_m, rd_map, 0, 0.0)
     response = point_response(recording, peak.range_m, peak.doppler_hz / rd_map.radar.burst.prf_hz)
     reach = min(cfar.guard[0] + cfar.train[0], (pulses - 1) // 2), cfar.guard[1] + cfar.train[1]
     apart = np.arange(-reach[0], reach[0] + 1)

@@ -9,7 +9,7 @@ TSP 44, 281, 1996), on a map that extends to where echoes are in the samples at 
 
 1. what stands still is taken out, exactly: W(f) / W(0) of the 0 Hz row;
 2. the strongest peak that nothing explains is taken as an echo, its exact response
-   (:mod:`.pointresponse`) subtracted, and what stands still estimated again;
+   (:mod:`.maps.point_response`) subtracted, and what stands still estimated again;
 3. a residual is explained where it is below a quarter of the envelope of what was subtracted
    there, or not above what scatterers slower than 1.25 cells may show at that Doppler.
 """
@@ -37,7 +37,7 @@ from ..maps import (
 )
 from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
-from .peaks import Peak, level_above, local_maxima, pulse_spectra, refine_peak
+from .peaks import Peak, local_maxima, peak_to_background_db, pulse_spectra, refine_peak
 
 #: Fewer pulses tell no mover from what stands still.
 _LEAST_PULSES = 16
@@ -106,17 +106,17 @@ def heard_window_m(echoes: Echoes) -> tuple[float, float]:
     waveform = echoes.radar.waveform
     if waveform.family == "line":
         return 0.0, waveform.unambiguous_range_m
-    start_m, stop_m = echoes.window_m
+    start_m, stop_m = echoes.range_limits_m
     reach_m = SPEED_OF_LIGHT_MPS * waveform.duration_s / 2
     return max(start_m - reach_m, 0.0), stop_m + reach_m
 
 
-def heard_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Recording:
+def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Recording:
     """The map over all ranges that are heard."""
     return Recording.over(echoes, heard_window_m(echoes), rd_map, mti)
 
 
-def find_movers(
+def find_moving_targets(
     echoes: Echoes,
     rd_map: RangeDopplerMap,
     mti: int = 0,
@@ -134,7 +134,7 @@ def find_movers(
     echoes
         What the map was made of.
     rd_map
-        Range-Doppler map over ``echoes.window_m``.
+        Range-Doppler map over ``echoes.range_limits_m``.
     mti
         Pulses of the canceller that the map was made with, 0 for none.
     tolerance
@@ -147,7 +147,7 @@ def find_movers(
         Whether strong echoes that stand still have noise of their own at all Dopplers (phase
         noise): then a mover stands 15 dB above the median of its range cell.
     recording
-        From `heard_recording`, where it is there already.
+        From `received_recording`, where it is there already.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def find_movers(
     """
     if rd_map.values.shape[0] < _LEAST_PULSES:
         return []
-    recording = recording or heard_recording(echoes, rd_map, mti)
+    recording = recording or received_recording(echoes, rd_map, mti)
     floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
     floor = max(floor, noise_power * 10 ** (_OVER_NOISE_DB / 10))
     search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns)
@@ -169,8 +169,8 @@ def find_movers(
         inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
         if inside and speed >= slowest_cells:
             col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
-            above_db = level_above(rd_map.power, target.row, col)
-            found.append(dataclasses.replace(peak, above_db=above_db))
+            peak_to_background_db = peak_to_background_db(rd_map.power, target.row, col)
+            found.append(dataclasses.replace(peak, peak_to_background_db=peak_to_background_db))
     return sorted(found, key=lambda peak: -peak.level_db)[:_MOST_MOVERS]
 
 
@@ -191,7 +191,7 @@ class _Search:
         self._zero = self._pulses // 2
         self._residual = rd_map.values.copy()
         self._envelope = np.zeros(rd_map.values.shape)
-        weight = slow_time_window(rd_map.doppler_window, self._pulses)
+        weight = slow_time_window(rd_map.doppler_taper, self._pulses)
         self._still = _line(weight, 0.0)
         self._ridge = _ridge_shape(weight)
         rows = np.abs(np.arange(self._pulses) - self._zero)
@@ -241,7 +241,7 @@ class _Search:
                 apart = min(apart, self._pulses - apart)
                 if apart <= _GUARD_CELLS[0] and abs(col - target.col) <= _GUARD_CELLS[1]:
                     return row, col, target
-            if level_above(power, row, col) >= _OVER_AROUND_DB:
+            if peak_to_background_db(power, row, col) >= _OVER_AROUND_DB:
                 return row, col, None
             refused[row, col] = True
         return None
@@ -251,7 +251,7 @@ class _Search:
         range_m, cycles = self._place(row, col)
         rows = (row + np.arange(-2, 3)) % self._pulses
         cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
-        start_m, stop_m = self._recording.echoes.window_m
+        start_m, stop_m = self._recording.echoes.range_limits_m
         cut = new and not start_m <= range_m <= stop_m and self._cuts
         if cut:
             # cut by the end of the record: a broad peak, and sidelobes that hang on its place

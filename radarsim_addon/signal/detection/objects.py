@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from ...contract import CameraRecord, PathsRecord
+from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import PathRows, edge_variances, lone_variances, open_frame_table, usable
@@ -42,12 +42,12 @@ class ObjectEcho:
     paths
         Rows of the table, all shifts together.
     power_w, power_error_w
-        Received power and its standard error [W], see :mod:`.replicates`.
+        Received power and its standard error [W], see :mod:`.paths.replicates`.
     rcs_m2, rcs_error_m2
         Radar cross section and its standard error [m^2].
     range_m
         One-way range, mean weighted by power [m].
-    shared_power_w
+    multi_object_power_w
         Power of paths that touch other objects too (first or last vertex); not in `power_w` [W].
     range_rate_mps
         Rate of the one-way range at t, mean weighted by power, receding positive [m/s].
@@ -60,7 +60,7 @@ class ObjectEcho:
     rcs_m2: float
     rcs_error_m2: float
     range_m: float
-    shared_power_w: float
+    multi_object_power_w: float
     range_rate_mps: float = 0.0
 
     @property
@@ -78,8 +78,8 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     """Each row's share of the cross section of what it hit, (n,) [m^2]."""
     receiver_m = np.asarray(record.camera.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.emitter.matrix_world)[:3, 3]
-    there = np.sum((rows["last_m"] - emitter_m) ** 2, axis=-1)
-    back = np.sum((rows["first_m"] - receiver_m) ** 2, axis=-1)
+    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
+    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
     # Without vertices the mean range has to do.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
@@ -96,7 +96,7 @@ def path_power_w(
     """Each row's received power at a carrier, with the gains of a system if there is one [W]."""
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
-        power = power * link.factor(rows["length_m"], rows["direction"], rows["last_m"])
+        power = power * link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
     return np.asarray(power, dtype=np.float64)
 
 
@@ -108,7 +108,7 @@ def require_objects(frame: RadarFrame) -> None:
     ConfigError
         The frame is of rings.
     """
-    if frame.acquisition != "paths":
+    if frame.sampling_mode != "paths":
         raise ConfigError(
             f"{frame.path} was measured by rings, which do not know the object of a path. Measure "
             "the scene by paths (Acquisition: Paths, or --acquisition paths)."
@@ -147,7 +147,7 @@ def object_echoes(
         groups = {name: [name] for name in record.objects}
     member = _membership(record.objects, groups)
     names = list(groups)
-    sums = _Sums(len(names), record.shifts, record.camera)
+    sums = _Sums(len(names), record.replicates, record.camera)
     for start, stop in _tile_edges(table):
         rows = np.array(table[start:stop])
         rows = rows[usable(rows)]
@@ -168,8 +168,8 @@ def _membership(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> 
 class _Sums:
     """Sums over tiles: the mean of the shifts, and the variance of that mean."""
 
-    def __init__(self, groups: int, shifts: int, camera: CameraRecord) -> None:
-        self._shifts, self._camera = shifts, camera
+    def __init__(self, groups: int, replicates: int, camera: ReceiverRecord) -> None:
+        self._shifts, self._camera = replicates, camera
         self._mean = np.zeros((2, groups))
         self._variance = np.zeros((2, groups))
         self._paths = np.zeros(groups, dtype=np.int64)
@@ -232,7 +232,7 @@ class _Sums:
                 rcs_m2=float(self._mean[1, i]),
                 rcs_error_m2=float(errors[1, i]),
                 range_m=float(self._range[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
-                shared_power_w=float(self._shared[i]),
+                multi_object_power_w=float(self._shared[i]),
                 range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
             )
             for i, name in enumerate(names)

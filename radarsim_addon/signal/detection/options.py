@@ -7,9 +7,9 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from ...contract import SystemRecord, Weighting
+from ...contract import AmplitudeModel, LinkBudget
 from ...errors import ConfigError
-from ..decoding import MAX_SPEED_MPS
+from ..decoding import MAX_RANGE_RATE_MPS
 from ..echoes import Receiver
 from ..radar import Radar, weighting_of
 from ..runs import Run
@@ -32,27 +32,28 @@ class ProcessOptions:
 
     Attributes
     ----------
-    weighting
-        "radar-equation" or "paper", see :func:`.paths.path_amplitude`; None: the system's, or
+    amplitude_model
+        "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`; None: the system's, or
         "radar-equation" without one.
     receiver_gain
         G_r, linear, for runs without a system.
-    window, doppler_window
-        Windows over the band and over the pulses, see :mod:`.windows`.
-    window_m
+    window, doppler_taper
+        Windows over the band and over the pulses, see :mod:`.radar.windows`.
+    range_limits_m
         One-way ranges (start, stop) [m]; None: what the rings cover.
-    max_speed_mps
+    max_range_rate_mps
         Limit of a believable |range rate| between the passes [m/s].
     method
         Engine of the non-uniform FFT.
     tolerance
         Relative L2 error of the echoes' spectrum against the direct sum.
     synthesis
-        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
+        "auto", "type3", "per-pulse" or "direct", see
+        :class:`.spectrum.accumulator.SpectrumAccumulator`.
     speckle_seed
         Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
-        :mod:`.scatterers`.
-    speckle_cell_m
+        :mod:`.scattering.surface_speckle`.
+    speckle_cell_size_m
         Edge of the cells that hold one scatterer each [m]; None: from the pixels' footprints.
     products
         Whether to write the four EXR products.
@@ -62,37 +63,37 @@ class ProcessOptions:
         Whether to write a GIF of all frames' maps; None: where there are pictures and several
         frames.
     system
-        Power budget, see :mod:`.system`; None: the run's own.
+        Power budget, see :mod:`.radar.link_budget`; None: the run's own.
     radar
         Another waveform and burst than the run's own: nothing of the renders depends on them but
         materials on the carrier.
     receiver
-        Noise, ADC, phase noise, see :class:`.receiver.Receiver`; ideal by default.
+        Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
     system_noise
         Thermal noise with the noise figure and antenna temperature of the system.
     mti
-        Canceller over the pulses: 0 (none), 2 or 3 pulses, see :mod:`.mti`.
+        Canceller over the pulses: 0 (none), 2 or 3 pulses, see :mod:`.maps.mti`.
     cfar
-        Detector, see :class:`.cfar.Cfar`; None: no detections.
+        Detector, see :class:`.detection.cfar.Cfar`; None: no detections.
     hdf5, sigmf
         Whether to write all results as HDF5, the raw I/Q as SigMF.
     """
 
-    weighting: Weighting | None = None
+    amplitude_model: AmplitudeModel | None = None
     receiver_gain: float = 1.0
     window: str = "hamming"
-    doppler_window: str = "hamming"
-    window_m: tuple[float, float] | None = None
-    max_speed_mps: float = MAX_SPEED_MPS
+    doppler_taper: str = "hamming"
+    range_limits_m: tuple[float, float] | None = None
+    max_range_rate_mps: float = MAX_RANGE_RATE_MPS
     method: Backend = "auto"
     tolerance: float = TOLERANCE
     synthesis: Method = "auto"
     speckle_seed: int | None = 0
-    speckle_cell_m: float | None = None
+    speckle_cell_size_m: float | None = None
     products: bool = True
     plots: bool | None = None
     animate: bool | None = None
-    system: SystemRecord | None = None
+    system: LinkBudget | None = None
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)
     system_noise: bool = False
@@ -120,7 +121,7 @@ class ProcessOptions:
                 f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
                 "antenna has one. Set gain_dbi there, or leave the receiver gain out."
             )
-        weighting = self.weighting or weighting_of(system)
+        amplitude_model = self.amplitude_model or weighting_of(system)
         receiver = self.receiver
         if self.system_noise:
             if system is None:
@@ -135,7 +136,7 @@ class ProcessOptions:
             )
         return dataclasses.replace(
             self,
-            weighting=weighting,
+            amplitude_model=amplitude_model,
             system=system,
             radar=self.radar or run.radar,
             receiver=receiver,

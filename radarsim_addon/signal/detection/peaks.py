@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...errors import ConfigError
-from ..maps import PowerProfile, RangeDopplerMap, decibels
+from ..maps import PowerProfile, RangeDopplerMap, power_to_db
 from ..radar import slow_time_window
 
 #: Highest ratio to an empty surrounding, so that every level stays a finite number [dB].
@@ -25,14 +25,14 @@ class Peak:
     """A local maximum of a range-Doppler map, interpolated between its cells.
 
     `velocity_mps` is the range rate (receding positive), `level_db` 10 log10 of the power at the
-    interpolated peak, `above_db` that level over the median of what surrounds it.
+    interpolated peak, `peak_to_background_db` that level over the median of what surrounds it.
     """
 
     range_m: float
     velocity_mps: float
     doppler_hz: float
     level_db: float
-    above_db: float
+    peak_to_background_db: float
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def find_peaks(
         Leave out peaks that stand less than this above their surroundings.
     guard, reach
         Cells (Doppler, range) to each side. Within `guard` of a peak no other is taken; the
-        surroundings are what lies between `guard` and `reach`, see :func:`level_above`.
+        surroundings are what lies between `guard` and `reach`, see :func:`peak_to_background_db`.
 
     Notes
     -----
@@ -93,11 +93,11 @@ def find_peaks(
             break
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
-        above_db = level_above(power, row, col, guard, reach)
-        if above_db >= min_above_db:
+        peak_to_background_db = peak_to_background_db(power, row, col, guard, reach)
+        if peak_to_background_db >= min_above_db:
             if spectrum is None:
                 spectrum = pulse_spectra(rd_map)
-            peaks.append(refine_peak(rd_map, spectrum, row, col, above_db))
+            peaks.append(refine_peak(rd_map, spectrum, row, col, peak_to_background_db))
     return peaks
 
 
@@ -117,7 +117,7 @@ def local_maxima(power: Real) -> NDArray[np.bool_]:
     return result
 
 
-def level_above(
+def peak_to_background_db(
     power: Real,
     row: int,
     col: int,
@@ -159,7 +159,7 @@ def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
 
 
 def refine_peak(
-    rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, above_db: float
+    rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, peak_to_background_db: float
 ) -> Peak:
     """Maximum of the trigonometric interpolation next to a cell, one axis after the other.
 
@@ -171,7 +171,7 @@ def refine_peak(
     wave = np.fft.fftfreq(ranges)
     # pulses counted from the middle of the burst, or a peak would rotate as Doppler varies
     pulse = np.arange(pulses) - (pulses - 1) / 2
-    weight = slow_time_window(rd_map.doppler_window, pulses)
+    weight = slow_time_window(rd_map.doppler_taper, pulses)
     weight /= weight.sum()
     deflate = abs(row - pulses // 2) >= 2
     frequency = float(row - pulses // 2) / pulses
@@ -203,8 +203,8 @@ def refine_peak(
         range_m=float(rd_map.range_m[0] + step_m * position),
         velocity_mps=-doppler_hz * rd_map.radar.waveform.wavelength_m / 2,
         doppler_hz=doppler_hz,
-        level_db=float(decibels(np.array(best**2))),
-        above_db=above_db,
+        level_db=float(power_to_db(np.array(best**2))),
+        peak_to_background_db=peak_to_background_db,
     )
 
 
@@ -284,7 +284,7 @@ def leading_edges(
     padded = np.concatenate([[0.0], power, [0.0]])
     top = (power > padded[:-2]) & (power >= padded[2:]) & inside
     places = np.flatnonzero(top)
-    level_db = decibels(power)
+    level_db = power_to_db(power)
     prominence_db = np.array([_prominence_db(level_db, int(i)) for i in places])
     if by not in ("power", "prominence"):
         raise ConfigError(f"Peaks by {by!r}; expected 'power' or 'prominence'.")

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...contract import SystemRecord
+from ...contract import LinkBudget
 from ...physics.noise import SnrPrediction, predict_snr
 from ...printable import printable
 from ..maps import coherent_samples, map_noise_gain, mti_response
@@ -26,18 +26,18 @@ _LEAST_DB = -200.0
 _CANCELLED = 1e-20
 
 
-def compression_loss_db(radar: Radar, window: str, doppler_window: str) -> float:
+def compression_loss_db(radar: Radar, window: str, doppler_taper: str) -> float:
     """SNR that the windows over band and pulses cost against the matched filter [dB], 0 or more.
 
-    Both from the noise that comes through: see :mod:`.noisefloor`.
+    Both from the noise that comes through: see :mod:`.maps.noise_floor`.
     """
-    gain = map_noise_gain(radar, window, doppler_window)
+    gain = map_noise_gain(radar, window, doppler_taper)
     ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
     return max(10 * math.log10(gain / ideal), 0.0)
 
 
 def predicted_snr(
-    power_w: float, radar: Radar, system: RadarSystem, window: str, doppler_window: str
+    power_w: float, radar: Radar, system: RadarSystem, window: str, doppler_taper: str
 ) -> SnrPrediction:
     """What the map shows of a point target of this received power; see `predict_snr`.
 
@@ -51,7 +51,7 @@ def predicted_snr(
         radar.burst.pulses,
         system.record.noise_figure_db,
         system.record.antenna_temperature_k,
-        compression_loss_db(radar, window, doppler_window),
+        compression_loss_db(radar, window, doppler_taper),
     )
 
 
@@ -69,7 +69,7 @@ class BudgetReport:
         Objects that echo, the strongest first; none for rings.
     snr
         By the object's name, where there is a system and the object is in the map.
-    not_in_map
+    excluded_reason
         Why an object is not in the map, by its name.
     warnings
         In whole sentences.
@@ -80,7 +80,7 @@ class BudgetReport:
     objects: list[ObjectEcho] = field(default_factory=list)
     snr: dict[str, SnrPrediction] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
-    not_in_map: dict[str, str] = field(default_factory=dict)
+    excluded_reason: dict[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """For ``_summary.json``: powers in W and dBm, cross sections in m^2 and dBsm."""
@@ -97,7 +97,7 @@ class BudgetReport:
                     "predicted_snr": dataclasses.asdict(self.snr[echo.name])
                     if echo.name in self.snr
                     else None,
-                    "not_in_map": self.not_in_map.get(echo.name),
+                    "excluded_reason": self.excluded_reason.get(echo.name),
                 }
                 for echo in self.objects
             ],
@@ -120,8 +120,8 @@ class BudgetReport:
                 line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
-            if echo.name in self.not_in_map:
-                line += f"   not in the map: {self.not_in_map[echo.name]}"
+            if echo.name in self.excluded_reason:
+                line += f"   not in the map: {self.excluded_reason[echo.name]}"
             found.append(line)
         return found
 
@@ -146,13 +146,13 @@ class FrameBudget:
         The frame's sidecars are missing or damaged.
     """
 
-    def __init__(self, frame: RadarFrame, radar: Radar, record: SystemRecord | None) -> None:
+    def __init__(self, frame: RadarFrame, radar: Radar, record: LinkBudget | None) -> None:
         self._frame, self._radar = frame, radar
         self.system: RadarSystem | None = None
         self.link: Link | None = None
         if record is not None:
             self.system = make_system(record, radar.waveform.wavelength_m)
-            antennas = frame_antennas(frame.path, frame.number, frame.acquisition)
+            antennas = frame_antennas(frame.path, frame.number, frame.sampling_mode)
             self.link = Link(self.system, *antennas)
 
     def apply(self, paths: Paths) -> Paths:
@@ -163,9 +163,9 @@ class FrameBudget:
         self,
         received_w: float,
         window: str = "hamming",
-        doppler_window: str = "hamming",
+        doppler_taper: str = "hamming",
         *,
-        window_m: tuple[float, float] | None = None,
+        range_limits_m: tuple[float, float] | None = None,
         mti: int = 0,
     ) -> BudgetReport:
         """Objects, noise and predictions, after all paths were seen.
@@ -174,22 +174,24 @@ class FrameBudget:
         ----------
         received_w
             Sum of the paths' powers [W].
-        window, doppler_window
+        window, doppler_taper
             Over band and pulses, for the predicted SNR.
-        window_m
+        range_limits_m
             One-way ranges of the map (start, stop); None: all [m].
         mti
             Pulses of the canceller before the map; 0: none.
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
-        if self._frame.acquisition == "paths":
+        if self._frame.sampling_mode == "paths":
             objects = object_echoes(self._frame, radar.waveform.carrier_hz, self.link)
             least = 10 ** (_LEAST_DB / 10) * max((echo.power_w for echo in objects), default=0.0)
             objects = [echo for echo in objects if echo.power_w > least]
         noise_w = None
         snr = {}
-        absent = {echo.name: why for echo in objects if (why := _absence(echo, radar, window_m))}
+        absent = {
+            echo.name: why for echo in objects if (why := _absence(echo, radar, range_limits_m))
+        }
         if system is not None:
             noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
             if noise_w > 0:
@@ -198,7 +200,7 @@ class FrameBudget:
                     if left < _CANCELLED:
                         absent.setdefault(echo.name, "cancelled by the MTI")
                     if echo.name not in absent:
-                        point = predicted_snr(echo.power_w, radar, system, window, doppler_window)
+                        point = predicted_snr(echo.power_w, radar, system, window, doppler_taper)
                         burst_db = point.burst_db + 10 * math.log10(left)
                         snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
         warnings = [*projection_warnings(self._frame), *self._warnings()]
@@ -230,7 +232,7 @@ def projection_warnings(frame: RadarFrame) -> list[str]:
     FrameFileError, SchemaError
         The frame's sidecar is missing or damaged.
     """
-    if frame.acquisition != "paths":
+    if frame.sampling_mode != "paths":
         return []
     if read_paths_record(frame.path, frame.number).camera.kind != "orthographic":
         return []
@@ -253,7 +255,9 @@ def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
     return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * share
 
 
-def _absence(echo: ObjectEcho, radar: Radar, window_m: tuple[float, float] | None) -> str | None:
+def _absence(
+    echo: ObjectEcho, radar: Radar, range_limits_m: tuple[float, float] | None
+) -> str | None:
     """Why an object is not in the map; None: it is."""
     waveform = radar.waveform
     range_m, cell_m = echo.range_m, waveform.range_resolution_m
@@ -265,9 +269,9 @@ def _absence(echo: ObjectEcho, radar: Radar, window_m: tuple[float, float] | Non
         fold_m = waveform.unambiguous_range_m
     else:
         fold_m = radar.burst.unambiguous_range_m
-    if window_m is None:
+    if range_limits_m is None:
         return None
-    start_m, stop_m = window_m[0] - cell_m, window_m[1] + cell_m
+    start_m, stop_m = range_limits_m[0] - cell_m, range_limits_m[1] + cell_m
     # where it is heard, folded: the farthest place that is not beyond the window
     orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
     shown_m = range_m - orders * fold_m if orders else range_m

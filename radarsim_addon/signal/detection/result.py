@@ -6,12 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..echoes import Echoes, Reception
+from ..echoes import Echoes, ReceivedSignal
 from ..maps import (
-    Compressed,
     ExpectedPower,
     PowerProfile,
     RangeDopplerMap,
+    RangeProfiles,
     map_noise_gain,
     range_noise_gain,
 )
@@ -35,17 +35,17 @@ class FrameResult:
     time_s: float
     statistics: FrameStatistics
     echoes: Echoes
-    compressed: Compressed
+    compressed: RangeProfiles
     profile: PowerProfile
     rd_map: RangeDopplerMap
     edges: list[LeadingEdge]
-    movers: list[Peak]
+    moving_targets: list[Peak]
     warnings: list[str]
     files: list[Path]
     expected: ExpectedPower | None = None
     budget: BudgetReport | None = None
     speckle: SpeckleReport | None = None
-    reception: Reception | None = None
+    reception: ReceivedSignal | None = None
     detections: Detections | None = None
 
     @property
@@ -56,7 +56,7 @@ class FrameResult:
     @property
     def map_noise_power(self) -> float:
         """Mean noise of a cell of the map, thermal and of the ADC [W]; 0 without."""
-        gain = map_noise_gain(self.rd_map.radar, self.rd_map.window, self.rd_map.doppler_window)
+        gain = map_noise_gain(self.rd_map.radar, self.rd_map.window, self.rd_map.doppler_taper)
         return self._noise_power(gain)
 
     def _noise_power(self, gain: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decoding import iter_paths
+from ..decoding import iter_path_chunks
 from ..paths import PathCounts, PathFlag, Paths, path_power_w
 from ..radar import Radar
 from ..runs import RadarFrame
@@ -34,19 +34,19 @@ _BEYOND = {
 class FrameStatistics:
     """What the paths of one frame add up to.
 
-    `power_w` is the sum of the received powers, `mixed_power_share` the share of it in pixels that
-    mix several ranges, `beyond_unambiguous_range` and `beyond_max_velocity` count paths, and
-    `outside_window` those that the range window leaves out (mean over the pulses).
+    `power_w` is the sum of the received powers, `mixed_power_fraction` the share of it in pixels
+    that mix several ranges, `beyond_unambiguous_range` and `beyond_max_velocity` count paths, and
+    `outside_range_limits` those that the range window leaves out (mean over the pulses).
     """
 
     counts: PathCounts
     power_w: float
-    mixed_power_share: float
+    mixed_power_fraction: float
     nearest_m: float | None
     farthest_m: float | None
     beyond_unambiguous_range: int
     beyond_max_velocity: int
-    outside_window: float
+    outside_range_limits: float
 
 
 class StatisticsSum:
@@ -72,20 +72,20 @@ class StatisticsSum:
         self._farthest = max(self._farthest, float(range_m.max()))
         self._far += int(np.count_nonzero(range_m > self._radar.unambiguous_range_m))
         speed = np.abs(paths.range_rate_mps)
-        self._fast += int(np.count_nonzero(speed > self._radar.max_velocity_mps))
+        self._fast += int(np.count_nonzero(speed > self._radar.max_unambiguous_velocity_mps))
 
     def result(self, outside: float) -> FrameStatistics:
-        """Of all paths added so far; `outside` as :class:`.echoes.Echoes` has it."""
+        """Of all paths added so far; `outside` as :class:`.echoes.pulse_synthesis.Echoes` has it."""
         some = self._counts.paths > 0
         return FrameStatistics(
             counts=self._counts,
             power_w=self._power,
-            mixed_power_share=self._mixed / self._power if self._power > 0 else 0.0,
+            mixed_power_fraction=self._mixed / self._power if self._power > 0 else 0.0,
             nearest_m=self._nearest if some else None,
             farthest_m=self._farthest if some else None,
             beyond_unambiguous_range=self._far,
             beyond_max_velocity=self._fast,
-            outside_window=outside,
+            outside_range_limits=outside,
         )
 
 
@@ -94,7 +94,7 @@ def frame_statistics(
 ) -> FrameStatistics:
     """Statistics of one frame's paths, without forming echoes."""
     total = StatisticsSum(radar, receiver_gain)
-    for part in iter_paths(frame):
+    for part in iter_path_chunks(frame):
         total.add(part)
     return total.result(0.0)
 
@@ -112,32 +112,32 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
     if statistics.beyond_max_velocity:
         found.append(
             f"{statistics.beyond_max_velocity} paths move faster than the unambiguous "
-            f"{radar.max_velocity_mps:.4g} m/s (lambda PRF / 4): they fold in Doppler, as in a "
+            f"{radar.max_unambiguous_velocity_mps:.4g} m/s (lambda PRF / 4): they fold in Doppler, as in a "
             "radar. Raise the PRF to be rid of the ambiguity."
         )
-    if statistics.outside_window >= 0.5:
+    if statistics.outside_range_limits >= 0.5:
         found.append(
-            f"{statistics.outside_window:.0f} paths lie outside the range window and are left out."
+            f"{statistics.outside_range_limits:.0f} paths lie outside the range window and are left out."
         )
-    if counts.beyond_code:
+    if counts.range_encoding_underflow:
         found.append(
-            f"{counts.beyond_code} pixels have an echo beyond the range code (red "
+            f"{counts.range_encoding_underflow} pixels have an echo beyond the range code (red "
             "below what float32 carries) and are left out."
         )
-    if counts.not_coded:
+    if counts.no_range_encoding:
         found.append(
-            f"{counts.not_coded} pixels have more R than B and are left out: light that does not "
+            f"{counts.no_range_encoding} pixels have more R than B and are left out: light that does not "
             "carry the range code. Give every object a Radar Material and hide other lights."
         )
-    if counts.too_fast or counts.one_pass:
+    if counts.range_rate_rejected or counts.single_snapshot:
         found.append(
-            f"{counts.too_fast} paths changed range by more than the speed limit between the "
-            f"passes and {counts.one_pass} have an echo in the first pass only (edges of moving "
+            f"{counts.range_rate_rejected} paths changed range by more than the speed limit between the "
+            f"passes and {counts.single_snapshot} have an echo in the first pass only (edges of moving "
             "objects, or a run with one pass); they count as standing still."
         )
-    if statistics.mixed_power_share > MIXED_POWER_WARNING:
+    if statistics.mixed_power_fraction > MIXED_POWER_WARNING:
         found.append(
-            f"{100 * statistics.mixed_power_share:.0f} % of the power is in pixels that mix "
+            f"{100 * statistics.mixed_power_fraction:.0f} % of the power is in pixels that mix "
             "several ranges; their range is a mixture. Use one sample per pixel, or more "
             "pixels."
         )

@@ -31,7 +31,7 @@ def _paired_reach_m(radar: Radar) -> float:
 def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
     """Edges that stand out of what stronger peaks show of themselves at their range."""
     kept: list[LeadingEdge] = []
-    window_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
+    range_limits_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
     step_m = float(profile.range_m[1] - profile.range_m[0]) if profile.range_m.size > 1 else 1.0
     sidelobes = np.zeros_like(profile.power)
     for edge in sorted(found, key=lambda item: -item.level_db):
@@ -45,7 +45,7 @@ def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[
         point = expected_power_profile(
             make_paths(1.0, 2 * edge.peak_range_m),
             profile.radar,
-            window_m=window_m,
+            range_limits_m=range_limits_m,
             window=profile.window,
         ).power
         count = min(point.size, sidelobes.size)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ROOM."""
 
-from .burst_interpolation import blended, shown_times_s
+from .burst_interpolation import interpolate_renders, render_times_s
 from .echoes import MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import line_times_s
 from .phase_noise import PhaseNoise, load_phase_noise
 from .pulse_synthesis import EchoSynthesizer
-from .receiver import Receiver, Reception, receive
+from .receiver import ReceivedSignal, Receiver, apply_receiver
 from .synthesizer_factory import synthesize, synthesizer_for
 
 __all__ = [
@@ -15,14 +15,14 @@ __all__ = [
     "EchoSynthesizer",
     "Echoes",
     "PhaseNoise",
+    "ReceivedSignal",
     "Receiver",
-    "Reception",
-    "blended",
+    "apply_receiver",
     "check_window",
+    "interpolate_renders",
     "line_times_s",
     "load_phase_noise",
-    "receive",
-    "shown_times_s",
+    "render_times_s",
     "synthesize",
     "synthesizer_for",
 ]

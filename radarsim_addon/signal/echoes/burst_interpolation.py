@@ -23,7 +23,7 @@ from ..runs import RadarFrame
 from .echoes import Echoes
 
 
-def crossfade_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
+def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
     """Weights of renders at pulses, (renders, pulses); each column adds up to 1.
 
     Parameters
@@ -40,7 +40,7 @@ def crossfade_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
     return np.array([np.interp(slow_time_s, nodes, hat) for hat in hats])
 
 
-def shown_times_s(frame: RadarFrame) -> list[float]:
+def render_times_s(frame: RadarFrame) -> list[float]:
     """When each render of a frame's burst shows the scene, after the frame's time t [s].
 
     Raises
@@ -49,9 +49,9 @@ def shown_times_s(frame: RadarFrame) -> list[float]:
         A file is missing or damaged, or the times are not in order.
     """
     times = []
-    for number in range(frame.renders_per_burst):
+    for number in range(frame.visibility_updates):
         motion = frame_motion(frame.of_burst(number).path, frame.number)
-        times.append(0.0 if motion is None else motion.reference_s)
+        times.append(0.0 if motion is None else motion.epoch_offset_s)
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
         raise SchemaError(
             f"{frame.path}: the renders of its burst show {times} s; expected ascending times. "
@@ -60,14 +60,14 @@ def shown_times_s(frame: RadarFrame) -> list[float]:
     return times
 
 
-def blended(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
+def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
     """Echoes of a burst from those of its renders, each synthesised for all pulses.
 
     One of them is in memory at a time if they come from a generator.
     """
     total: Echoes | None = None
     for number, part in enumerate(parts):
-        weight = crossfade_weights(part.slow_time_s, shown_s)[number]
+        weight = interpolation_weights(part.slow_time_s, shown_s)[number]
         samples = weight[:, None] * part.samples
         outside = part.outside * float(weight.mean())
         if total is not None:

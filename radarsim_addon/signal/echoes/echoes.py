@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
-from ...contract import Weighting
+from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ..paths import Paths, path_amplitude
 from ..radar import Radar
@@ -31,12 +31,12 @@ class Echoes:
         s(t_m, tau_n), (pulses, samples); |s|^2 in W for weighting "radar-equation".
     first_sample_s
         Fast time of sample 0, from the middle of the transmitted pulse [s].
-    window_m
+    range_limits_m
         One-way ranges whose echoes are recorded whole [m].
     radar
         Waveform and burst.
-    weighting
-        See :func:`.paths.path_amplitude`.
+    amplitude_model
+        See :func:`.paths.paths.path_amplitude`.
     outside
         Paths (counted once a pulse, divided by pulses) that lie wholly outside the window.
     report
@@ -45,9 +45,9 @@ class Echoes:
 
     samples: Complex
     first_sample_s: float
-    window_m: tuple[float, float]
+    range_limits_m: tuple[float, float]
     radar: Radar
-    weighting: Weighting
+    amplitude_model: AmplitudeModel
     outside: float
     report: SynthesisReport | None = None
 
@@ -70,9 +70,9 @@ def pulse_times_s(radar: Radar) -> Real:
     return times
 
 
-def check_window(window_m: tuple[float, float]) -> tuple[float, float]:
+def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
     """The range window as two floats, 0 <= start < stop, or a ConfigError."""
-    start_m, stop_m = float(window_m[0]), float(window_m[1])
+    start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
     if not (np.isfinite(stop_m) and 0 <= start_m < stop_m):
         raise ConfigError(
             f"Range window from {start_m!r} to {stop_m!r} m; expected 0 <= start < stop."
@@ -84,7 +84,7 @@ def check_window(window_m: tuple[float, float]) -> tuple[float, float]:
 class EchoOptions:
     """How echoes are formed: each as the argument of :func:`synthesize` of the same name."""
 
-    weighting: Weighting = "radar-equation"
+    amplitude_model: AmplitudeModel = "radar-equation"
     receiver_gain: float = 1.0
     method: Backend = "auto"
     tolerance: float = TOLERANCE
@@ -96,7 +96,7 @@ class EchoOptions:
     def amplitudes(self, paths: Paths, wavelength_m: float) -> NDArray[np.inexact[Any]]:
         """Weight of each path in the sum, (N,), with its random phase if asked for."""
         weights: NDArray[np.inexact[Any]] = path_amplitude(
-            paths, wavelength_m, self.weighting, self.receiver_gain
+            paths, wavelength_m, self.amplitude_model, self.receiver_gain
         )
         if self.speckle_seed is not None:
             weights = weights * path_phasors(paths, self.speckle_seed)
@@ -104,4 +104,4 @@ class EchoOptions:
 
 
 #: What is done unless asked otherwise.
-AS_USUAL = EchoOptions()
+DEFAULT_OPTIONS = EchoOptions()

@@ -8,8 +8,8 @@ f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
 
 with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
 3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
-see :mod:`.synthesis_ramp`; PMCW holds all frequencies at once. The sums are those of
-:mod:`.synthesis`; only phase noise, which differs from path to path, is put on here.
+see :mod:`.spectrum.ramp`; PMCW holds all frequencies at once. The sums are those of
+:mod:`.spectrum.accumulator`; only phase noise, which differs from path to path, is put on here.
 
 Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
 """
@@ -25,28 +25,30 @@ from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import Paths
 from ..radar import FmcwWaveform, PmcwWaveform, Radar, replica
-from ..spectrum import Listening, Spectrum, SpectrumAccumulator, SynthesisReport, check_finite
-from .echoes import AS_USUAL, MAX_SAMPLES, Echoes, EchoOptions, check_window
+from ..spectrum import ReceiveWindow, Spectrum, SpectrumAccumulator, SynthesisReport, check_finite
+from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
 
 #: A delay of 0 is heard, too.
 _JUST_BEFORE_S = 1e-30
 
 
-class LineSynthesizer:
-    """Adds up the samples of paths that come in parts; as :class:`.echoes.EchoSynthesizer`.
+class StretchSynthesizer:
+    """Adds up the samples of paths that come in parts; as
+    :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
 
     Parameters
     ----------
     radar
         With a waveform of the family "line".
-    window_m
+    range_limits_m
         One-way ranges that the profile will show [m]. Every echo within the waveform's own range
         is in the samples, whatever the window.
     options
-        See :class:`.echoes.EchoOptions`; range folding is the waveform's own, see the notes.
+        See :class:`.echoes.pulse_synthesis.EchoOptions`; range folding is the waveform's own, see
+        the notes.
     oscillator
-        Phase noise, see :class:`.phasenoise.LineOscillator`; None: none. Not for PMCW.
+        Phase noise, see :class:`.echoes.phase_noise.LineOscillator`; None: none. Not for PMCW.
 
     Notes
     -----
@@ -57,13 +59,13 @@ class LineSynthesizer:
     def __init__(
         self,
         radar: Radar,
-        window_m: tuple[float, float],
-        options: EchoOptions = AS_USUAL,
+        range_limits_m: tuple[float, float],
+        options: EchoOptions = DEFAULT_OPTIONS,
         *,
         oscillator: Oscillator | None = None,
     ) -> None:
         self.radar = radar
-        self.window_m = check_window(window_m)
+        self.range_limits_m = check_window(range_limits_m)
         self._waveform = line_waveform(radar)
         self._options = options
         self._grid = line_grid(self._waveform)
@@ -76,7 +78,7 @@ class LineSynthesizer:
         self._filtered = isinstance(self._waveform, FmcwWaveform)
         self._oscillator = oscillator
         self._sum = self._accumulator()
-        self._noisy = NoisySum(rows, count) if oscillator is not None else None
+        self._noisy = NoisyPathAccumulator(rows, count) if oscillator is not None else None
         self._added, self._beyond = 0, 0
 
     def _accumulator(self) -> SpectrumAccumulator:
@@ -91,7 +93,7 @@ class LineSynthesizer:
             tolerance=self._options.tolerance,
             method=self._options.synthesis,
             backend=self._options.method,
-            listening=Listening(*ends_s, reference_hz=waveform.carrier_hz),
+            listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=line_ramp(waveform),
             interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
             chunk=self._options.chunk,
@@ -145,7 +147,7 @@ class LineSynthesizer:
             report = self._noisy.report(self._sum.result().report, self._added)
             # every path was added for two delays, but is lost only once
             report.outside = float(self._beyond) if self._filtered else 0.0
-        report.folded_range = 0 if self._filtered else self._beyond
+        report.range_ambiguous_count = 0 if self._filtered else self._beyond
         report = report.with_warnings(
             f"lie beyond the waveform's {waveform.unambiguous_range_m:.6g} m and stand folded at a "
             "shorter range, as in a radar. Take smaller frequency steps, or a longer code, to be "
@@ -157,15 +159,15 @@ class LineSynthesizer:
         return Echoes(
             samples,
             waveform.grid_start_s,
-            self.window_m,
+            self.range_limits_m,
             self.radar,
-            self._options.weighting,
+            self._options.amplitude_model,
             report.outside,
             report,
         )
 
 
-class NoisySum:
+class NoisyPathAccumulator:
     """Spectra times factors of modulus 1, one for each delay of an oscillator's phase."""
 
     def __init__(self, rows: int, count: int) -> None:
@@ -195,8 +197,12 @@ class NoisySum:
             if part.cancellation_db is not None:
                 expected += own / 10 ** (part.cancellation_db / 10)
             report.motion_error_rad = max(report.motion_error_rad, part.motion_error_rad)
-            report.ramp_left_out_rad = max(report.ramp_left_out_rad, part.ramp_left_out_rad)
-            report.folded_doppler = max(report.folded_doppler, part.folded_doppler)
+            report.ramp_residual_phase_rad = max(
+                report.ramp_residual_phase_rad, part.ramp_residual_phase_rad
+            )
+            report.doppler_ambiguous_count = max(
+                report.doppler_ambiguous_count, part.doppler_ambiguous_count
+            )
             report.wall_s += part.wall_s
             notes += part.notes
         if energy > 0 and expected > 0:

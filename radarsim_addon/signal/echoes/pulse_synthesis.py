@@ -3,8 +3,9 @@
 
     s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
 
-is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by :mod:`.synthesis`.
-t_m = m/PRF from the frame's time t. Stop and go: nothing moves while a pulse travels.
+is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by
+:mod:`.spectrum.accumulator`. t_m = m/PRF from the frame's time t. Stop and go: nothing moves while
+a pulse travels.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import Paths
 from ..radar import Radar, replica_count, replica_spectrum
-from ..spectrum import FrequencyGrid, Listening, SpectrumAccumulator, smooth_size
-from .echoes import AS_USUAL, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
+from ..spectrum import FrequencyGrid, ReceiveWindow, SpectrumAccumulator, smooth_size
+from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
 
 #: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
 _GUARD_SAMPLES = 64
@@ -32,7 +33,7 @@ class EchoSynthesizer:
     ----------
     radar
         With a waveform of the family "pulse".
-    window_m
+    range_limits_m
         One-way ranges (start, stop) whose echoes are recorded whole [m].
     options
         See :class:`EchoOptions`.
@@ -44,14 +45,17 @@ class EchoSynthesizer:
     """
 
     def __init__(
-        self, radar: Radar, window_m: tuple[float, float], options: EchoOptions = AS_USUAL
+        self,
+        radar: Radar,
+        range_limits_m: tuple[float, float],
+        options: EchoOptions = DEFAULT_OPTIONS,
     ) -> None:
-        self.window_m = check_window(window_m)
+        self.range_limits_m = check_window(range_limits_m)
         self.radar = radar
         self._options = options
         rate_hz = radar.waveform.sampling_rate_hz
         chirp = replica_count(radar.waveform)
-        start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.window_m)
+        start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.range_limits_m)
         self._count = int(np.ceil((stop_s - start_s) * rate_hz)) + chirp + 1
         # An echo that only just reaches into the window needs a chirp's length of room before and
         # behind it; with that, the circular transform wraps nothing into the window.
@@ -70,7 +74,7 @@ class EchoSynthesizer:
             tolerance=options.tolerance,
             method=options.synthesis,
             backend=options.method,
-            listening=Listening(
+            listening=ReceiveWindow(
                 start_s - 2 * self._half_s,
                 stop_s + 2 * self._half_s,
                 1 / radar.burst.prf_hz if options.range_folding else None,
@@ -110,9 +114,9 @@ class EchoSynthesizer:
         return Echoes(
             samples,
             self._first_s,
-            self.window_m,
+            self.range_limits_m,
             self.radar,
-            self._options.weighting,
+            self._options.amplitude_model,
             spectrum.report.outside,
             spectrum.report,
         )

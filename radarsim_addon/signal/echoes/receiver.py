@@ -76,7 +76,7 @@ class Receiver:
 
 
 @dataclass(frozen=True)
-class Reception:
+class ReceivedSignal:
     """Samples as the receiver delivers them, and what it did.
 
     Attributes
@@ -114,7 +114,7 @@ class Reception:
         return (self.step or 0.0) ** 2 / 6
 
 
-def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
+def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> ReceivedSignal:
     """What the receiver makes of echoes.
 
     In this order: phase noise of the oscillator (not for FMCW and stepped frequency, which take it
@@ -123,7 +123,7 @@ def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
     Parameters
     ----------
     echoes
-        From :func:`.echoes.synthesize`.
+        From :func:`.echoes.pulse_synthesis.synthesize`.
     receiver
         None: ideal.
 
@@ -139,9 +139,9 @@ def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
     if receiver.phase_noise is not None and not takes_phase_noise_by_path(echoes.radar):
         samples = add_phase_noise(echoes, receiver.phase_noise, receiver.phase_noise_seed)
     if receiver.noise_figure_db is not None:
-        if echoes.weighting != "radar-equation":
+        if echoes.amplitude_model != "radar-equation":
             raise ConfigError(
-                f"Thermal noise is in watts, amplitudes of the weighting {echoes.weighting!r} are "
+                f"Thermal noise is in watts, amplitudes of the weighting {echoes.amplitude_model!r} are "
                 "not. Use the weighting 'radar-equation', or no noise."
             )
         noise_w = float(
@@ -163,9 +163,9 @@ def receive(echoes: Echoes, receiver: Receiver | None = None) -> Reception:
         samples = parts.astype(np.complex128) if real else parts.view(np.complex128)
         step = scale / 2 ** (receiver.adc_bits - 1)
     if samples is echoes.samples:
-        return Reception(echoes)
+        return ReceivedSignal(echoes)
     received = dataclasses.replace(echoes, samples=samples)
-    return Reception(received, noise_w, scale, step, clipped)
+    return ReceivedSignal(received, noise_w, scale, step, clipped)
 
 
 def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:

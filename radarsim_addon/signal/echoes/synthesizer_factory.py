@@ -5,37 +5,37 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ...contract import Weighting
+from ...contract import AmplitudeModel
 from ..paths import Paths
 from ..radar import Radar
 from ..spectrum import TOLERANCE, Backend, Method
-from .echoes import AS_USUAL, Echoes, EchoOptions
-from .frequency_synthesis import LineSynthesizer
+from .echoes import DEFAULT_OPTIONS, Echoes, EchoOptions
+from .frequency_synthesis import StretchSynthesizer
 from .phase_noise import LineOscillator, PhaseNoise, takes_phase_noise_by_path
 from .pulse_synthesis import EchoSynthesizer
 
 
 def synthesizer_for(
     radar: Radar,
-    window_m: tuple[float, float],
-    options: EchoOptions = AS_USUAL,
+    range_limits_m: tuple[float, float],
+    options: EchoOptions = DEFAULT_OPTIONS,
     *,
     phase_noise: PhaseNoise | None = None,
     phase_noise_seed: int = 0,
-) -> EchoSynthesizer | LineSynthesizer:
+) -> EchoSynthesizer | StretchSynthesizer:
     """The synthesizer for the waveform's family.
 
     Parameters
     ----------
     radar
         Waveform and burst.
-    window_m
+    range_limits_m
         One-way ranges (start, stop) whose echoes are recorded whole [m].
     options
-        See :class:`.echoes.EchoOptions`.
+        See :class:`.echoes.pulse_synthesis.EchoOptions`.
     phase_noise, phase_noise_seed
         FMCW and stepped frequency take their phase noise here, path by path; for the others it is
-        put on the samples afterwards, see :func:`.receiver.receive`.
+        put on the samples afterwards, see :func:`.echoes.receiver.receive`.
 
     Raises
     ------
@@ -43,19 +43,19 @@ def synthesizer_for(
         The window is empty or reversed, or the matrix of echoes too large.
     """
     if radar.waveform.family == "pulse":
-        return EchoSynthesizer(radar, window_m, options)
+        return EchoSynthesizer(radar, range_limits_m, options)
     oscillator = None
     if phase_noise is not None and takes_phase_noise_by_path(radar):
         oscillator = LineOscillator(radar, phase_noise, phase_noise_seed)
-    return LineSynthesizer(radar, window_m, options, oscillator=oscillator)
+    return StretchSynthesizer(radar, range_limits_m, options, oscillator=oscillator)
 
 
 def synthesize(
     paths: Paths | Iterable[Paths],
     radar: Radar,
     *,
-    window_m: tuple[float, float],
-    weighting: Weighting = "radar-equation",
+    range_limits_m: tuple[float, float],
+    amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
     method: Backend = "auto",
     tolerance: float = TOLERANCE,
@@ -69,32 +69,35 @@ def synthesize(
     Parameters
     ----------
     paths
-        Paths, or several tables of them (a generator will do: :func:`.paths.iter_paths`).
+        Paths, or several tables of them (a generator will do:
+        :func:`.paths.paths.iter_path_chunks`).
     radar
         Waveform and burst.
-    window_m
-        One-way ranges (start, stop) whose echoes are recorded whole [m]; ``run.window_m`` is what
-        the rings cover. Echoes that reach in from outside are cut at the edge, not folded.
-    weighting
-        "radar-equation" or "paper", see :func:`.paths.path_amplitude`.
+    range_limits_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m]; ``run.range_limits_m`` is
+        what the rings cover. Echoes that reach in from outside are cut at the edge, not folded.
+    amplitude_model
+        "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`.
     receiver_gain
         G_r, linear.
     method
         "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
         term by term: slow, for checks).
     tolerance
-        Relative L2 error of the spectrum S(f) against the direct sum, see :mod:`.synthesis`.
+        Relative L2 error of the spectrum S(f) against the direct sum, see
+        :mod:`.spectrum.accumulator`.
     synthesis
-        "auto", "type3", "per-pulse" or "direct", see :class:`.synthesis.SpectrumAccumulator`.
+        "auto", "type3", "per-pulse" or "direct", see
+        :class:`.spectrum.accumulator.SpectrumAccumulator`.
     range_folding
         Whether echoes later than the pulse interval fall into the window of a later pulse, as in
         a radar that sends equal pulses all the time. False: they stand at their true delay.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
     speckle_seed
-        Give each path a random phase, see :func:`.speckle.path_phasors`: then the mean coherent
-        power is the sum of the powers. None: the plain sum, in which pixels of a smooth face add
-        up in phase, so that levels grow with the number of pixels.
+        Give each path a random phase, see :func:`.scattering.random_phases.path_phasors`: then the
+        mean coherent power is the sum of the powers. None: the plain sum, in which pixels of a
+        smooth face add up in phase, so that levels grow with the number of pixels.
 
     Notes
     -----
@@ -102,7 +105,7 @@ def synthesize(
     A folded echo has the carrier phase of its true delay, for the oscillator runs on.
     """
     options = EchoOptions(
-        weighting=weighting,
+        amplitude_model=amplitude_model,
         receiver_gain=receiver_gain,
         method=method,
         tolerance=tolerance,
@@ -111,7 +114,7 @@ def synthesize(
         chunk=chunk,
         speckle_seed=speckle_seed,
     )
-    synthesizer = synthesizer_for(radar, window_m, options)
+    synthesizer = synthesizer_for(radar, range_limits_m, options)
     for part in [paths] if isinstance(paths, Paths) else paths:
         synthesizer.add(part)
     return synthesizer.result()

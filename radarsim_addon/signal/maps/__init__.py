@@ -4,40 +4,40 @@
 from .compress_frequencies import line_weights
 from .dynamics import dynamics_db
 from .expected_power_map import ExpectedPower, expected_power
-from .mti import cancel, mti_response
+from .mti import mti_cancel, mti_response
 from .noise_floor import coherent_samples, map_noise_gain, range_noise_gain
 from .point_response import PointResponse, Recording, cut_range_m, point_response
 from .range_compression import (
-    Compressed,
     PowerProfile,
     ProfileAccumulator,
-    compress,
+    RangeProfiles,
     expected_power_profile,
+    range_process,
 )
-from .range_doppler_map import RangeDopplerMap, decibels, level_unit, power_unit, range_doppler
+from .range_doppler_map import RangeDopplerMap, level_unit, power_to_db, power_unit, range_doppler
 
 __all__ = [
-    "Compressed",
     "ExpectedPower",
     "PointResponse",
     "PowerProfile",
     "ProfileAccumulator",
     "RangeDopplerMap",
+    "RangeProfiles",
     "Recording",
-    "cancel",
     "coherent_samples",
-    "compress",
     "cut_range_m",
-    "decibels",
     "dynamics_db",
     "expected_power",
     "expected_power_profile",
     "level_unit",
     "line_weights",
     "map_noise_gain",
+    "mti_cancel",
     "mti_response",
     "point_response",
+    "power_to_db",
     "power_unit",
     "range_doppler",
     "range_noise_gain",
+    "range_process",
 ]

@@ -25,7 +25,9 @@ def line_weights(waveform: LineWaveform, window: str) -> Real:
     return slow_time_window(window, waveform.grid_count)
 
 
-def line_range_axis(waveform: LineWaveform, window_m: tuple[float, float], oversample: int) -> Real:
+def line_range_axis(
+    waveform: LineWaveform, range_limits_m: tuple[float, float], oversample: int
+) -> Real:
     """One-way ranges from the window's start, no further than the unambiguous range [m].
 
     Raises
@@ -34,15 +36,15 @@ def line_range_axis(waveform: LineWaveform, window_m: tuple[float, float], overs
         The window begins beyond it.
     """
     limit_m = waveform.unambiguous_range_m
-    if window_m[0] >= limit_m:
+    if range_limits_m[0] >= limit_m:
         raise ConfigError(
-            f"Range window from {window_m[0]:g} m; the waveform's range ends at {limit_m:g} m. "
+            f"Range window from {range_limits_m[0]:g} m; the waveform's range ends at {limit_m:g} m. "
             "Choose a nearer window, or a waveform with a smaller slope or frequency step."
         )
     step_m = waveform.sample_spacing_m / oversample
-    stop_m = min(window_m[1], limit_m - step_m)
-    count = max(1, int(np.floor((stop_m - window_m[0]) / step_m + 1e-9)) + 1)
-    return np.asarray(window_m[0] + step_m * np.arange(count))
+    stop_m = min(range_limits_m[1], limit_m - step_m)
+    count = max(1, int(np.floor((stop_m - range_limits_m[0]) / step_m + 1e-9)) + 1)
+    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
 
 
 def compress_lines(
@@ -112,13 +114,13 @@ class LinePower:
     def __init__(
         self,
         waveform: LineWaveform,
-        window_m: tuple[float, float],
+        range_limits_m: tuple[float, float],
         window: str,
         oversample: int,
         method: Backend,
     ) -> None:
         self._waveform, self._oversample, self._method = waveform, oversample, method
-        self.range_m = line_range_axis(waveform, window_m, oversample)
+        self.range_m = line_range_axis(waveform, range_limits_m, oversample)
         weight = line_weights(waveform, window)
         count = weight.size
         # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1

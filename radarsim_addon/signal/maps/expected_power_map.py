@@ -6,9 +6,9 @@ shift is an estimate of profile and map; the scatter of the estimates gives the 
 mean. Shifts are spread more evenly than by chance, so the error is, if anything, too large.
 
 The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
-:mod:`.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the limb
-of a sphere) all shifts are wrong alike. All S of them together are a grid S times as dense, so each
-path may be spread over an S-th of its pixel instead; what that changes is part of the standard
+:mod:`.paths.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the
+limb of a sphere) all shifts are wrong alike. All S of them together are a grid S times as dense, so
+each path may be spread over an S-th of its pixel instead; what that changes is part of the standard
 error.
 """
 
@@ -86,10 +86,10 @@ class ExpectedPower:
 def expected_power(
     frame: RadarFrame,
     radar: Radar,
-    window_m: tuple[float, float],
+    range_limits_m: tuple[float, float],
     *,
     window: str = "hamming",
-    doppler_window: str = "hamming",
+    doppler_taper: str = "hamming",
     receiver_gain: float = 1.0,
     cells_per_sample: int = 2,
     link: Link | None = None,
@@ -101,32 +101,33 @@ def expected_power(
     ----------
     frame
         A radar frame of the acquisition "paths".
-    radar, window_m, window, doppler_window, receiver_gain
+    radar, range_limits_m, window, doppler_taper, receiver_gain
         As for the profile and the map.
     cells_per_sample
         Range cells per sample of the echo, at least 2.
     link
-        Radar system, see :mod:`.link`; None: no gains but `receiver_gain`.
+        Radar system, see :mod:`.scattering.antenna_gains`; None: no gains but `receiver_gain`.
     points_to
         Is given the points that the paths are spread over, as paths of their own, such as
         :meth:`.compress.ProfileAccumulator.add`; None: nothing is.
 
     Notes
     -----
-    Echoes beyond the unambiguous range stand folded, as by :func:`.echoes.synthesize`.
+    Echoes beyond the unambiguous range stand folded, as by
+    :func:`.echoes.pulse_synthesis.synthesize`.
 
     Raises
     ------
     FrameFileError, SchemaError
         The frame's table is missing or damaged.
     """
-    cells = _Cells(radar, window_m, cells_per_sample)
+    cells = _Cells(radar, range_limits_m, cells_per_sample)
     response = _range_response(radar, window, cells.step_m, cells_per_sample)
-    doppler = np.abs(_doppler_response(doppler_window, radar.burst.pulses)) ** 2
+    doppler = np.abs(_doppler_response(doppler_taper, radar.burst.pulses)) ** 2
     record, table = open_frame_table(frame.path, frame.number)
     scale = receiver_gain * (record.carrier_hz / radar.waveform.carrier_hz) ** 2
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
-    gaps = _Gaps(window_m, radar.waveform.range_resolution_m * record.shifts)
+    gaps = _Gaps(range_limits_m, radar.waveform.range_resolution_m * record.replicates)
     finer = np.zeros(cells.pulses * cells.ranges)
 
     def smeared(grid: Real) -> tuple[Real, Real]:
@@ -134,29 +135,31 @@ def expected_power(
         along = _smear(_smear_doppler(powers, doppler), response)
         return _smear(powers.sum(axis=0)[None], response)[0], along
 
-    for views in views_by_shift(table, record.shifts):
+    for views in views_by_shift(table, record.replicates):
         grid = np.zeros(finer.size)
         for rows in views:
             gain = np.ones(rows.size)
             if link is not None:
-                gain = link.factor(rows["length_m"], rows["direction"], rows["last_m"])
+                gain = link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
             power = scale * gain * rows["power_w"]
             radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-            steps = steps_of(rows, record.camera, record.shifts)
+            steps = steps_of(rows, record.camera, record.replicates)
             gaps.add(rows, steps)
             for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                cells.add(grid, part, record.shifts * power)
+                cells.add(grid, part, record.replicates * power)
                 if points_to is not None:
                     points_to(make_paths(radiance[part.row] * part.share, part.length_m))
-            if record.shifts > 1:
-                steps = steps.scaled(record.shifts**-0.5)
+            if record.replicates > 1:
+                steps = steps.scaled(record.replicates**-0.5)
                 for part in spread(rows, steps, cells.step_m, cells.step_mps):
                     cells.add(finer, part, power)
         for sums, values in zip((profile, image), smeared(grid), strict=True):
             sums.add(values)
     finer_profile, finer_map = smeared(finer)
     return ExpectedPower(
-        range_m=np.asarray(window_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64),
+        range_m=np.asarray(
+            range_limits_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64
+        ),
         doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
         profile=profile.mean,
         profile_error=np.hypot(profile.error(), profile.mean - finer_profile),
@@ -190,8 +193,8 @@ class _Gaps:
 
     _BINS = 200
 
-    def __init__(self, window_m: tuple[float, float], widest_m: float) -> None:
-        self._window_m, self._widest_m = window_m, widest_m
+    def __init__(self, range_limits_m: tuple[float, float], widest_m: float) -> None:
+        self._window_m, self._widest_m = range_limits_m, widest_m
         self._counts = np.zeros((2, self._BINS))
 
     def add(self, rows: PathRows, steps: Steps) -> None:
@@ -215,11 +218,11 @@ class _Gaps:
 class _Cells:
     """Cells of range and Doppler: a fraction of the sample spacing, and the bins of the map."""
 
-    def __init__(self, radar: Radar, window_m: tuple[float, float], per_sample: int) -> None:
-        self._radar, self._start_m = radar, window_m[0]
+    def __init__(self, radar: Radar, range_limits_m: tuple[float, float], per_sample: int) -> None:
+        self._radar, self._start_m = radar, range_limits_m[0]
         self.step_m = radar.waveform.sample_spacing_m / per_sample
-        stop_m = min(window_m[1], radar.waveform.unambiguous_range_m)
-        self.ranges = int((stop_m - window_m[0]) / self.step_m) + 1
+        stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
+        self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
         self.pulses = radar.burst.pulses
         #: One Doppler bin [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
@@ -270,7 +273,7 @@ def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: 
     point = expected_power_profile(
         make_paths(1.0, 2 * middle * step_m),
         radar,
-        window_m=(0.0, 2 * middle * step_m),
+        range_limits_m=(0.0, 2 * middle * step_m),
         window=window,
         oversample=cells_per_sample,
     )

@@ -9,13 +9,13 @@ import numpy as np
 
 from ...array_types import Real
 from ...errors import ConfigError
-from .range_compression import Compressed
+from .range_compression import RangeProfiles
 
 #: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
 _WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}
 
 
-def cancel(compressed: Compressed, pulses: int) -> Compressed:
+def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
     """Two- or three-pulse canceller over the pulses of a burst.
 
     Parameters

@@ -39,7 +39,7 @@ def range_noise_gain(radar: Radar, window: str = "hamming") -> float:
     return float(np.mean(np.abs(matched_filter(waveform, size, window)) ** 2))
 
 
-def map_noise_gain(radar: Radar, window: str = "hamming", doppler_window: str = "hamming") -> float:
+def map_noise_gain(radar: Radar, window: str = "hamming", doppler_taper: str = "hamming") -> float:
     """Noise power of a cell of the range-Doppler map over that of a raw complex sample."""
-    weight = slow_time_window(doppler_window, radar.burst.pulses)
+    weight = slow_time_window(doppler_taper, radar.burst.pulses)
     return range_noise_gain(radar, window) * float(np.sum(weight**2) / weight.sum() ** 2)

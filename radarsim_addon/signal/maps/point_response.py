@@ -22,8 +22,8 @@ from ...array_types import Complex, Real
 from ..echoes import Echoes, EchoOptions, synthesizer_for
 from ..paths import make_paths
 from ..radar import Burst, FmcwWaveform, Radar
-from .mti import cancel
-from .range_compression import Compressed, compress
+from .mti import mti_cancel
+from .range_compression import RangeProfiles, range_process
 from .range_doppler_map import RangeDopplerMap, range_doppler
 
 #: Error of the interpolation over the migration, relative to the peak.
@@ -42,7 +42,7 @@ class Recording:
     ----------
     echoes
         The samples, with the window that was recorded.
-    window_m
+    range_limits_m
         Ranges of the map, maybe beyond that window [m].
     rd_map
         The map.
@@ -53,21 +53,23 @@ class Recording:
     """
 
     echoes: Echoes
-    window_m: tuple[float, float]
+    range_limits_m: tuple[float, float]
     rd_map: RangeDopplerMap
     mti: int
     strongest: float
 
     @classmethod
     def over(
-        cls, echoes: Echoes, window_m: tuple[float, float], rd_map: RangeDopplerMap, mti: int
+        cls, echoes: Echoes, range_limits_m: tuple[float, float], rd_map: RangeDopplerMap, mti: int
     ) -> Recording:
         """A map over another range window [m], else made as `rd_map` was."""
-        found = compress(dataclasses.replace(echoes, window_m=window_m), rd_map.window)
+        found = range_process(
+            dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.window
+        )
         strongest = float(np.max(np.abs(found.values), initial=0.0)) ** 2
-        found = cancel(found, mti) if mti else found
-        wide = range_doppler(found, rd_map.doppler_window)
-        return cls(echoes, window_m, wide, mti, strongest)
+        found = mti_cancel(found, mti) if mti else found
+        wide = range_doppler(found, rd_map.doppler_taper)
+        return cls(echoes, range_limits_m, wide, mti, strongest)
 
 
 @dataclass(frozen=True)
@@ -157,21 +159,21 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     range_m
         On that side of the window: where its peak is [m].
     """
-    echoes, (start_m, stop_m) = recording.echoes, recording.window_m
+    echoes, (start_m, stop_m) = recording.echoes, recording.range_limits_m
     waveform, radar = echoes.radar.waveform, echoes.radar
-    if range_m < echoes.window_m[0]:
-        low_m, high_m = max(start_m, _NEAREST_M), echoes.window_m[0]
+    if range_m < echoes.range_limits_m[0]:
+        low_m, high_m = max(start_m, _NEAREST_M), echoes.range_limits_m[0]
     else:
-        low_m, high_m = echoes.window_m[1], stop_m
+        low_m, high_m = echoes.range_limits_m[1], stop_m
     count = max(2, math.ceil((high_m - low_m) / waveform.sample_spacing_m * 2))
     # One pulse a range: an echo that moves on by a step from pulse to pulse.
     radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
     step_m = (high_m - low_m) / (count - 1)
-    synthesizer = synthesizer_for(radar, echoes.window_m, EchoOptions(method="direct"))
+    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(method="direct"))
     aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
     synthesizer.add(make_paths(1 / aperture_m2, 2 * low_m, step_m * radar.burst.prf_hz))
-    echo = dataclasses.replace(synthesizer.result(), window_m=recording.window_m)
-    tried = compress(echo, recording.rd_map.window).values[:, : line.size]
+    echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+    tried = range_process(echo, recording.rd_map.window).values[:, : line.size]
     energy = np.sum(np.abs(tried) ** 2, axis=1)
     # What is left of a pulse below a thousandth of it tells nothing.
     fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
@@ -182,9 +184,9 @@ def _doppler(recording: Recording, trains: NDArray[Any]) -> Complex:
     """Canceller, window and transform of the map, over pulse trains (pulses, Q)."""
     radar, rd_map = recording.echoes.radar, recording.rd_map
     columns = np.arange(trains.shape[1], dtype=np.float64)
-    found = Compressed(trains, columns, radar, rd_map.window)
-    found = cancel(found, recording.mti) if recording.mti else found
-    return range_doppler(found, rd_map.doppler_window).values
+    found = RangeProfiles(trains, columns, radar, rd_map.window)
+    found = mti_cancel(found, recording.mti) if recording.mti else found
+    return range_doppler(found, rd_map.doppler_taper).values
 
 
 def _lagrange(nodes: Real, places: Real) -> Real:
@@ -212,13 +214,13 @@ def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | 
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
     range_m = max(range_m, _NEAREST_M)
     aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
-    synthesizer = synthesizer_for(radar, echoes.window_m, EchoOptions(method="direct"))
+    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(method="direct"))
     synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m))
-    echo = dataclasses.replace(synthesizer.result(), window_m=recording.window_m)
+    echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
     columns = recording.rd_map.range_m.size
     carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
-    own = compress(echo, window).values[0, :columns] * carrier
+    own = range_process(echo, window).values[0, :columns] * carrier
     if waveform is echoes.radar.waveform:
         return own, None
     echo = dataclasses.replace(echo, samples=np.conj(echo.samples))
-    return own, compress(echo, window).values[0, :columns] * np.conj(carrier)
+    return own, range_process(echo, window).values[0, :columns] * np.conj(carrier)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Complex, Real
-from ...contract import Weighting
+from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import MAX_SAMPLES, Echoes, check_window
@@ -28,7 +28,7 @@ from .compress_frequencies import LinePower, compress_lines, line_range_axis
 
 
 @dataclass(frozen=True)
-class Compressed:
+class RangeProfiles:
     """Range-compressed pulses.
 
     Attributes
@@ -72,14 +72,14 @@ class PowerProfile:
     window: str
 
 
-def _range_axis(radar: Radar, window_m: tuple[float, float], oversample: int) -> Real:
+def _range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
     if not (isinstance(oversample, int) and 1 <= oversample <= 64):
         raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
     if isinstance(radar.waveform, LineWaveform):
-        return line_range_axis(radar.waveform, window_m, oversample)
+        return line_range_axis(radar.waveform, range_limits_m, oversample)
     step_m = radar.waveform.sample_spacing_m / oversample
-    count = int(np.floor((window_m[1] - window_m[0]) / step_m + 1e-9)) + 1
-    return np.asarray(window_m[0] + step_m * np.arange(count))
+    count = int(np.floor((range_limits_m[1] - range_limits_m[0]) / step_m + 1e-9)) + 1
+    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
 
 
 def _interpolate(spectrum: Complex, oversample: int) -> Complex:
@@ -92,7 +92,7 @@ def _interpolate(spectrum: Complex, oversample: int) -> Complex:
     return np.asarray(np.fft.ifft(padded) * oversample)
 
 
-def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Compressed:
+def range_process(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> RangeProfiles:
     """Range profiles of a burst that peak at the power of a path, whatever the waveform.
 
     Pulses go through the matched filter: conj(W(f)) and a window over the band. What an FMCW or
@@ -103,15 +103,15 @@ def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Co
     echoes
         Echoes.
     window
-        Window over the band, see :mod:`.windows`. Hamming widens the response 1.47 times over no
-        window and lowers its sidelobes from -13.3 to -42.7 dB.
+        Window over the band, see :mod:`.radar.windows`. Hamming widens the response 1.47 times over
+        no window and lowers its sidelobes from -13.3 to -42.7 dB.
     oversample
         Range samples per sample of the echo.
 
     Returns
     -------
     Compressed
-        Over ``echoes.window_m``.
+        Over ``echoes.range_limits_m``.
 
     Raises
     ------
@@ -120,11 +120,11 @@ def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Co
         window beyond the waveform's own range.
     """
     waveform = echoes.radar.waveform
-    range_m = _range_axis(echoes.radar, echoes.window_m, oversample)
+    range_m = _range_axis(echoes.radar, echoes.range_limits_m, oversample)
     window = band_window(waveform, window)
     if isinstance(waveform, LineWaveform):
         values = compress_lines(waveform, echoes.samples, range_m, window, oversample)
-        return Compressed(values, range_m, echoes.radar, window)
+        return RangeProfiles(values, range_m, echoes.radar, window)
     chirp = replica_count(waveform)
     size = smooth_size(echoes.samples.shape[1] + chirp)
     if size * oversample * echoes.samples.shape[0] > MAX_SAMPLES:
@@ -132,14 +132,14 @@ def compress(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> Co
             f"{echoes.samples.shape[0]} pulses of {size * oversample} ranges are more than "
             f"{MAX_SAMPLES}. Choose a shorter range window or less oversampling."
         )
-    offset_s = 2 * echoes.window_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
+    offset_s = 2 * echoes.range_limits_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
     shift = np.exp(2j * np.pi * frequencies_hz(waveform, size) * offset_s)
     response = matched_filter(waveform, size, window) * shift
     values = np.empty((echoes.samples.shape[0], range_m.size), dtype=np.complex128)
     for pulse, samples in enumerate(echoes.samples):  # one at a time: no padded copy of them all
         line = _interpolate(np.fft.fft(samples, size) * response, oversample)
         values[pulse] = line[: range_m.size]
-    return Compressed(values, range_m, echoes.radar, window)
+    return RangeProfiles(values, range_m, echoes.radar, window)
 
 
 class ProfileAccumulator:
@@ -148,10 +148,10 @@ class ProfileAccumulator:
     def __init__(
         self,
         radar: Radar,
-        window_m: tuple[float, float],
+        range_limits_m: tuple[float, float],
         *,
         window: str = "hamming",
-        weighting: Weighting = "radar-equation",
+        amplitude_model: AmplitudeModel = "radar-equation",
         receiver_gain: float = 1.0,
         oversample: int = 4,
         method: Backend = "auto",
@@ -162,14 +162,14 @@ class ProfileAccumulator:
                 "least 2 is needed."
             )
         self._radar, self._window = radar, band_window(radar.waveform, window)
-        self._weighting: Weighting = weighting
+        self._weighting: AmplitudeModel = amplitude_model
         self._gain = receiver_gain
         self._method: Backend = method
-        self._range_m = _range_axis(radar, check_window(window_m), oversample)
+        self._range_m = _range_axis(radar, check_window(range_limits_m), oversample)
         self._lines: LinePower | None = None
         if isinstance(radar.waveform, LineWaveform):
             self._lines = LinePower(
-                radar.waveform, check_window(window_m), window, oversample, method
+                radar.waveform, check_window(range_limits_m), window, oversample, method
             )
             return
         chirp = replica_count(radar.waveform)
@@ -226,9 +226,9 @@ def expected_power_profile(
     paths: Paths | Iterable[Paths],
     radar: Radar,
     *,
-    window_m: tuple[float, float],
+    range_limits_m: tuple[float, float],
     window: str = "hamming",
-    weighting: Weighting = "radar-equation",
+    amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
     oversample: int = 4,
     method: Backend = "auto",
@@ -245,12 +245,12 @@ def expected_power_profile(
         Paths, or several tables of them.
     radar
         Waveform and burst.
-    window_m
+    range_limits_m
         One-way ranges (start, stop) [m].
     window
-        Window over the band, see :mod:`.windows`.
-    weighting, receiver_gain
-        See :func:`.paths.path_amplitude`; P_i is the square of the amplitude.
+        Window over the band, see :mod:`.radar.windows`.
+    amplitude_model, receiver_gain
+        See :func:`.paths.paths.path_amplitude`; P_i is the square of the amplitude.
     oversample
         Ranges per sample of the echo, at least 2.
     method
@@ -258,13 +258,14 @@ def expected_power_profile(
 
     Notes
     -----
-    Echoes beyond the unambiguous range c / 2 PRF are folded, as by :func:`.echoes.synthesize`.
+    Echoes beyond the unambiguous range c / 2 PRF are folded, as by
+    :func:`.echoes.pulse_synthesis.synthesize`.
     """
     accumulator = ProfileAccumulator(
         radar,
-        window_m,
+        range_limits_m,
         window=window,
-        weighting=weighting,
+        amplitude_model=amplitude_model,
         receiver_gain=receiver_gain,
         oversample=oversample,
         method=method,

@@ -9,13 +9,13 @@ import numpy as np
 
 from ...array_types import Complex, Real
 from ..radar import Radar, slow_time_window
-from .range_compression import Compressed
+from .range_compression import RangeProfiles
 
 #: Lowest level in decibels that a picture or a table gets: 1e-30 in power.
 FLOOR_DB = -300.0
 
 
-def decibels(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
+def power_to_db(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
     """10 log10(power / reference), never below `floor_db`; zero power gives the floor."""
     level = np.full(np.shape(power), float(floor_db))
     relative = np.asarray(power, dtype=np.float64) / reference
@@ -23,14 +23,14 @@ def decibels(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) ->
     return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))
 
 
-def level_unit(weighting: str) -> str:
+def level_unit(amplitude_model: str) -> str:
     """Unit of a level: dBW with the weighting "radar-equation", whose powers are watts."""
-    return "dBW" if weighting == "radar-equation" else "dB"
+    return "dBW" if amplitude_model == "radar-equation" else "dB"
 
 
-def power_unit(weighting: str) -> str:
+def power_unit(amplitude_model: str) -> str:
     """Unit of a picture's powers in decibels: "dBW", or "" where they are no watts."""
-    return "dBW" if weighting == "radar-equation" else ""
+    return "dBW" if amplitude_model == "radar-equation" else ""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class RangeDopplerMap:
         One-way range of each column [m].
     radar
         Waveform and burst.
-    window, doppler_window
+    window, doppler_taper
         Windows over the band and over the pulses.
     """
 
@@ -57,7 +57,7 @@ class RangeDopplerMap:
     range_m: Real
     radar: Radar
     window: str
-    doppler_window: str
+    doppler_taper: str
 
     @property
     def power(self) -> Real:
@@ -67,7 +67,7 @@ class RangeDopplerMap:
     @property
     def power_db(self) -> Real:
         """10 log10 of the power, (pulses, ranges), floored at `FLOOR_DB`."""
-        return decibels(self.power)
+        return power_to_db(self.power)
 
     @property
     def velocity_mps(self) -> Real:
@@ -78,7 +78,7 @@ class RangeDopplerMap:
         return np.asarray(-self.doppler_hz * self.radar.waveform.wavelength_m / 2)
 
 
-def range_doppler(compressed: Compressed, window: str = "hamming") -> RangeDopplerMap:
+def range_doppler(compressed: RangeProfiles, window: str = "hamming") -> RangeDopplerMap:
     """Range-Doppler map of a burst.
 
     Parameters
@@ -86,7 +86,7 @@ def range_doppler(compressed: Compressed, window: str = "hamming") -> RangeDoppl
     compressed
         Compressed pulses.
     window
-        Window over the pulses, see :mod:`.windows`.
+        Window over the pulses, see :mod:`.radar.windows`.
 
     Notes
     -----

@@ -185,9 +185,9 @@ class BodyMotion:
         One behind the other from t = 0 on.
     noise_m
         rms of what the samples scatter about the fit, at the body's farthest point [m].
-    bound_m
+    displacement_error_bound_m
         Bound of the error of a displacement, at the body's farthest point [m].
-    reference_s
+    epoch_offset_s
         When the pose and all points are of; 0 but for further renders of a burst. Where the text
         here says t = 0, it is this time.
     """
@@ -195,8 +195,8 @@ class BodyMotion:
     pose: Real
     pieces: tuple[Piece, ...] = ()
     noise_m: float = 0.0
-    bound_m: float = 0.0
-    reference_s: float = 0.0
+    displacement_error_bound_m: float = 0.0
+    epoch_offset_s: float = 0.0
     _start: list[Real] = field(default_factory=list, compare=False, repr=False)
 
     @property
@@ -208,12 +208,12 @@ class BodyMotion:
     def _first(self) -> int:
         """The piece that the reference lies in."""
         starts = [piece.start_s for piece in self.pieces[1:]]
-        return int(np.searchsorted(starts, self.reference_s, side="right"))
+        return int(np.searchsorted(starts, self.epoch_offset_s, side="right"))
 
     def _origin_and_inverse(self) -> tuple[Real, Real]:
         """T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
-            at, piece = np.array([self.reference_s]), self.pieces[self._first]
+            at, piece = np.array([self.epoch_offset_s]), self.pieces[self._first]
             self._start.append(piece.origin(at)[0])
             self._start.append(np.linalg.inv(piece.orientation(at)[0]))
         return self._start[0], self._start[1]
@@ -238,7 +238,7 @@ class BodyMotion:
             if not rows.size:
                 continue
             moved[rows] = piece.origin(times_s[rows]) - origin
-            if number == 0 and piece.linear is None and self.reference_s == 0:
+            if number == 0 and piece.linear is None and self.epoch_offset_s == 0:
                 turned[rows] = rotation_minus_one(piece.vector(times_s[rows]))
             else:
                 turned[rows] = piece.orientation(times_s[rows]) @ inverse - np.eye(3)
@@ -248,7 +248,7 @@ class BodyMotion:
         """d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
         if not self.pieces:
             return np.zeros((3, 3)), np.zeros(3)
-        moved, turned = self.pieces[self._first].rates(self.reference_s)
+        moved, turned = self.pieces[self._first].rates(self.epoch_offset_s)
         return turned @ self._origin_and_inverse()[1], moved
 
     def displacement(self, points_m: Real, times_s: Real) -> Real:

@@ -214,7 +214,7 @@ def fit_body(
     """
     pose, at_s = poses[reference], float(times_s[reference])
     if len(times_s) < 2 or np.array_equal(poses, np.broadcast_to(pose, poses.shape)):
-        return BodyMotion(pose, reference_s=at_s)
+        return BodyMotion(pose, epoch_offset_s=at_s)
     floor_m = _rounding(poses[:, :3, 3] / unit_m) * unit_m
     # of turns: relative to the size of the axes
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
@@ -259,7 +259,7 @@ def fit_vertices(
     -------
     series
         One degree and the same pieces for all vertices.
-    noise_m, bound_m
+    noise_m, displacement_error_bound_m
         As of `BodyMotion`.
     """
     count, vertices = positions.shape[:2]

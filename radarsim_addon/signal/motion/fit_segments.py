@@ -22,7 +22,8 @@ _SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class FittedPiece:
-    """A piece of motion, what it leaves over and how well it is known; see :mod:`.motionseries`."""
+    """A piece of motion, what it leaves over and how well it is known; see
+    :mod:`.motion.fit_series`."""
 
     piece: Piece
     criterion: float

@@ -44,7 +44,7 @@ class KinematicMotion:
         Lengths at t = 0, (n,) [m].
     order
         Reflections, (n,).
-    first_m, last_m, direction
+    first_scatterer_m, last_scatterer_m, direction
         Vertices and the direction from the receiver, (n, 3); NaN where unknown.
     bodies
         Body of the first and of the last vertex, (n, 2); 0: unknown.
@@ -55,8 +55,8 @@ class KinematicMotion:
     scene: FrameMotion
     length_m: Real
     order: Int32
-    first_m: Real
-    last_m: Real
+    first_scatterer_m: Real
+    last_scatterer_m: Real
     direction: Real
     bodies: Int32
     tracks: Int32
@@ -65,7 +65,8 @@ class KinematicMotion:
     def known(self) -> NDArray[np.bool_]:
         """Rows whose first and last vertex are known, (n,)."""
         return np.asarray(
-            np.isfinite(self.first_m).all(axis=-1) & np.isfinite(self.last_m).all(axis=-1)
+            np.isfinite(self.first_scatterer_m).all(axis=-1)
+            & np.isfinite(self.last_scatterer_m).all(axis=-1)
         )
 
     @functools.cached_property
@@ -94,8 +95,8 @@ class KinematicMotion:
             self.scene,
             self.length_m[rows],
             self.order[rows],
-            self.first_m[rows],
-            self.last_m[rows],
+            self.first_scatterer_m[rows],
+            self.last_scatterer_m[rows],
             self.direction[rows],
             self.bodies[rows],
             self.tracks[rows],
@@ -133,7 +134,7 @@ class KinematicMotion:
     def _change(self, rows: NDArray[np.intp], times_s: Real) -> Real:
         """Lengths minus those at 0, (rows, times) [m]."""
         scene = self.scene
-        first, last = self.first_m[rows], self.last_m[rows]
+        first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
         receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
         moved_receiver = scene.receiver.displacement(receiver_m[None], times_s)
         moved_emitter = scene.emitter.displacement(emitter_m[None], times_s)
@@ -160,7 +161,7 @@ class KinematicMotion:
         """Distance from an orthographic receiver's plane: along its boresight, which may turn."""
         turned, _ = self.scene.receiver.change(times_s)
         boresight = self.direction[rows]
-        arm = self.first_m[rows] - self.scene.receiver.pose[:3, 3]
+        arm = self.first_scatterer_m[rows] - self.scene.receiver.pose[:3, 3]
         # b(t).(P(t) - C(t)) - b.(P - C), b(t) - b = (F(t) - 1) b
         shift = moved - moved_receiver
         turning = np.einsum("tij,nj->nti", turned, boresight)
@@ -170,7 +171,7 @@ class KinematicMotion:
 
     def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real) -> Real:
         """How far the vertices at one end (0 first, 1 last) have moved, (rows, times, 3)."""
-        points = (self.first_m, self.last_m)[end][rows]
+        points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         moved = np.zeros((rows.size, times_s.size, 3))
         for body, here, track in self._groups(rows, end):
             motion = self.scene.bodies[body - 1]
@@ -203,7 +204,7 @@ class KinematicMotion:
         corners = tracks.vertices[track]
         axes = motion.pose[:3, :3]
         turned, shift = motion.change(times_s)
-        at = np.array([self.scene.reference_s])
+        at = np.array([self.scene.epoch_offset_s])
         start = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
         now = np.einsum("nk,tnki->nti", weights, series.positions(corners, times_s))
         arm = now @ axes.T
@@ -222,7 +223,7 @@ class KinematicMotion:
         if not rows.size:
             return rates
         scene = self.scene
-        first, last = self.first_m[rows], self.last_m[rows]
+        first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
         receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
         v_last = self._velocity(rows, 1)
         several = self.order[rows] > 1
@@ -243,7 +244,7 @@ class KinematicMotion:
         return rates
 
     def _velocity(self, rows: NDArray[np.intp], end: int) -> Real:
-        points = (self.first_m, self.last_m)[end][rows]
+        points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         velocity = np.zeros((rows.size, 3))
         for body, here, track in self._groups(rows, end):
             motion = self.scene.bodies[body - 1]
@@ -255,9 +256,9 @@ class KinematicMotion:
             series, weights = tracks.series[body], tracks.weights[track]
             corners, axes = tracks.vertices[track], motion.pose[:3, :3]
             turning, shift = motion.rates()
-            at = np.array([self.scene.reference_s])
+            at = np.array([self.scene.epoch_offset_s])
             own = np.einsum(
-                "nk,nki->ni", weights, series.velocities(corners, self.scene.reference_s)
+                "nk,nki->ni", weights, series.velocities(corners, self.scene.epoch_offset_s)
             )
             place = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
             velocity[here] = own @ axes.T + (place @ axes.T) @ turning.T + shift

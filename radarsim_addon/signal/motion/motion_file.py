@@ -22,7 +22,7 @@ from numpy.polynomial import chebyshev
 
 from ...array_types import Int32, Real
 from ...atomic_files import write_arrays
-from ...contract import MOTION_FILE, MOTION_TRACKS, BodyRecord, MotionRecord, PieceRecord
+from ...contract import DEFORMING_SURFACES_FILE, MOTION_FILE, BodyRecord, MotionRecord, PieceRecord
 from ...errors import FrameFileError, SchemaError
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Piece
@@ -91,7 +91,7 @@ class FrameMotion:
     orthographic: bool
     bodies: Sequence[BodyMotion]
     tracks: Tracks | None = None
-    reference_s: float = 0.0
+    epoch_offset_s: float = 0.0
 
 
 def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
@@ -114,7 +114,7 @@ def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> 
             for piece in motion.pieces
         ],
         noise_m=motion.noise_m,
-        bound_m=motion.bound_m,
+        displacement_error_bound_m=motion.displacement_error_bound_m,
     )
 
 
@@ -134,7 +134,7 @@ def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
     return array
 
 
-def _body(record: BodyRecord, where: str, reference_s: float) -> BodyMotion:
+def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
     pieces = []
     for number, piece in enumerate(record.pieces):
         here = f"{where}, piece {number}"
@@ -160,7 +160,9 @@ def _body(record: BodyRecord, where: str, reference_s: float) -> BodyMotion:
             )
         )
     pose = _array(record.pose, (4, 4), where)
-    return BodyMotion(pose, tuple(pieces), record.noise_m, record.bound_m, reference_s)
+    return BodyMotion(
+        pose, tuple(pieces), record.noise_m, record.displacement_error_bound_m, epoch_offset_s
+    )
 
 
 def write_tracks(folder: Path, tracks: Tracks) -> Path:
@@ -173,7 +175,7 @@ def write_tracks(folder: Path, tracks: Tracks) -> Path:
     for body, series in tracks.series.items():
         arrays[f"edges_s_{body}"] = series.edges_s
         arrays[f"series_{body}"] = series.series
-    path = folder / MOTION_TRACKS
+    path = folder / DEFORMING_SURFACES_FILE
     write_arrays(path, arrays)
     return path
 
@@ -267,13 +269,15 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         )
     tracks = None
     if record.tracks_file:
-        if record.tracks_file != MOTION_TRACKS:
-            raise SchemaError(f"{path} names tracks {record.tracks_file!r}; not {MOTION_TRACKS!r}.")
-        place = folder / MOTION_TRACKS
+        if record.tracks_file != DEFORMING_SURFACES_FILE:
+            raise SchemaError(
+                f"{path} names tracks {record.tracks_file!r}; not {DEFORMING_SURFACES_FILE!r}."
+            )
+        place = folder / DEFORMING_SURFACES_FILE
         tracks = read_tracks(place, len(record.bodies))
         if file_sha256(place) != record.tracks_sha256:
             raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
-    at_s = record.reference_s
+    at_s = record.epoch_offset_s
     receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
     return FrameMotion(
         span_s=record.span_s,
@@ -282,5 +286,5 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         orthographic=record.receiver_kind == "orthographic",
         bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
         tracks=tracks,
-        reference_s=at_s,
+        epoch_offset_s=at_s,
     )

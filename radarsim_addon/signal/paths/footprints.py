@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
-from ...contract import CameraRecord
+from ...contract import ReceiverRecord
 from .pixel_spacing import MOST_PX, grid_places, placed
 from .table import PathRows
 from .table_files import usable
@@ -74,7 +74,7 @@ class Points:
     share: Real
 
 
-def steps_of(rows: PathRows, camera: CameraRecord, count: int) -> Steps:
+def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
     """Differences between a view's neighbouring rays.
 
     Parameters
@@ -214,13 +214,13 @@ def _points(rows: PathRows, steps: Steps, along: Indices, start: int) -> Points:
     return Points(start + row, length, rate, share)
 
 
-def views_by_shift(table: PathRows, shifts: int) -> Iterator[Iterator[PathRows]]:
+def views_by_shift(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
     """For each shift of the grid the rows with a length of each tile, one after the other."""
     tile, shift = np.asarray(table["tile"]), np.asarray(table["shift"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(shift) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size]
     stops = np.concatenate([cuts, [table.size]])[: starts.size]
-    for number in range(shifts):
+    for number in range(replicates):
         mine = np.flatnonzero(shift[starts] == number)
         yield (_rows_with_length(table[starts[i] : stops[i]]) for i in mine)
 

@@ -25,7 +25,7 @@ class PathGeometry:
     ----------
     order, transparent_depth
         Reflections, and transparent surfaces passed on the receiver's side, (n,).
-    first_m, last_m
+    first_scatterer_m, last_scatterer_m
         First and last scatterer, equal at order 1, (n, 3) [m].
     direction
         From the receiver towards the first scatterer, unit vectors, (n, 3).
@@ -35,8 +35,8 @@ class PathGeometry:
 
     order: NDArray[np.int32]
     transparent_depth: NDArray[np.int32]
-    first_m: Real
-    last_m: Real
+    first_scatterer_m: Real
+    last_scatterer_m: Real
     direction: Real
     first_object: NDArray[np.int32]
     last_object: NDArray[np.int32]

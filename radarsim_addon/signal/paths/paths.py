@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from ...contract import Weighting
+from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ..motion import LinearMotion, PathMotion, join_motion
 from .flags import Flags, PathFlag
@@ -29,11 +29,11 @@ class PathCounts:
 
     paths: int = 0
     mixed: int = 0
-    one_pass: int = 0
-    too_fast: int = 0
+    single_snapshot: int = 0
+    range_rate_rejected: int = 0
     crossed: int = 0
-    beyond_code: int = 0
-    not_coded: int = 0
+    range_encoding_underflow: int = 0
+    no_range_encoding: int = 0
 
     def __add__(self, other: PathCounts) -> PathCounts:
         return PathCounts(
@@ -58,7 +58,8 @@ class Paths:
     ring, row, col
         Where the path was found; for paths from a table row is the table's row, the others 0.
     flags
-        PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED, PathFlag.CROSSED_SHELL of :mod:`.doppler`.
+        PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED,
+        PathFlag.CROSSED_SHELL of :mod:`.decoding.snapshot_rate`.
     counts
         Of all pixels, those without a path included.
     geometry
@@ -66,10 +67,10 @@ class Paths:
     motion
         Lengths over the burst; None: constant range rates, see `lengths`.
     gain
-        What a radar system makes of the power, see :mod:`.link`; None: 1.
+        What a radar system makes of the power, see :mod:`.scattering.antenna_gains`; None: 1.
     phasors
-        Complex factors of the amplitudes from the surface's scatterers, see :mod:`.scatterers`;
-        NaN where unknown, None: none.
+        Complex factors of the amplitudes from the surface's scatterers, see
+        :mod:`.scattering.surface_speckle`; NaN where unknown, None: none.
     """
 
     radiance: Real
@@ -121,18 +122,20 @@ class Paths:
         )
 
 
-def _count_flags(flags: Flags, beyond_code: int = 0, not_coded: int = 0) -> PathCounts:
+def _count_flags(
+    flags: Flags, range_encoding_underflow: int = 0, no_range_encoding: int = 0
+) -> PathCounts:
     def number(flag: int) -> int:
         return int(np.count_nonzero(flags & flag))
 
     return PathCounts(
         paths=int(flags.size),
         mixed=number(PathFlag.MIXED),
-        one_pass=number(PathFlag.SINGLE_SNAPSHOT),
-        too_fast=number(PathFlag.RANGE_RATE_REJECTED),
+        single_snapshot=number(PathFlag.SINGLE_SNAPSHOT),
+        range_rate_rejected=number(PathFlag.RANGE_RATE_REJECTED),
         crossed=number(PathFlag.CROSSED_SHELL),
-        beyond_code=beyond_code,
-        not_coded=not_coded,
+        range_encoding_underflow=range_encoding_underflow,
+        no_range_encoding=no_range_encoding,
     )
 
 
@@ -208,7 +211,7 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
 def path_amplitude(
     paths: Paths,
     wavelength_m: float,
-    weighting: Weighting = "radar-equation",
+    amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
 ) -> Real:
     """Amplitude of each path in the echo.
@@ -219,7 +222,7 @@ def path_amplitude(
         Paths.
     wavelength_m
         Carrier wavelength [m].
-    weighting
+    amplitude_model
         "radar-equation": sqrt(P) in sqrt(W), so that |amplitude|^2 is received power.
         "paper": B r^2 (Eq. 10, 14): blue is taken as amplitude, weighted with the square of the
         one-way range. B r^2 is the same number in Blender units (B per unit^2, r in units) and in
@@ -238,9 +241,9 @@ def path_amplitude(
     ConfigError
         Unknown weighting.
     """
-    if weighting == "radar-equation":
+    if amplitude_model == "radar-equation":
         return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))
-    if weighting == "paper":
+    if amplitude_model == "paper":
         amplitude = paths.radiance * paths.range_m**2
         return amplitude if paths.gain is None else amplitude * np.sqrt(paths.gain)
-    raise ConfigError(f"Weighting {weighting!r}; expected one of {get_args(Weighting)}.")
+    raise ConfigError(f"Weighting {amplitude_model!r}; expected one of {get_args(AmplitudeModel)}.")

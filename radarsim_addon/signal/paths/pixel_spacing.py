@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Integers, Real
-from ...contract import CameraRecord
+from ...contract import ReceiverRecord
 from .table import PathRows
 
 #: Angles between rays of a sphere that are rounding, as a share of a pixel's side.
@@ -20,18 +20,18 @@ _ENOUGH = 1 << 12
 MOST_PX = 1 << 25
 
 
-def placed(rows: PathRows, camera: CameraRecord) -> NDArray[np.bool_]:
+def placed(rows: PathRows, camera: ReceiverRecord) -> NDArray[np.bool_]:
     """Rows whose pixel is known, (n,): parallel rays are told by where they end, others by their
     direction."""
     if camera.kind == "orthographic":
-        return np.asarray(np.isfinite(rows["first_m"]).all(axis=1))
+        return np.asarray(np.isfinite(rows["first_scatterer_m"]).all(axis=1))
     if camera.kind == "perspective":
         backwards = np.array(camera.matrix_world, dtype=np.float64)[:3, 2]
         return np.asarray(rows["direction"] @ backwards < 0)
     return np.asarray(np.any(rows["direction"] != 0, axis=1))
 
 
-def grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integers, Integers]:
+def grid_places(rows: PathRows, camera: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
     """Column and row of each path's pixel, counted from the first ones that are met.
 
     Parameters
@@ -63,7 +63,7 @@ def grid_places(rows: PathRows, camera: CameraRecord, count: int) -> tuple[Integ
             float(np.median(area[few] * (1 + u[few] ** 2 + v[few] ** 2) ** 1.5))
         )
     else:
-        flat = (rows["first_m"] - pose[:3, 3]) @ pose[:3, :3]
+        flat = (rows["first_scatterer_m"] - pose[:3, 3]) @ pose[:3, :3]
         u, v = flat[:, 0], flat[:, 1]
         step_u = step_v = math.sqrt(float(np.median(area)))
     col, row = (np.rint((x - x.min()) / s).astype(np.int64) for x, s in ((u, step_u), (v, step_v)))

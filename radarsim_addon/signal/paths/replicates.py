@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Integers, Real
-from ...contract import CameraRecord
+from ...contract import ReceiverRecord
 from .pixel_spacing import MOST_PX, grid_places, placed
 from .table import PathRows
 
@@ -55,16 +55,16 @@ def shift_variances(count: int) -> tuple[float, float]:
         Across and down [square pixels].
     """
     paired = min(count, _MOST_PAIRED)
-    shifts = np.array([shift_px(i) for i in range(paired)])
+    replicates = np.array([shift_px(i) for i in range(paired)])
     across, down = (
         float(np.mean(x**2 - x + 1 / 6))
-        for x in ((place[:, None] - place) % 1.0 for place in shifts.T)
+        for x in ((place[:, None] - place) % 1.0 for place in replicates.T)
     )
     return across * paired / count, down * paired / count
 
 
 def edge_variances(
-    rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
+    rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord, count: int
 ) -> Real:
     """Least variance of the mean value of what bears a label, by its edges along the grid.
 
@@ -92,7 +92,7 @@ def edge_variances(
     return total
 
 
-def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraRecord) -> Real:
+def lone_variances(rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord) -> Real:
     """Variance of the value of what bears a label, where there is one shift alone.
 
     To what the edges leave open comes what differs within a surface: a grid of rays samples it
@@ -123,7 +123,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: CameraR
 
 
 def _images(
-    rows: PathRows, label: Integers, value: Real, camera: CameraRecord, count: int
+    rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord, count: int
 ) -> Iterator[tuple[Integers, Real]]:
     """Labels and values on the grid of pixels, gate by gate, with an empty rim."""
     kept = np.flatnonzero((label > 0) & placed(rows, camera))

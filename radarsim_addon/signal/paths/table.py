@@ -35,8 +35,8 @@ PATH_DTYPE = np.dtype(
         ("order", "<u2"),
         ("transparent_depth", "<u2"),
         # first and last scatterer [m], equal at order 1; NaN where unknown
-        ("first_m", "<f8", (3,)),
-        ("last_m", "<f8", (3,)),
+        ("first_scatterer_m", "<f8", (3,)),
+        ("last_scatterer_m", "<f8", (3,)),
         # from the receiver towards the first scatterer, unit vector
         ("direction", "<f8", (3,)),
         # share of the solid angle that the path stands for [sr]
@@ -49,7 +49,7 @@ PATH_DTYPE = np.dtype(
         ("body", "<i4"),
         ("first_body", "<i4"),
         ("track", "<i4"),
-        ("first_track", "<i4"),
+        ("first_surface_point", "<i4"),
         # view (tile) and sub-pixel shift: shifts of one tile are replicates of one another
         ("tile", "<i4"),
         ("shift", "<i4"),

@@ -93,8 +93,8 @@ def geometry_of(rows: PathRows) -> PathGeometry:
     return PathGeometry(
         order=rows["order"].astype(np.int32),
         transparent_depth=rows["transparent_depth"].astype(np.int32),
-        first_m=np.array(rows["first_m"]),
-        last_m=np.array(rows["last_m"]),
+        first_scatterer_m=np.array(rows["first_scatterer_m"]),
+        last_scatterer_m=np.array(rows["last_scatterer_m"]),
         direction=np.array(rows["direction"]),
         first_object=np.array(rows["first_object"]),
         last_object=np.array(rows["object"]),
@@ -129,10 +129,12 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         The rows name a body or a track that the motion does not have.
     """
     one = np.asarray(rows["order"] == 1)
-    last = np.array(rows["last_m"])
-    first = np.where(one[:, None], last, rows["first_m"])
+    last = np.array(rows["last_scatterer_m"])
+    first = np.where(one[:, None], last, rows["first_scatterer_m"])
     bodies = np.stack([np.where(one, rows["body"], rows["first_body"]), rows["body"]], axis=-1)
-    tracks = np.stack([np.where(one, rows["track"], rows["first_track"]), rows["track"]], axis=-1)
+    tracks = np.stack(
+        [np.where(one, rows["track"], rows["first_surface_point"]), rows["track"]], axis=-1
+    )
     most_tracks = 0 if scene.tracks is None else scene.tracks.body.size
     for what, numbers, most in (
         ("body", bodies, len(scene.bodies)),
@@ -147,8 +149,8 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         scene=scene,
         length_m=np.array(rows["length_m"]),
         order=rows["order"].astype(np.int32),
-        first_m=first,
-        last_m=last,
+        first_scatterer_m=first,
+        last_scatterer_m=last,
         direction=np.array(rows["direction"]),
         bodies=bodies.astype(np.int32),
         tracks=tracks.astype(np.int32),

@@ -8,7 +8,7 @@ from .figure import save
 from .frame_pictures import draw_results
 from .map import plot_range_doppler
 from .numbers import cell_width, decimals_for, fixed
-from .profile import plot_matched_filter
+from .profile import plot_range_profile
 from .rings import plot_rings
 
 __all__ = [
@@ -21,8 +21,8 @@ __all__ = [
     "fixed",
     "plot_antennas",
     "plot_echo",
-    "plot_matched_filter",
     "plot_range_doppler",
+    "plot_range_profile",
     "plot_rings",
     "save",
 ]

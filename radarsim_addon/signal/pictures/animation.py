@@ -48,9 +48,9 @@ def animate_maps(
     out
         File to write.
     floor_db
-        Lowest level drawn; None: as for one map, see :func:`.mapplot.picture_floor_db`.
+        Lowest level drawn; None: as for one map, see :func:`.pictures.map.picture_floor_db`.
     noise_power, unit
-        As for :func:`.mapplot.plot_range_doppler`.
+        As for :func:`.pictures.map.plot_range_doppler`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
-from ..maps import decibels, power_unit
+from ..maps import power_to_db, power_unit
 from .cells import cell_axis, strongest
 from .figure import new_figure
 from .numbers import frequency_unit, range_unit, reference_text, time_unit
@@ -38,15 +38,17 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
     limit = float(np.quantile(magnitude, 0.95)) or top or 1.0
     power_of_ten = 3 * math.floor(math.log10(limit) / 3)
     scale = 10.0**power_of_ten
-    watts = echoes.weighting == "radar-equation"
+    watts = echoes.amplitude_model == "radar-equation"
     unit = r"\sqrt{\mathrm{W}}" if watts else r"B\,r^2"
     value_text = (
         f"Re $s$ [$10^{{{power_of_ten}}}\\,{unit}$]" if power_of_ten else f"Re $s$ [${unit}$]"
     )
-    level_text = f"$|s|$ [dB re strongest{reference_text(top**2, power_unit(echoes.weighting))}]"
+    level_text = (
+        f"$|s|$ [dB re strongest{reference_text(top**2, power_unit(echoes.amplitude_model))}]"
+    )
     if samples.shape[0] == 1:
         time = echoes.fast_time_s / clock.size
-        first.plot(time, decibels(magnitude[0] ** 2, top**2 or 1.0, -_SPAN_DB), lw=0.8)
+        first.plot(time, power_to_db(magnitude[0] ** 2, top**2 or 1.0, -_SPAN_DB), lw=0.8)
         first.set_ylim(-_SPAN_DB, 3)
         first.set_ylabel(level_text)
         second.plot(time, samples[0].real / scale, lw=0.8)
@@ -99,7 +101,7 @@ def _draw_burst(
     joined = strongest(magnitude, (along.step, across.step))
     top = float(magnitude.max(initial=0.0))
     picture = first.imshow(
-        decibels(joined**2, top**2 or 1.0, -_SPAN_DB),
+        power_to_db(joined**2, top**2 or 1.0, -_SPAN_DB),
         vmin=-_SPAN_DB,
         vmax=0,
         cmap="viridis",

@@ -11,7 +11,7 @@ from ..runs import RadarFrame
 from . import figure as plots
 from .echo import plot_echo
 from .map import plot_range_doppler
-from .profile import plot_matched_filter
+from .profile import plot_range_profile
 
 
 def draw_results(
@@ -25,16 +25,16 @@ def draw_results(
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     line = result.echoes.radar.waveform.family == "line"
     profile_name = "Range profile" if line else "Matched filter"
-    unit = power_unit(result.echoes.weighting)
+    unit = power_unit(result.echoes.amplitude_model)
     mti = f"{options.mti}-pulse MTI, " if options.mti else ""
     rings = []
-    if frame.acquisition == "rings":
+    if frame.sampling_mode == "rings":
         rings.append(plots.save(plots.plot_rings(frame), name("rings")))
     return [
         *rings,
         plots.save(plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
         plots.save(
-            plot_matched_filter(
+            plot_range_profile(
                 result.compressed,
                 result.profile,
                 result.edges,
@@ -43,12 +43,12 @@ def draw_results(
                 noise_power=result.profile_noise_power,
                 unit=unit,
             ),
-            name("matched_filter"),
+            name("range_profile"),
         ),
         plots.save(
             plot_range_doppler(
                 result.rd_map,
-                result.movers,
+                result.moving_targets,
                 f"Range-Doppler map, {mti}{title}",
                 targets=() if result.detections is None else result.detections.targets,
                 left_out=0 if result.detections is None else result.detections.left_out,

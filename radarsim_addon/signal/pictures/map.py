@@ -12,7 +12,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..detection import Detection, Peak, target_count
-from ..maps import RangeDopplerMap, decibels
+from ..maps import RangeDopplerMap, power_to_db
 from .cells import CellAxis, cell_axis, strongest
 from .figure import new_figure
 from .labels import Label, place_labels
@@ -34,7 +34,7 @@ SPAN_DB = 80.0
 BELOW_NOISE_DB = 10.0
 #: Least that a picture spans [dB].
 LEAST_SPAN_DB = 20.0
-#: Most cells along an axis of a picture, see :mod:`.figurecells`.
+#: Most cells along an axis of a picture, see :mod:`.pictures.cells`.
 MOST_CELLS = 640
 #: Most labels, and most of what stands still among them.
 _LABELS, _STILL_LABELS = 5, 2
@@ -89,7 +89,9 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
 
 def joined_level(power: Real, axes: MapAxes, reference: float, floor_db: float) -> Real:
     """Decibels of the cells of a picture, (ranges, Doppler); of joined cells the strongest."""
-    return decibels(strongest(power, (axes.doppler.step, axes.ranges.step)), reference, floor_db).T
+    return power_to_db(
+        strongest(power, (axes.doppler.step, axes.ranges.step)), reference, floor_db
+    ).T
 
 
 def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = None) -> float:
@@ -226,8 +228,8 @@ def plot_range_doppler(
     left_out
         Peaks of the CFAR beyond the most that it keeps.
     noise_power
-        Mean thermal noise of a cell (:func:`.noisefloor.map_noise_gain` times that of a sample),
-        marked at the colours; 0: not known.
+        Mean thermal noise of a cell (:func:`.maps.noise_floor.map_noise_gain` times that of a
+        sample), marked at the colours; 0: not known.
     unit
         Unit of the map's powers in decibels, "dBW" with the weighting "radar-equation".
     """

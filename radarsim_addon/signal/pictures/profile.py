@@ -11,7 +11,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..detection import LeadingEdge
-from ..maps import Compressed, ExpectedPower, PowerProfile, decibels
+from ..maps import ExpectedPower, PowerProfile, RangeProfiles, power_to_db
 from .figure import new_figure
 from .labels import Label, place_labels
 from .map import BELOW_NOISE_DB, SPAN_DB
@@ -23,8 +23,8 @@ _HEADROOM_DB = 10.0
 _COLUMNS = 600
 
 
-def plot_matched_filter(
-    compressed: Compressed | None = None,
+def plot_range_profile(
+    compressed: RangeProfiles | None = None,
     profile: PowerProfile | None = None,
     edges: Sequence[LeadingEdge] = (),
     title: str = "Matched filter",
@@ -52,8 +52,8 @@ def plot_matched_filter(
     expected
         Expected power with its standard error, drawn as a band of one sigma to each side.
     noise_power
-        Mean thermal noise of a cell (:func:`.noisefloor.range_noise_gain` times that of a sample),
-        drawn as a line; 0: not known.
+        Mean thermal noise of a cell (:func:`.maps.noise_floor.range_noise_gain` times that of a
+        sample), drawn as a line; 0: not known.
     unit
         Unit of the powers in decibels, "dBW" with the weighting "radar-equation".
     """
@@ -82,7 +82,9 @@ def plot_matched_filter(
         texts.append(f"expected power, no speckle, no noise (window: {profile.window})")
         styles.append({"lw": 1.2, "color": "C0"})
     for (range_m, power), text, style in zip(curves, texts, styles, strict=True):
-        axis.plot(range_m / length.size, decibels(power, reference, floor_db), label=text, **style)
+        axis.plot(
+            range_m / length.size, power_to_db(power, reference, floor_db), label=text, **style
+        )
     _draw_error(axis, expected, length.size, reference, floor_db)
     if noise_power > 0 and top > 0:
         level = with_minus(fixed(10 * math.log10(noise_power), 1))
@@ -124,7 +126,7 @@ def plot_matched_filter(
     elif axis.get_legend_handles_labels()[1]:
         axis.legend(fontsize=8, loc="best")
     drawn = [
-        _trace(range_m / length.size, decibels(power, reference, floor_db), floor_db)
+        _trace(range_m / length.size, power_to_db(power, reference, floor_db), floor_db)
         for range_m, power in curves
     ]
     place_labels(
@@ -145,7 +147,7 @@ def _draw_error(
     if expected is None or not np.isfinite(expected.profile_error).all():
         return
     low, high = (
-        decibels(
+        power_to_db(
             np.maximum(expected.profile + sign * expected.profile_error, 0.0), reference, floor_db
         )
         for sign in (-1, 1)

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from ..decoding import decode
-from ..maps import decibels
+from ..maps import power_to_db
 from ..runs import RadarFrame
 from .figure import new_figure
 
@@ -15,12 +15,12 @@ from .figure import new_figure
 _THUMBNAIL_PX = 480
 
 
-def plot_rings(frame: RadarFrame, pass_index: int = 0, floor_db: float = -60.0) -> Any:
+def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60.0) -> Any:
     """Montage of all rings of a frame: radiance in decibels (the paper's Fig. 6)."""
     step_m = frame.record.ring_step_m
     thumbnails, tops = [], []
     for ring in range(frame.rings):
-        record, channels = frame.image(ring, pass_index)
+        record, channels = frame.image(ring, snapshot_index)
         radiance = decode(record, channels).radiance
         skip = max(1, -(-radiance.shape[1] // _THUMBNAIL_PX))
         rows, cols = (n - n % skip for n in radiance.shape)
@@ -43,10 +43,14 @@ def plot_rings(frame: RadarFrame, pass_index: int = 0, floor_db: float = -60.0) 
                     0.5, 0.5, "no echo", color="0.6", fontsize=7, ha="center", va="center",
                     transform=axis.transAxes,
                 )  # fmt: skip
-            level = decibels(thumbnails[ring], reference, floor_db)
+            level = power_to_db(thumbnails[ring], reference, floor_db)
             picture = axis.imshow(level, vmin=floor_db, vmax=0, cmap="magma")
             axis.set_title(f"{ring * step_m:g}-{(ring + 1) * step_m:g} m", fontsize=7, pad=2)
     figure.colorbar(picture, ax=axes, label="radiance [dB re strongest pixel]", fraction=0.02)
-    later = "" if pass_index == 0 else f", second pass, {frame.record.delta_t_s:g} s later"
+    later = (
+        ""
+        if snapshot_index == 0
+        else f", second pass, {frame.record.snapshot_interval_s:g} s later"
+    )
     figure.suptitle(f"Rings, frame {frame.number}, t = {frame.time_s:.4g} s{later}", fontsize=10)
     return figure

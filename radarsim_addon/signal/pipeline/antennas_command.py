@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...atomic_files import make_folder
-from ...contract import PRODUCTS_DIR, SystemRecord
+from ...contract import PRODUCTS_DIR, LinkBudget
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..pictures import ANTENNA_PICTURE, plot_antennas
@@ -48,7 +48,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
         No system, or no carrier.
     """
     path = Path(source)
-    record: SystemRecord | None
+    record: LinkBudget | None
     if path.is_dir():
         run = open_run(path)
         record, wavelength_m = run.record.system, run.radar.waveform.wavelength_m

@@ -101,18 +101,18 @@ def _show(progress: Progress) -> None:
 
 def _print_frame(result: FrameResult) -> None:
     statistics = result.statistics
-    unit = level_unit(result.echoes.weighting)
+    unit = level_unit(result.echoes.amplitude_model)
     digits = map_digits(result.rd_map)
     print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
     for edge in result.edges:
         place = digits.range_text(edge.range_m)
         print(f"  leading edge {place}   level {edge.level_db:z8.2f} {unit}")
-    for peak in result.movers:
+    for peak in result.moving_targets:
         print(
             f"  mover        {digits.range_text(peak.range_m)}   "
             f"level {peak.level_db:z8.2f} {unit}   "
             f"{digits.motion_text(peak.velocity_mps, peak.doppler_hz)}   "
-            f"{peak.above_db:.1f} dB above its surroundings"
+            f"{peak.peak_to_background_db:.1f} dB above its surroundings"
         )
     if result.detections is not None:
         found = result.detections

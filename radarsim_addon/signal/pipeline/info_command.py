@@ -23,7 +23,7 @@ def _info(folder: str) -> int:
         ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
         *_acquisition_rows(run, len(gaps)),
         ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),
-        ("code length k", f"{record.code_length_m:g} m"),
+        ("code length k", f"{record.range_encoding_length_m:g} m"),
         ("extinction length", f"{record.extinction_length_m:g} m"),
         ("carrier", f"{waveform.carrier_hz / 1e9:g} GHz, {waveform.wavelength_m:.6g} m"),
         (
@@ -34,10 +34,10 @@ def _info(folder: str) -> int:
         ("burst", f"{burst.pulses} pulses at {burst.prf_hz:g} Hz"),
         ("range resolution", f"{waveform.range_resolution_m:.4g} m (c / 2B)"),
         ("unambiguous range", f"{radar.unambiguous_range_m:.6g} m"),
-        ("unambiguous speed", f"+-{radar.max_velocity_mps:.4g} m/s"),
+        ("unambiguous speed", f"+-{radar.max_unambiguous_velocity_mps:.4g} m/s"),
         ("speed resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
     ]
-    if record.acquisition == "rings":
+    if record.sampling_mode == "rings":
         rows += _noise_rows(run)
     for name, text in rows:
         print(f"{name:18} {text}")
@@ -54,13 +54,13 @@ def _info(folder: str) -> int:
         print(f"  paths            {counts.paths}")
         if statistics.nearest_m is not None and statistics.farthest_m is not None:
             print(f"  ranges           {statistics.nearest_m:g} to {statistics.farthest_m:g} m")
-        print(f"  mixed pixels     {100 * statistics.mixed_power_share:.2f} % of the power")
-        if record.acquisition == "paths":
+        print(f"  mixed pixels     {100 * statistics.mixed_power_fraction:.2f} % of the power")
+        if record.sampling_mode == "paths":
             _print_quality(whole)
             return 0
         print(
-            f"  between passes   {counts.crossed} crossed a ring, {counts.too_fast} too fast, "
-            f"{counts.one_pass} in the first only"
+            f"  between passes   {counts.crossed} crossed a ring, {counts.range_rate_rejected} too fast, "
+            f"{counts.single_snapshot} in the first only"
         )
         for warning in statistics_warnings(statistics, radar):
             print(f"  warning: {printable(warning)}")
@@ -69,17 +69,17 @@ def _info(folder: str) -> int:
 
 def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
     record = run.record
-    start_m, stop_m = run.window_m
+    start_m, stop_m = run.range_limits_m
     image = f"{record.width_px} x {record.height_px} px"
-    if record.acquisition == "paths":
+    if record.sampling_mode == "paths":
         return [
-            ("acquisition", f"paths, one per pixel; ranges {start_m:g} to {stop_m:g} m"),
+            ("sampling_mode", f"paths, one per pixel; ranges {start_m:g} to {stop_m:g} m"),
             ("tables", f"{run.renders - gaps} of {run.renders} are there"),
             ("image", f"{image} before refinement"),
         ]
     return [
         ("rings", f"{record.rings} of {record.ring_step_m:g} m: {start_m:g} to {stop_m:g} m"),
-        ("passes", f"{record.passes}, {record.delta_t_s:g} s apart"),
+        ("snapshots", f"{record.snapshots}, {record.snapshot_interval_s:g} s apart"),
         ("renders", f"{run.renders - gaps} of {run.renders} are there"),
         ("image", f"{image}, {record.samples} samples"),
     ]
@@ -88,10 +88,10 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
 def _print_quality(frame: RadarFrame) -> None:
     """What the table of a frame says of itself."""
     record = read_paths_record(frame.path, frame.number)
-    shifts = "1 shift" if record.shifts == 1 else f"{record.shifts} shifts"
+    replicates = "1 shift" if record.replicates == 1 else f"{record.replicates} shifts"
     print(
-        f"  tiles            {record.tiles}, {shifts} each, finest level "
-        f"{record.finest_level}; {record.renders} renders in {record.render_time_s:.1f} s"
+        f"  tiles            {record.tiles}, {replicates} each, finest level "
+        f"{record.finest_refinement_level}; {record.renders} renders in {record.render_time_s:.1f} s"
     )
     if record.small_objects:
         print(
@@ -102,7 +102,7 @@ def _print_quality(frame: RadarFrame) -> None:
     over = {"ranges": "range bins", "objects": "objects"}
     known = f"{100 * record.relative_error:.2g} %" if record.rows else "unknown"
     print(
-        f"  standard error   {known} (over {over.get(record.error_of, 'range bins and objects')})"
+        f"  standard error   {known} (over {over.get(record.error_scope, 'range bins and objects')})"
     )
     print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
     print(
@@ -110,13 +110,13 @@ def _print_quality(frame: RadarFrame) -> None:
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
     print(
-        f"  power left out   {100 * record.left_order_share:.2g} % in higher orders (standard "
-        f"error {100 * record.left_order_sigma:.1g} %), "
-        f"{100 * record.left_depth_share:.2g} % behind more transparent surfaces"
+        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % in higher orders (standard "
+        f"error {100 * record.truncated_reflections_stderr:.1g} %), "
+        f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
     )
     print(
-        f"  without a range  {100 * record.no_code_share:.2g} % of the power; mixed "
-        f"{100 * record.mixed_share:.2g} %, range bias at most {record.mixed_bias_bound_m:.2g} m"
+        f"  without a range  {100 * record.unranged_power_fraction:.2g} % of the power; mixed "
+        f"{100 * record.mixed_power_fraction:.2g} %, range bias at most {record.mixed_bias_bound_m:.2g} m"
     )
     for warning in record.warnings:
         print(f"  warning: {printable(warning)}")
@@ -125,9 +125,9 @@ def _print_quality(frame: RadarFrame) -> None:
 def _noise_rows(run: Run) -> list[tuple[str, str]]:
     """What float32 costs at the far end of the rings."""
     record = run.record
-    noise_m = _CODE_NOISE * max(record.code_length_m, 2 * run.window_m[1]) / 2
+    noise_m = _CODE_NOISE * max(record.range_encoding_length_m, 2 * run.range_limits_m[1]) / 2
     rows = [("range rounding", f"about {noise_m:.1g} m a pixel (float32 range code)")]
-    if record.passes == 2:
-        rate_mps = 2**0.5 * noise_m / record.delta_t_s
+    if record.snapshots == 2:
+        rate_mps = 2**0.5 * noise_m / record.snapshot_interval_s
         rows.append(("speed rounding", f"about {rate_mps:.1g} m/s a pixel"))
     return rows

@@ -18,7 +18,7 @@ from typing import Any
 from ...atomic_files import make_folder, remove_file
 from ...contract import PRODUCTS_DIR
 from ...errors import FrameFileError, OutputError, RadarSimError
-from ..decoding import iter_paths
+from ..decoding import iter_path_chunks
 from ..detection import (
     SLOWEST_CELLS,
     FrameBudget,
@@ -28,33 +28,33 @@ from ..detection import (
     StatisticsSum,
     detect_targets,
     find_edges,
-    find_movers,
-    heard_recording,
+    find_moving_targets,
+    received_recording,
     statistics_warnings,
 )
 from ..echoes import (
     Echoes,
     EchoOptions,
-    blended,
+    apply_receiver,
     check_window,
-    receive,
-    shown_times_s,
+    interpolate_renders,
+    render_times_s,
     synthesizer_for,
 )
 from ..maps import (
     ProfileAccumulator,
-    cancel,
-    compress,
     dynamics_db,
     expected_power,
     map_noise_gain,
+    mti_cancel,
     power_unit,
     range_doppler,
+    range_process,
 )
 from ..pictures import ANTENNA_PICTURE, MapFile, animate_maps, draw_results, plot_antennas
 from ..pictures import figure as plots
 from ..products import remove_stale, write_products, write_results
-from ..radar import Radar, implausible, make_system
+from ..radar import Radar, find_suspicious_parameters, make_system
 from ..runs import RadarFrame, Run, open_run
 from ..scattering import FrameSpeckle
 
@@ -97,7 +97,7 @@ def process_run(
         ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
         velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; where asked for
         ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
-        ``_rings.png``, ``_echo.png``, ``_matched_filter.png``, ``_range_doppler.png``. With a
+        ``_rings.png``, ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``. With a
         system ``antennas.png``, once; with several frames ``range_doppler.gif`` in the end.
 
     Raises
@@ -154,7 +154,7 @@ def _process_frames(
                 stem = f"frame_{event.frame:04d}"
                 maps.append(MapFile(folder / f"{stem}_map.npz", event.frame, event.time_s))
                 noise_power = event.map_noise_power
-                unit = power_unit(event.echoes.weighting)
+                unit = power_unit(event.echoes.amplitude_model)
                 yield event
             else:
                 finished += 1
@@ -182,52 +182,54 @@ def _gaps_text(frame: RadarFrame, count: int, first: str) -> str:
 def _process_frame(
     run: Run, frame: RadarFrame, folder: Path, options: ProcessOptions
 ) -> Iterator[str | FrameResult]:
-    window_m = check_window(options.window_m or run.window_m)
-    assert options.weighting is not None and options.radar is not None  # by `for_run`
+    range_limits_m = check_window(options.range_limits_m or run.range_limits_m)
+    assert options.amplitude_model is not None and options.radar is not None  # by `for_run`
     radar = options.radar
     budget = FrameBudget(frame, radar, options.system)
-    seed = options.speckle_seed if options.weighting == "radar-equation" else None
-    speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_m)
-    synthesizer = _synthesizer(radar, window_m, options, seed)
+    seed = options.speckle_seed if options.amplitude_model == "radar-equation" else None
+    speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_size_m)
+    synthesizer = _synthesizer(radar, range_limits_m, options, seed)
     accumulator = ProfileAccumulator(
         radar,
-        window_m,
+        range_limits_m,
         window=options.window,
-        weighting=options.weighting,
+        amplitude_model=options.amplitude_model,
         receiver_gain=options.receiver_gain,
         method=options.method,
     )
     total = StatisticsSum(radar, options.receiver_gain)
     # What is expected of a pixel is spread over all that it covers, where that is known.
-    spread = frame.acquisition == "paths" and options.weighting == "radar-equation"
-    for ring, paths in enumerate(iter_paths(frame, max_speed_mps=options.max_speed_mps)):
+    spread = frame.sampling_mode == "paths" and options.amplitude_model == "radar-equation"
+    for ring, paths in enumerate(
+        iter_path_chunks(frame, max_range_rate_mps=options.max_range_rate_mps)
+    ):
         paths = budget.apply(paths)
         synthesizer.add(speckle.apply(paths))
         if not spread:
             accumulator.add(paths)
         total.add(paths)
-        if frame.acquisition == "rings":
+        if frame.sampling_mode == "rings":
             yield f"frame {frame.number}: ring {ring + 1} of {frame.rings}"
     incoming = synthesizer.result()
-    if frame.renders_per_burst > 1:
+    if frame.visibility_updates > 1:
         others = (
-            _echoes_of_render(frame.of_burst(number), window_m, options, seed)
-            for number in range(1, frame.renders_per_burst)
+            _echoes_of_render(frame.of_burst(number), range_limits_m, options, seed)
+            for number in range(1, frame.visibility_updates)
         )
-        incoming = blended(itertools.chain([incoming], others), shown_times_s(frame))
-    reception = receive(incoming, options.receiver)
+        incoming = interpolate_renders(itertools.chain([incoming], others), render_times_s(frame))
+    reception = apply_receiver(incoming, options.receiver)
     echoes = reception.echoes
-    compressed = compress(echoes, options.window)
-    filtered = cancel(compressed, options.mti) if options.mti else compressed
-    rd_map = range_doppler(filtered, options.doppler_window)
+    compressed = range_process(echoes, options.window)
+    filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
+    rd_map = range_doppler(filtered, options.doppler_taper)
     expected = None
     if spread:
         expected = expected_power(
             frame,
             radar,
-            window_m,
+            range_limits_m,
             window=options.window,
-            doppler_window=options.doppler_window,
+            doppler_taper=options.doppler_taper,
             receiver_gain=options.receiver_gain,
             link=budget.link,
             points_to=accumulator.add,
@@ -238,11 +240,11 @@ def _process_frame(
     report = budget.report(
         statistics.power_w,
         options.window,
-        options.doppler_window,
-        window_m=window_m,
+        options.doppler_taper,
+        range_limits_m=range_limits_m,
         mti=options.mti,
     )
-    heard = heard_recording(echoes, rd_map, options.mti)
+    heard = received_recording(echoes, rd_map, options.mti)
     result = FrameResult(
         frame=frame.number,
         time_s=frame.time_s,
@@ -252,16 +254,16 @@ def _process_frame(
         profile=profile,
         rd_map=rd_map,
         edges=find_edges(profile),
-        movers=find_movers(
+        moving_targets=find_moving_targets(
             echoes,
             rd_map,
             options.mti,
             tolerance=options.tolerance,
             # rounding follows the strong echoes: from pulse to pulse it may add up in phase
             noise_power=(reception.noise_power_w + reception.rounding_power_w * radar.burst.pulses)
-            * map_noise_gain(radar, options.window, options.doppler_window),
+            * map_noise_gain(radar, options.window, options.doppler_taper),
             # what is blended over the burst has sidelobes of its own beside 0 Hz
-            slowest_cells=SLOWEST_CELLS if frame.renders_per_burst == 1 else 3.0,
+            slowest_cells=SLOWEST_CELLS if frame.visibility_updates == 1 else 3.0,
             noisy_columns=options.receiver.phase_noise is not None
             or options.receiver.adc_bits is not None,
             recording=heard,
@@ -272,7 +274,7 @@ def _process_frame(
         + (expected.warnings if expected is not None else [])
         + _inexact(echoes)
         + (scatterers.warnings if scatterers is not None else [])
-        + _radar_warnings(run, radar, window_m, statistics.power_w > 0)
+        + _radar_warnings(run, radar, range_limits_m, statistics.power_w > 0)
         + _reception_warnings(reception.clipped, echoes.samples.size),
         files=[],
         expected=expected,
@@ -287,7 +289,7 @@ def _process_frame(
     )
     yield f"frame {frame.number}: echoes, map"
     result.files.extend(write_results(result, folder, options))
-    if options.products and frame.acquisition == "rings":
+    if options.products and frame.sampling_mode == "rings":
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
     if plots.has_matplotlib() if options.plots is None else options.plots:
@@ -297,14 +299,14 @@ def _process_frame(
 
 
 def _synthesizer(
-    radar: Radar, window_m: tuple[float, float], options: ProcessOptions, seed: int | None
+    radar: Radar, range_limits_m: tuple[float, float], options: ProcessOptions, seed: int | None
 ) -> Any:
-    assert options.weighting is not None  # by `for_run`
+    assert options.amplitude_model is not None  # by `for_run`
     return synthesizer_for(
         radar,
-        window_m,
+        range_limits_m,
         EchoOptions(
-            weighting=options.weighting,
+            amplitude_model=options.amplitude_model,
             receiver_gain=options.receiver_gain,
             method=options.method,
             tolerance=options.tolerance,
@@ -318,16 +320,16 @@ def _synthesizer(
 
 def _echoes_of_render(
     render: RadarFrame,
-    window_m: tuple[float, float],
+    range_limits_m: tuple[float, float],
     options: ProcessOptions,
     seed: int | None,
 ) -> Echoes:
     """Echoes of one of the renders of a burst, for all pulses."""
     assert options.radar is not None  # by `for_run`
     budget = FrameBudget(render, options.radar, options.system)
-    speckle = FrameSpeckle(render, options.radar, seed, options.speckle_cell_m)
-    synthesizer = _synthesizer(options.radar, window_m, options, seed)
-    for paths in iter_paths(render, max_speed_mps=options.max_speed_mps):
+    speckle = FrameSpeckle(render, options.radar, seed, options.speckle_cell_size_m)
+    synthesizer = _synthesizer(options.radar, range_limits_m, options, seed)
+    for paths in iter_path_chunks(render, max_range_rate_mps=options.max_range_rate_mps):
         synthesizer.add(speckle.apply(budget.apply(paths)))
     echoes: Echoes = synthesizer.result()
     return echoes
@@ -342,19 +344,19 @@ def _inexact(echoes: Echoes) -> list[str]:
 
 
 def _radar_warnings(
-    run: Run, radar: Radar, window_m: tuple[float, float], echoing: bool
+    run: Run, radar: Radar, range_limits_m: tuple[float, float], echoing: bool
 ) -> list[str]:
     # A run without an echo ends where it begins: its window tells nothing of a scene.
-    found = implausible(radar, window_m[1] if echoing else None)
+    found = find_suspicious_parameters(radar, range_limits_m[1] if echoing else None)
     own_hz, now_hz = run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
     if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
         found.append(
             f"The carrier is {now_hz / 1e9:g} GHz, the run was rendered for {own_hz / 1e9:g} GHz: "
             "materials are those of the latter. Render again where they depend on frequency."
         )
-    if window_m[1] > radar.waveform.unambiguous_range_m * (1 + 1e-9):
+    if range_limits_m[1] > radar.waveform.unambiguous_range_m * (1 + 1e-9):
         found.append(
-            f"The range window reaches to {window_m[1]:g} m, the waveform to "
+            f"The range window reaches to {range_limits_m[1]:g} m, the waveform to "
             f"{radar.waveform.unambiguous_range_m:.6g} m: profile and map end there."
         )
     return found

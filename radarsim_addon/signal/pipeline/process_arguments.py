@@ -7,9 +7,9 @@ import argparse
 import math
 from typing import Any, get_args
 
-from ...contract import Weighting
+from ...contract import AmplitudeModel
 from ...physics.constants import REFERENCE_TEMPERATURE_K
-from ..decoding import MAX_SPEED_MPS
+from ..decoding import MAX_RANGE_RATE_MPS
 from ..detection import Cfar, CfarKind, ProcessOptions
 from ..echoes import Receiver, load_phase_noise
 from ..radar import WINDOW_NAMES, Burst, load_radar, read_system
@@ -76,7 +76,7 @@ def add_process_parser(commands: Any) -> None:
         "--range", type=range_window, metavar="A:B", help="range window in metres [all rings]"
     )
     process.add_argument(
-        "--weighting", choices=get_args(Weighting), help="[the system's, else radar-equation]"
+        "--weighting", choices=get_args(AmplitudeModel), help="[the system's, else radar-equation]"
     )
     process.add_argument(
         "--system", metavar="FILE", help="power budget (JSON, see docs/system.md) [the run's own]"
@@ -87,7 +87,10 @@ def add_process_parser(commands: Any) -> None:
     )
     process.add_argument("--doppler-window", default="hamming", help="over the pulses: the same")
     process.add_argument(
-        "--max-speed", type=finite, default=MAX_SPEED_MPS, help="limit of a believable speed, m/s"
+        "--max-speed",
+        type=finite,
+        default=MAX_RANGE_RATE_MPS,
+        help="limit of a believable speed, m/s",
     )
     process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
     process.add_argument(
@@ -180,17 +183,17 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     """
     noise = chosen.phase_noise
     return ProcessOptions(
-        weighting=chosen.weighting,
-        receiver_gain=10 ** (chosen.receiver_gain_db / 10),
+        amplitude_model=chosen.amplitude_model,
+        receiver_gain=10 ** (chosen.receive_antenna_gain_dbi / 10),
         window=chosen.window,
-        doppler_window=chosen.doppler_window,
-        window_m=chosen.range,
-        max_speed_mps=chosen.max_speed,
+        doppler_taper=chosen.doppler_taper,
+        range_limits_m=chosen.range,
+        max_range_rate_mps=chosen.max_speed,
         method=chosen.method,
         tolerance=chosen.tolerance,
         synthesis=chosen.synthesis,
         speckle_seed=chosen.speckle_seed,
-        speckle_cell_m=chosen.speckle_cell,
+        speckle_cell_size_m=chosen.speckle_cell,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
         animate=chosen.animate,

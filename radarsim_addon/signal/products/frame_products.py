@@ -11,7 +11,7 @@ import numpy as np
 
 from ...atomic_files import remove_file, write_arrays, write_json
 from ..detection import FrameResult, ProcessOptions
-from ..echoes import Reception
+from ..echoes import ReceivedSignal
 from ..maps import ExpectedPower, level_unit
 from ..radar import waveform_to_dict
 from .detection_files import write_detections
@@ -23,7 +23,7 @@ _ENDINGS = (
     *("_amplitude_t0.exr", "_amplitude_t1.exr", "_range_t0.exr", "_range_t1.exr"),
     *("_profile.npz", "_map.npz", "_summary.json", "_expected.npz"),
     *("_detections.csv", "_detections.json", ".h5", ".sigmf-data", ".sigmf-meta"),
-    *("_rings.png", "_echo.png", "_matched_filter.png", "_range_doppler.png"),
+    *("_rings.png", "_echo.png", "_range_profile.png", "_range_doppler.png"),
 )
 
 
@@ -39,7 +39,7 @@ def write_results(result: FrameResult, folder: Path, options: ProcessOptions) ->
     """
     stem = folder / f"frame_{result.frame:04d}"
     profile, rd_map = result.profile, result.rd_map
-    unit = level_unit(result.echoes.weighting)
+    unit = level_unit(result.echoes.amplitude_model)
     names = [stem.with_name(stem.name + s) for s in ("_profile.npz", "_map.npz", "_summary.json")]
     write_arrays(
         names[0],
@@ -72,7 +72,7 @@ def write_results(result: FrameResult, folder: Path, options: ProcessOptions) ->
             "synthesis": dataclasses.asdict(result.echoes.report) if result.echoes.report else None,
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
-            "movers": [dataclasses.asdict(peak) for peak in result.movers],
+            "moving_targets": [dataclasses.asdict(peak) for peak in result.moving_targets],
             "receiver": None if result.reception is None else _receiver_record(result.reception),
             "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
             "budget": None if result.budget is None else result.budget.summary(),
@@ -99,7 +99,7 @@ def remove_stale(folder: Path, frame: int, written: Collection[Path]) -> None:
             remove_file(folder / name)
 
 
-def _receiver_record(reception: Reception) -> dict[str, float | int | None]:
+def _receiver_record(reception: ReceivedSignal) -> dict[str, float | int | None]:
     return {
         "noise_power_w": reception.noise_power_w,
         "full_scale": reception.full_scale,

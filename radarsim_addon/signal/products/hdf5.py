@@ -100,7 +100,7 @@ def _put(
 
 
 def _unit(result: FrameResult, power: bool) -> str:
-    if result.echoes.weighting == "radar-equation":
+    if result.echoes.amplitude_model == "radar-equation":
         return "W" if power else "sqrt(W)"
     return "(B r^2)^2" if power else "B r^2"
 
@@ -134,7 +134,7 @@ def _write_profile(group: Any, result: FrameResult) -> None:
 
 def _write_map(group: Any, result: FrameResult) -> None:
     rd_map = result.rd_map
-    group.attrs["window"], group.attrs["doppler_window"] = rd_map.window, rd_map.doppler_window
+    group.attrs["window"], group.attrs["doppler_taper"] = rd_map.window, rd_map.doppler_taper
     _put(group, "doppler_hz", rd_map.doppler_hz, "Hz", "Doppler, receding negative")
     _put(group, "velocity_mps", rd_map.velocity_mps, "m/s", "range rate, receding positive")
     _put(group, "range_m", rd_map.range_m, "m", "one-way range")
@@ -153,7 +153,7 @@ def _write_detections(group: Any, result: FrameResult) -> None:
         column = np.array([getattr(target, field.name) for target in found.targets])
         unit = _UNITS[field.name]
         if field.name in ("level_db", "noise_db"):
-            unit = level_unit(result.echoes.weighting)
+            unit = level_unit(result.echoes.amplitude_model)
         _put(group, field.name, column, unit, f"{field.name} of each target")
 
 

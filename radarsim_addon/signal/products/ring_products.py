@@ -26,9 +26,9 @@ def ring_channel(ring: int) -> str:
     return f"ring.{ring:03d}"
 
 
-def product_path(folder: Path, frame: int, quantity: str, pass_index: int) -> Path:
+def product_path(folder: Path, frame: int, quantity: str, snapshot_index: int) -> Path:
     """Path of one product; quantity is "amplitude" or "range"."""
-    return folder / f"frame_{frame:04d}_{quantity}_t{pass_index}.exr"
+    return folder / f"frame_{frame:04d}_{quantity}_t{snapshot_index}.exr"
 
 
 def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
@@ -54,18 +54,18 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
         The folder is missing, read-only or full.
     """
     written = []
-    for pass_index in range(frame.passes):
+    for snapshot_index in range(frame.snapshots):
         amplitude: dict[str, NDArray[np.float32]] = {}
         range_m: dict[str, NDArray[np.float32]] = {}
         grid: PixelGrid | None = None
         for ring in range(frame.rings):
-            record, channels = frame.image(ring, pass_index)
+            record, channels = frame.image(ring, snapshot_index)
             grid = grid or pixel_grid(record.camera, record.width_px, record.height_px)
             decoded = decode(record, channels, grid)
             amplitude[ring_channel(ring)] = decoded.radiance.astype(np.float32)
             range_m[ring_channel(ring)] = decoded.range_m.astype(np.float32)
         for quantity, images in (("amplitude", amplitude), ("range", range_m)):
-            path = product_path(folder, frame.number, quantity, pass_index)
+            path = product_path(folder, frame.number, quantity, snapshot_index)
             write_exr(path, images)
             written.append(path)
     return written

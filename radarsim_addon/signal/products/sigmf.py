@@ -79,7 +79,7 @@ def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict
             "core:description": description,
             "core:recorder": f"radarsim {__version__}",
             "core:extensions": [{"name": "radarsim", "version": "1.0.0", "optional": True}],
-            "radarsim:unit": "sqrt(W)" if echoes.weighting == "radar-equation" else "B r^2",
+            "radarsim:unit": "sqrt(W)" if echoes.amplitude_model == "radar-equation" else "B r^2",
             "radarsim:sign_convention": "exp(-j 2 pi f0 tau): Doppler = -2 v / wavelength, "
             "receding v > 0",
             "radarsim:waveform": waveform,
@@ -87,7 +87,7 @@ def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict
             "radarsim:pulses": radar.burst.pulses,
             "radarsim:samples_per_row": count,
             "radarsim:first_sample_s": echoes.first_sample_s,
-            "radarsim:range_window_m": list(echoes.window_m),
+            "radarsim:range_window_m": list(echoes.range_limits_m),
         },
         "captures": [{"core:sample_start": 0, "core:frequency": radar.waveform.carrier_hz}],
         "annotations": annotations,

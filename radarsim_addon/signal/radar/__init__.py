@@ -5,7 +5,7 @@ from .antennas import self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system, weighting_of
-from .parameter_checks import implausible, length_text
+from .parameter_checks import find_suspicious_parameters, length_text
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
 from .pulse_replicas import (
     band_window,
@@ -37,9 +37,9 @@ __all__ = [
     "burst_from_dict",
     "check_count",
     "cut_dbi",
+    "find_suspicious_parameters",
     "frequencies_hz",
     "half_power_width_rad",
-    "implausible",
     "length_text",
     "load_radar",
     "make_system",

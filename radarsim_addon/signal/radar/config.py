@@ -66,7 +66,7 @@ class Radar:
         return min(self.burst.unambiguous_range_m, self.waveform.unambiguous_range_m)
 
     @property
-    def max_velocity_mps(self) -> float:
+    def max_unambiguous_velocity_mps(self) -> float:
         """Largest unambiguous |range rate|, lambda PRF / 4 [m/s]."""
         return self.waveform.wavelength_m * self.burst.prf_hz / 4
 

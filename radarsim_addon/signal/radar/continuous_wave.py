@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Waveforms whose receiver samples frequencies: FMCW with de-chirp, stepped frequency, PMCW.
 
-Frozen, in SI, checked on construction; they satisfy :class:`.config.AnyWaveform`.
+Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWaveform`.
 """
 
 from __future__ import annotations

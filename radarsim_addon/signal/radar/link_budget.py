@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from ...contract import AntennaRecord, SystemRecord, Weighting
+from ...contract import AmplitudeModel, AntennaRecord, LinkBudget
 from ...errors import ConfigError
 from ...physics.checks import real_array
 from ...physics.noise import noise_power_w
@@ -44,7 +44,7 @@ class RadarSystem:
         At which the antennas are [m].
     """
 
-    record: SystemRecord
+    record: LinkBudget
     transmitter: PeakedAntenna
     receiver: PeakedAntenna
     wavelength_m: float
@@ -64,7 +64,7 @@ class RadarSystem:
         )
 
 
-def make_system(record: SystemRecord, wavelength_m: float) -> RadarSystem:
+def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
     """Check a power budget and make its antennas.
 
     Raises
@@ -86,26 +86,26 @@ def make_system(record: SystemRecord, wavelength_m: float) -> RadarSystem:
     )
 
 
-def weighting_of(record: SystemRecord | None) -> Weighting:
-    """A budget's weighting, see :func:`.paths.path_amplitude`; "radar-equation" without one.
+def weighting_of(record: LinkBudget | None) -> AmplitudeModel:
+    """A budget's weighting, see :func:`.paths.paths.path_amplitude`; "radar-equation" without one.
 
     Raises
     ------
     ConfigError
         The weighting is unknown.
     """
-    for name in get_args(Weighting):
-        if record is not None and record.weighting == name:
-            return cast(Weighting, name)
+    for name in get_args(AmplitudeModel):
+        if record is not None and record.amplitude_model == name:
+            return cast(AmplitudeModel, name)
     if record is None:
         return "radar-equation"
     raise ConfigError(
-        f"Weighting {record.weighting!r}; expected one of {', '.join(get_args(Weighting))}."
+        f"Weighting {record.amplitude_model!r}; expected one of {', '.join(get_args(AmplitudeModel))}."
     )
 
 
-def read_system(path: str | Path) -> SystemRecord:
-    """Read a power budget from JSON; the fields of `SystemRecord`, those left out as there.
+def read_system(path: str | Path) -> LinkBudget:
+    """Read a power budget from JSON; the fields of `LinkBudget`, those left out as there.
 
     Antenna tables may be named by ``"file"``, relative to the JSON file. A ``run.json`` will do
     as well: its system is taken.
@@ -126,7 +126,7 @@ def read_system(path: str | Path) -> SystemRecord:
         data = data.get("system")
         if data is None:
             raise ConfigError(f"{path} is a run without a system; expected one with a system.")
-    record: SystemRecord = _from_json(SystemRecord, data, str(path))
+    record: LinkBudget = _from_json(LinkBudget, data, str(path))
     return dataclasses.replace(
         record,
         transmitter=self_contained(record.transmitter, path.parent),
@@ -153,7 +153,7 @@ def _from_json(kind: Any, data: Any, where: str) -> Any:
             if not isinstance(value, dict):
                 raise ConfigError(f"{place} is {value!r:.60}; expected a JSON object.")
             values[name] = value
-        elif name in ("kind", "weighting"):
+        elif name in ("kind", "amplitude_model"):
             if not isinstance(value, str):
                 raise ConfigError(f"{place} is {value!r:.60}; expected text.")
             values[name] = value

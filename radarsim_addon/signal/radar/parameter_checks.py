@@ -2,7 +2,8 @@
 """Radars that can be built but are of no use for what they look at: mostly a slip of a unit.
 
 Nothing here is refused: low frequencies, narrow bands and slow pulses may be meant. Numbers that
-contradict one another are refused where they are made (:mod:`.config`). Standard library only.
+contradict one another are refused where they are made (:mod:`.radar.config`). Standard library
+only.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def frequency_text(hertz: float) -> str:
     return f"{hertz:.5g} Hz"
 
 
-def implausible(
+def find_suspicious_parameters(
     radar: Radar, reach_m: float | None = None, animation_s: float | None = None
 ) -> list[str]:
     """What makes a radar useless for what it looks at, in whole sentences; empty when all is well.
@@ -67,7 +68,7 @@ def implausible(
         found.append(_one_cell(waveform, reach_m))
     elif (
         isinstance(waveform, Waveform)
-        and waveform.bandwidth_hz * waveform.chirp_length_s < _LEAST_TIME_BANDWIDTH
+        and waveform.bandwidth_hz * waveform.chirp_duration_s < _LEAST_TIME_BANDWIDTH
     ):
         found.append(_short_sweep(waveform))
     if reach_m is not None and 0 < reach_m < waveform.wavelength_m:
@@ -82,7 +83,7 @@ def implausible(
         found.append(
             f"A burst of {radar.burst.pulses} pulses at a PRF of "
             f"{frequency_text(radar.burst.prf_hz)} lasts {burst_s:.4g} s, the animation "
-            f"{animation_s:.4g} s; range rates beyond {radar.max_velocity_mps:.3g} m/s fold. "
+            f"{animation_s:.4g} s; range rates beyond {radar.max_unambiguous_velocity_mps:.3g} m/s fold. "
             "Raise the PRF or send fewer pulses, and check the PRF's unit: hertz everywhere."
         )
     return found
@@ -99,11 +100,11 @@ def _one_cell(waveform: AnyWaveform, reach_m: float) -> str:
 
 
 def _short_sweep(waveform: Waveform) -> str:
-    product = waveform.bandwidth_hz * waveform.chirp_length_s
-    own_hz = 1 / waveform.chirp_length_s
+    product = waveform.bandwidth_hz * waveform.chirp_duration_s
+    own_hz = 1 / waveform.chirp_duration_s
     return (
         f"Bandwidth times chirp length is {frequency_text(waveform.bandwidth_hz)} x "
-        f"{waveform.chirp_length_s:.4g} s = {product:.3g}: a pulse so short fills about 1 / T = "
+        f"{waveform.chirp_duration_s:.4g} s = {product:.3g}: a pulse so short fills about 1 / T = "
         f"{frequency_text(own_hz)} whatever it sweeps, and the matched filter keeps the bandwidth "
         f"alone. Give a bandwidth from {frequency_text(own_hz)} or a longer chirp, and check the "
         "units: hertz and seconds in radar files, MHz and us in the panel."

@@ -94,8 +94,9 @@ def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Co
     size
         Length of the transform.
     window
-        Window over |f| <= B/2, see :mod:`.windows`; frequencies outside the band are cut. A phase
-        code has its sidelobes from the code, and none is laid over it, see :func:`band_window`.
+        Window over |f| <= B/2, see :mod:`.radar.windows`; frequencies outside the band are cut. A
+        phase code has its sidelobes from the code, and none is laid over it, see
+        :func:`band_window`.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pulses beside the linear chirp: phase-coded, and any samples from a file.
 
-Frozen, in SI, checked on construction; they satisfy :class:`.config.AnyWaveform`.
+Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWaveform`.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
 
 @dataclass(frozen=True)
 class ArbitraryPulse(PulseNumbers):
-    """A pulse of given complex samples, read from a file by :mod:`.waveform_files`.
+    """A pulse of given complex samples, read from a file by :mod:`.radar.radar_files`.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Waveform(PulseNumbers):
         Carrier frequency f0 [Hz].
     bandwidth_hz
         Swept bandwidth B [Hz].
-    chirp_length_s
+    chirp_duration_s
         Pulse length T_p [s].
     sampling_rate_hz
         Complex (I/Q) sampling rate [Hz]; at least the bandwidth.
@@ -149,7 +149,7 @@ class Waveform(PulseNumbers):
 
     carrier_hz: float
     bandwidth_hz: float
-    chirp_length_s: float
+    chirp_duration_s: float
     sampling_rate_hz: float
 
     kind: ClassVar[str] = "lfm"
@@ -157,7 +157,7 @@ class Waveform(PulseNumbers):
     def __post_init__(self) -> None:
         check_positive("Carrier frequency", self.carrier_hz, "hertz")
         check_positive("Bandwidth", self.bandwidth_hz, "hertz")
-        check_positive("Chirp length", self.chirp_length_s, "seconds")
+        check_positive("Chirp length", self.chirp_duration_s, "seconds")
         check_positive("Sampling rate", self.sampling_rate_hz, "hertz")
         if self.sampling_rate_hz < self.bandwidth_hz * (1 - _SLACK):
             raise ConfigError(
@@ -167,7 +167,7 @@ class Waveform(PulseNumbers):
             )
         if not self._samples >= 2:
             raise ConfigError(
-                f"Chirp of {self.chirp_length_s:g} s holds {self._samples:.3g} samples at "
+                f"Chirp of {self.chirp_duration_s:g} s holds {self._samples:.3g} samples at "
                 f"{self.sampling_rate_hz:g} Hz; expected at least 2. Lengthen the chirp or raise "
                 "the sampling rate, and check their units (the panel takes us and MHz)."
             )
@@ -176,7 +176,7 @@ class Waveform(PulseNumbers):
     @property
     def _samples(self) -> float:
         # a tiny slack: 2.5e-6 * 60e6 is 149.99999999999997
-        return self.chirp_length_s * self.sampling_rate_hz * (1 + 1e-9)
+        return self.chirp_duration_s * self.sampling_rate_hz * (1 + 1e-9)
 
     @property
     def sample_count(self) -> int:
@@ -186,9 +186,9 @@ class Waveform(PulseNumbers):
     @property
     def duration_s(self) -> float:
         """Pulse length [s]."""
-        return self.chirp_length_s
+        return self.chirp_duration_s
 
     @property
     def fm_rate_hz_per_s(self) -> float:
         """Chirp rate K = B / T_p [Hz/s]."""
-        return self.bandwidth_hz / self.chirp_length_s
+        return self.bandwidth_hz / self.chirp_duration_s

@@ -41,8 +41,8 @@ def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
 
 
 class AnyWaveform(Protocol):
-    """What all waveforms have in common, see :mod:`.waveform_pulses`,
-    :mod:`.waveform_lines`.
+    """What all waveforms have in common, see :mod:`.radar.pulses`,
+    :mod:`.radar.continuous_wave`.
 
     Two families differ in what the receiver samples. "pulse": the echo against fast time, at
     `sampling_rate_hz`; a matched filter makes the range profile. "line": the scene's response at

@@ -3,7 +3,8 @@
 
 Outside Blender the PyPI package ``OpenEXR`` does it, inside a Blender program the ``OpenImageIO``
 that Blender ships: PyPI's OpenEXR crashes some Blender builds on import, so there it is never
-tried. Files are judged by :mod:`.exrheader` first, because both libraries accept damaged ones.
+tried. Files are judged by :mod:`.runs.exr_header` first, because both libraries accept damaged
+ones.
 """
 
 from __future__ import annotations

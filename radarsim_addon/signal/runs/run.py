@@ -18,13 +18,13 @@ import numpy as np
 from ...array_types import Single
 from ...contract import (
     CHANNELS,
+    GROUND_TRUTH_FILE,
     PATHS_FILE,
     PATHS_TABLE,
     RUN_FILE,
-    SCENE_FILE,
+    GroundTruthRecord,
     RenderRecord,
     RunRecord,
-    SceneRecord,
     burst_dir,
     frame_dir,
     render_stem,
@@ -44,7 +44,7 @@ class MissingRender:
 
     frame: int
     ring: int
-    pass_index: int
+    snapshot_index: int
     reason: str
 
 
@@ -66,9 +66,9 @@ class RadarFrame:
         return self.run_path / burst_dir(self.number, self.render)
 
     @property
-    def renders_per_burst(self) -> int:
+    def visibility_updates(self) -> int:
         """How often the burst was rendered; 1 but for paths whose visibility changes in it."""
-        return self.record.renders_per_burst
+        return self.record.visibility_updates
 
     def of_burst(self, render: int) -> RadarFrame:
         """One of the renders of the burst, from 0: a frame of its own with another table."""
@@ -80,9 +80,9 @@ class RadarFrame:
         return self.record.frame_times_s[self.record.frames.index(self.number)]
 
     @property
-    def acquisition(self) -> str:
+    def sampling_mode(self) -> str:
         """ "rings" (images) or "paths" (a table)."""
-        return self.record.acquisition
+        return self.record.sampling_mode
 
     @property
     def rings(self) -> int:
@@ -95,31 +95,31 @@ class RadarFrame:
         return self.record.max_bounces
 
     @property
-    def passes(self) -> int:
+    def snapshots(self) -> int:
         """1, or 2 where the frame was rendered again at t + delta t."""
-        return self.record.passes
+        return self.record.snapshots
 
     @property
     def planned(self) -> int:
         """Renders of the plan: images, or tables for the acquisition "paths"."""
-        if self.acquisition == "paths":
-            return self.renders_per_burst
-        return self.rings * self.passes
+        if self.sampling_mode == "paths":
+            return self.visibility_updates
+        return self.rings * self.snapshots
 
     def missing(self) -> list[MissingRender]:
         """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
-        if self.acquisition == "paths":
-            renders = map(self.of_burst, range(self.renders_per_burst))
+        if self.sampling_mode == "paths":
+            renders = map(self.of_burst, range(self.visibility_updates))
             return [gap for render in renders for gap in render._missing_table()]
         found = []
-        for pass_index in range(self.passes):
+        for snapshot_index in range(self.snapshots):
             for ring in range(self.rings):
-                stem = self.path / render_stem(ring, pass_index)
+                stem = self.path / render_stem(ring, snapshot_index)
                 for suffix, kind in ((".exr", "EXR"), (".json", "sidecar")):
                     file = stem.with_name(stem.name + suffix)
                     if not file.is_file() or file.stat().st_size == 0:
                         reason = f"{kind} {file.name} is missing or empty"
-                        found.append(MissingRender(self.number, ring, pass_index, reason))
+                        found.append(MissingRender(self.number, ring, snapshot_index, reason))
                         break
         return found
 
@@ -130,19 +130,19 @@ class RadarFrame:
                 return [MissingRender(self.number, 0, 0, f"{name} is missing or empty")]
         return []
 
-    def scene(self) -> SceneRecord | None:
+    def scene(self) -> GroundTruthRecord | None:
         """Where the objects truly are, or None where the run holds no such record."""
-        path = self.run_path / frame_dir(self.number) / SCENE_FILE
-        return read_record(path, SceneRecord) if path.is_file() else None
+        path = self.run_path / frame_dir(self.number) / GROUND_TRUTH_FILE
+        return read_record(path, GroundTruthRecord) if path.is_file() else None
 
-    def image(self, ring: int, pass_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:
+    def image(self, ring: int, snapshot_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:
         """Read one render and check it against its sidecar and the run's plan.
 
         Parameters
         ----------
         ring
             Ring, from 0.
-        pass_index
+        snapshot_index
             0 at t, 1 at t + delta t.
 
         Returns
@@ -158,33 +158,35 @@ class RadarFrame:
         SchemaError
             The sidecar is of a newer schema, or does not match its EXR or the plan.
         """
-        if self.acquisition != "rings":
+        if self.sampling_mode != "rings":
             raise SchemaError(
-                f"{self.path} holds a table of paths, no ring images. Read it with iter_paths."
+                f"{self.path} holds a table of paths, no ring images. Read it with iter_path_chunks."
             )
-        if not (0 <= ring < self.rings and 0 <= pass_index < self.passes):
+        if not (0 <= ring < self.rings and 0 <= snapshot_index < self.snapshots):
             raise IndexError(
-                f"ring {ring}, pass {pass_index}: the run has {self.rings} rings and "
-                f"{self.passes} passes, both counted from 0"
+                f"ring {ring}, pass {snapshot_index}: the run has {self.rings} rings and "
+                f"{self.snapshots} passes, both counted from 0"
             )
-        stem = render_stem(ring, pass_index)
+        stem = render_stem(ring, snapshot_index)
         exr, sidecar = self.path / f"{stem}.exr", self.path / f"{stem}.json"
         record = read_record(sidecar, RenderRecord)
-        self._check_plan(record, ring, pass_index, sidecar)
+        self._check_plan(record, ring, snapshot_index, sidecar)
         images = read_exr(exr, CHANNELS)
         self._check_image(record, images, exr, sidecar)
         return record, images
 
-    def _check_plan(self, record: RenderRecord, ring: int, pass_index: int, sidecar: Path) -> None:
+    def _check_plan(
+        self, record: RenderRecord, ring: int, snapshot_index: int, sidecar: Path
+    ) -> None:
         plan = self.record
         expected = {
-            "acquisition": plan.acquisition,
+            "sampling_mode": plan.sampling_mode,
             "frame": self.number,
-            "pass_index": pass_index,
+            "snapshot_index": snapshot_index,
             "ring": ring,
             "width_px": plan.width_px,
             "height_px": plan.height_px,
-            "exr_file": f"{render_stem(ring, pass_index)}.exr",
+            "exr_file": f"{render_stem(ring, snapshot_index)}.exr",
         }
         for name, value in expected.items():
             if getattr(record, name) != value:
@@ -192,7 +194,7 @@ class RadarFrame:
                     f"{sidecar}: {name} is {getattr(record, name)!r}, the run's plan has "
                     f"{value!r}. The file is of another run: remove it and render this run again."
                 )
-        for name in ("metres_per_unit", "code_length_m"):
+        for name in ("metres_per_unit", "range_encoding_length_m"):
             value = getattr(record, name)
             if not math.isclose(value, getattr(plan, name), rel_tol=_RELATIVE_SLACK) or value <= 0:
                 raise SchemaError(
@@ -266,7 +268,7 @@ class Run:
         return sum(frame.planned for frame in self.frames())
 
     @property
-    def window_m(self) -> tuple[float, float]:
+    def range_limits_m(self) -> tuple[float, float]:
         """One-way ranges that the rings cover: (0, rings x step) [m]."""
         return 0.0, self.record.rings * self.record.ring_step_m
 
@@ -300,22 +302,22 @@ def open_run(path: str | Path) -> Run:
             f"{where} lists {len(record.frames)} frames and {len(record.frame_times_s)} times; "
             "expected as many of both, at least one. Render the run again."
         )
-    if record.acquisition not in ("rings", "paths"):
+    if record.sampling_mode not in ("rings", "paths"):
         raise SchemaError(
-            f"{where}: acquisition {record.acquisition!r}; this version knows 'rings' and 'paths'. "
+            f"{where}: acquisition {record.sampling_mode!r}; this version knows 'rings' and 'paths'. "
             "Update radarsim to process this run."
         )
-    if record.passes not in (1, 2):
-        raise ConfigError(f"{where}: passes is {record.passes}; expected 1 or 2.")
-    if record.passes == 2 and record.delta_t_s <= 0:
+    if record.snapshots not in (1, 2):
+        raise ConfigError(f"{where}: passes is {record.snapshots}; expected 1 or 2.")
+    if record.snapshots == 2 and record.snapshot_interval_s <= 0:
         raise ConfigError(
-            f"{where}: delta t is {record.delta_t_s!r} s; two passes need a positive time between."
+            f"{where}: delta t is {record.snapshot_interval_s!r} s; two passes need a positive time between."
         )
     for name, unit in (
         ("rings", "rings"),
         ("ring_step_m", "metres"),
         ("metres_per_unit", "metres per Blender unit"),
-        ("code_length_m", "metres"),
+        ("range_encoding_length_m", "metres"),
         ("width_px", "pixels"),
         ("height_px", "pixels"),
     ):

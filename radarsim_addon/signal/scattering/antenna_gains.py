@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...array_types import Real
-from ...contract import CameraRecord, EmitterRecord, RenderRecord, render_stem
+from ...contract import ReceiverRecord, RenderRecord, TransmitterRecord, render_stem
 from ...errors import ConfigError
 from ...physics.antennas import to_antenna_frame
 from ...sidecar import read_record
@@ -34,7 +34,9 @@ class Link:
         The lamp has no power: there is nothing to scale.
     """
 
-    def __init__(self, system: RadarSystem, camera: CameraRecord, emitter: EmitterRecord) -> None:
+    def __init__(
+        self, system: RadarSystem, camera: ReceiverRecord, emitter: TransmitterRecord
+    ) -> None:
         if not emitter.eirp_w > 0:
             raise ConfigError(
                 f"The emitter's power is {emitter.eirp_w:g} W; expected more than 0. Render with "
@@ -69,7 +71,7 @@ class Link:
         """G_r for rays that leave the receiver in these directions, (n, 3)."""
         return self.system.receiver.gain(to_antenna_frame(self._receiver_pose, direction))
 
-    def factor(self, length_m: Real, direction: Real, last_m: Real) -> Real:
+    def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
         """P_t G_t G_r / (L EIRP) of each path, (n,).
 
         Where the last vertex is unknown it is taken to be where a single reflection of that length
@@ -77,17 +79,17 @@ class Link:
         """
         if not np.size(length_m):
             return np.ones(0)
-        unknown = ~np.isfinite(last_m).all(axis=-1)
+        unknown = ~np.isfinite(last_scatterer_m).all(axis=-1)
         if unknown.any():
-            last_m = np.array(last_m)
-            last_m[unknown] = single_vertex_m(
+            last_scatterer_m = np.array(last_scatterer_m)
+            last_scatterer_m[unknown] = single_vertex_m(
                 length_m[unknown], direction[unknown], self.receiver_m, self.emitter_m
             )
-        if not np.isfinite(last_m).all():
+        if not np.isfinite(last_scatterer_m).all():
             # Shorter than the baseline by rounding: the scatterer lies between the antennas.
-            bad = ~np.isfinite(last_m).all(axis=-1)
-            last_m = np.where(bad[:, None], self.receiver_m + direction, last_m)
-        gain = self.transmit_gain(last_m) * self.receive_gain(direction)
+            bad = ~np.isfinite(last_scatterer_m).all(axis=-1)
+            last_scatterer_m = np.where(bad[:, None], self.receiver_m + direction, last_scatterer_m)
+        gain = self.transmit_gain(last_scatterer_m) * self.receive_gain(direction)
         return np.asarray(self._scale * gain, dtype=np.float64)
 
     def apply(self, paths: Paths) -> Paths:
@@ -104,10 +106,10 @@ class Link:
                 "the run again with this version, or process it without a system."
             )
         geometry = paths.geometry
-        gain = self.factor(paths.length_m, geometry.direction, geometry.last_m)
+        gain = self.factor(paths.length_m, geometry.direction, geometry.last_scatterer_m)
         result = dataclasses.replace(paths, gain=gain)
         power_w = path_power_w(result, self.system.wavelength_m)
-        unknown = ~np.isfinite(geometry.last_m).all(axis=-1)
+        unknown = ~np.isfinite(geometry.last_scatterer_m).all(axis=-1)
         self.guessed += int(np.count_nonzero(unknown))
         self.guessed_w += float(power_w[unknown].sum())
         self.seen_w += float(power_w.sum())
@@ -115,8 +117,8 @@ class Link:
 
 
 def frame_antennas(
-    folder: Path, frame: int, acquisition: str
-) -> tuple[CameraRecord, EmitterRecord]:
+    folder: Path, frame: int, sampling_mode: str
+) -> tuple[ReceiverRecord, TransmitterRecord]:
     """Receiver and emitter of a radar frame at its time t, from its sidecars.
 
     Raises
@@ -124,7 +126,7 @@ def frame_antennas(
     FrameFileError, SchemaError
         The sidecar is missing or damaged.
     """
-    if acquisition == "paths":
+    if sampling_mode == "paths":
         record = read_paths_record(folder, frame)
         return record.camera, record.emitter
     render = read_record(folder / f"{render_stem(0, 0)}.json", RenderRecord)

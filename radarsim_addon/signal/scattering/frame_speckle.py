@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...contract import MOTION_FILE, MotionRecord, PathsRecord, SceneRecord
+from ...contract import MOTION_FILE, GroundTruthRecord, MotionRecord, PathsRecord
 from ...physics.rough import kirchhoff_limits
 from ...sidecar import read_record
 from ..motion import KinematicMotion
@@ -49,7 +49,7 @@ class FrameSpeckle:
     ) -> None:
         self._speckle: SurfaceSpeckle | None = None
         self._warnings = kirchhoff_warnings(frame.scene(), radar.waveform.wavelength_m)
-        if seed is None or frame.acquisition != "paths":
+        if seed is None or frame.sampling_mode != "paths":
             return
         record, self._table = open_frame_table(frame.path, frame.number)
         bodies, columns = _bodies(frame.path, record)
@@ -97,12 +97,12 @@ class FrameSpeckle:
         length_m = scattered.length_m + found.longer_m[moving]
         leaders = self._table[found.leader[moving]]
         one = scattered.motion.order == 1
-        tracks = (np.where(one, leaders["track"], leaders["first_track"]), leaders["track"])
+        tracks = (np.where(one, leaders["track"], leaders["first_surface_point"]), leaders["track"])
         over = dataclasses.replace(
             scattered.motion,
             length_m=length_m,
-            first_m=found.first_m[moving],
-            last_m=found.last_m[moving],
+            first_scatterer_m=found.first_scatterer_m[moving],
+            last_scatterer_m=found.last_scatterer_m[moving],
             tracks=np.stack(tracks, axis=-1).astype(np.int32),
         )
         scattered = dataclasses.replace(
@@ -136,7 +136,7 @@ def _bodies(folder: Path, record: PathsRecord) -> tuple[dict[int, Body], tuple[s
     return bodies, ("first_body", "body")
 
 
-def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[str]:
+def kirchhoff_warnings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[str]:
     """Objects of known roughness on which the rough lobe is no model of it, and why."""
     found = []
     for item in scene.objects if scene is not None else []:
@@ -151,7 +151,7 @@ def kirchhoff_warnings(scene: SceneRecord | None, wavelength_m: float) -> list[s
     return found
 
 
-def roughness_of(scene: SceneRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
+def roughness_of(scene: GroundTruthRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
     """Roughness of the objects that the scene's record has one of, by number from 1."""
     found = {}
     numbers = {name: number for number, name in enumerate(objects, start=1)}

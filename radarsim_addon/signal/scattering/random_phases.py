@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random phases of rough scatterers: seeded, one for each path, constant over the pulses.
 
-Paths of a table have scatterers that are tied to the surface, see :mod:`.scatterers`; these here
-are for rings, whose pixels know no surface, and for what is left.
+Paths of a table have scatterers that are tied to the surface, see
+:mod:`.scattering.surface_speckle`; these here are for rings, whose pixels know no surface, and for
+what is left.
 
 A pixel of a rough surface stands for many scatterers whose heights differ by more than a
 wavelength: its phase is anything. Without that, neighbouring pixels of a smooth mesh add up in
@@ -24,10 +25,10 @@ _U64 = np.uint64
 def path_phasors(paths: Paths, seed: int) -> Complex:
     """Complex factor of each path's amplitude.
 
-    That of the surface's scatterers where the paths have one (see :mod:`.scatterers`). Else
-    exp(j phi), phi uniform and independent from path to path; phi depends on where the path was
-    found (ring, row, column; the row of the table) and on the seed alone, so it is the same however
-    the paths are split into parts.
+    That of the surface's scatterers where the paths have one (see
+    :mod:`.scattering.surface_speckle`). Else exp(j phi), phi uniform and independent from path to
+    path; phi depends on where the path was found (ring, row, column; the row of the table) and on
+    the seed alone, so it is the same however the paths are split into parts.
 
     Parameters
     ----------

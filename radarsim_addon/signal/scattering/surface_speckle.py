@@ -85,22 +85,22 @@ class SpeckleReport:
     median_scatterers
         Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
         median over the power.
-    poor_share
+    undersampled_power_fraction
         Share of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
     """
 
     cell_m: float
     cells: int
     median_scatterers: float
-    poor_share: float
+    undersampled_power_fraction: float
 
     @property
     def warnings(self) -> list[str]:
         """In whole sentences."""
-        if self.poor_share < 0.2:
+        if self.undersampled_power_fraction < 0.2:
             return []
         text = (
-            f"{100 * self.poor_share:.0f} % of the power is in range cells of fewer than "
+            f"{100 * self.undersampled_power_fraction:.0f} % of the power is in range cells of fewer than "
             f"{ENOUGH_SCATTERERS} independent scatterers (median {self.median_scatterers:.3g}): "
             "there speckle is not exponential, and a map shows one realisation of few. More pixels "
             "or shifts give more; the expected-power profile does not depend on it."
@@ -118,7 +118,7 @@ class Scattering:
         Factor of the amplitude of what keeps the path's own way, (n,).
     rough
         Complex factor of what goes over the scatterer, (n,), without the phase of its length.
-    first_m, last_m
+    first_scatterer_m, last_scatterer_m
         Scatterers of the first and last vertex, equal at order 1, (n, 3) [m].
     longer_m
         Length over the scatterers minus the path's own, (n,) [m].
@@ -128,8 +128,8 @@ class Scattering:
 
     coherent: Real
     rough: Complex
-    first_m: Real
-    last_m: Real
+    first_scatterer_m: Real
+    last_scatterer_m: Real
     longer_m: Real
     leader: NDArray[np.intp]
 
@@ -202,7 +202,7 @@ class SurfaceSpeckle:
         for rows in iter_rows(self._table):
             reach_m = np.ones(rows.size)
             if not self._orthographic:  # whose pixels have areas
-                reach_m = np.linalg.norm(rows["first_m"] - self._receiver_m, axis=-1)
+                reach_m = np.linalg.norm(rows["first_scatterer_m"] - self._receiver_m, axis=-1)
             known = np.isfinite(reach_m)
             footprints.append((np.sqrt(rows["solid_angle_sr"]) * reach_m)[known])
             powers.append(rows["power_w"][known])
@@ -216,7 +216,7 @@ class SurfaceSpeckle:
 
     def _vertices(self, rows: PathRows, first: bool) -> tuple[Hash, Real, Real]:
         """Hash, scatterer (n, 3) [m] and unit Gaussian height of the cells of a vertex."""
-        points = rows["first_m"] if first else rows["last_m"]
+        points = rows["first_scatterer_m"] if first else rows["last_scatterer_m"]
         numbers = rows[self._columns[0] if first else self._columns[1]]
         objects = rows["first_object"] if first else rows["object"]
         state = np.zeros(rows.size, dtype=np.uint64)
@@ -255,9 +255,9 @@ class SurfaceSpeckle:
 
     def known(self, rows: PathRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known, (n,): those of one and two reflections."""
-        finite = np.isfinite(rows["last_m"]).all(axis=-1) & np.isfinite(rows["first_m"]).all(
-            axis=-1
-        )
+        finite = np.isfinite(rows["last_scatterer_m"]).all(axis=-1) & np.isfinite(
+            rows["first_scatterer_m"]
+        ).all(axis=-1)
         return np.asarray(finite & (rows["order"] >= 1) & (rows["order"] <= 2))
 
     def _path_keys(self, rows: PathRows, first: Hash, last: Hash) -> Hash:
@@ -308,20 +308,26 @@ class SurfaceSpeckle:
 
     # -- paths -------------------------------------------------------------------------------------
 
-    def _length_m(self, first_m: Real, last_m: Real, order: Real, direction: Real) -> Real:
+    def _length_m(
+        self, first_scatterer_m: Real, last_scatterer_m: Real, order: Real, direction: Real
+    ) -> Real:
         """Length over two points, or over one at order 1 [m]."""
         if self._orthographic:
-            back = np.sum(direction * (first_m - self._receiver_m), axis=-1)
+            back = np.sum(direction * (first_scatterer_m - self._receiver_m), axis=-1)
         else:
-            back = np.linalg.norm(first_m - self._receiver_m, axis=-1)
-        between = np.where(order == 2, np.linalg.norm(last_m - first_m, axis=-1), 0.0)
-        return np.asarray(back + between + np.linalg.norm(last_m - self._emitter_m, axis=-1))
+            back = np.linalg.norm(first_scatterer_m - self._receiver_m, axis=-1)
+        between = np.where(
+            order == 2, np.linalg.norm(last_scatterer_m - first_scatterer_m, axis=-1), 0.0
+        )
+        return np.asarray(
+            back + between + np.linalg.norm(last_scatterer_m - self._emitter_m, axis=-1)
+        )
 
     def _turns(self, rows: PathRows) -> tuple[Real, Real]:
         """|u_in - u_out| at the first and at the last vertex."""
         into_first = rows["direction"]
-        out_last = _unit(self._emitter_m - rows["last_m"])
-        between = _unit(rows["last_m"] - rows["first_m"])
+        out_last = _unit(self._emitter_m - rows["last_scatterer_m"])
+        between = _unit(rows["last_scatterer_m"] - rows["first_scatterer_m"])
         two = (rows["order"] == 2)[:, None]
         first = np.where(two, into_first - between, 0.0)
         last = np.where(two, between, into_first) - out_last
@@ -346,13 +352,15 @@ class SurfaceSpeckle:
 
     def scattering(self, rows: PathRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
-        first, first_m, first_height = self._vertices(rows, True)
-        last, last_m, last_height = self._vertices(rows, False)
+        first, first_scatterer_m, first_height = self._vertices(rows, True)
+        last, last_scatterer_m, last_height = self._vertices(rows, False)
         order = rows["order"]
         one = (order == 1)[:, None]
-        first_m = np.where(one, last_m, first_m)
-        over_m = self._length_m(first_m, last_m, order, rows["direction"])
-        own_m = self._length_m(rows["first_m"], rows["last_m"], order, rows["direction"])
+        first_scatterer_m = np.where(one, last_scatterer_m, first_scatterer_m)
+        over_m = self._length_m(first_scatterer_m, last_scatterer_m, order, rows["direction"])
+        own_m = self._length_m(
+            rows["first_scatterer_m"], rows["last_scatterer_m"], order, rows["direction"]
+        )
         place = np.searchsorted(self._keys, self._path_keys(rows, first, last))
         share = np.sqrt(rows["power_w"] / self._powers[place])
         heights = [self._heights[rows["first_object"]], self._heights[rows["object"]]]
@@ -367,7 +375,9 @@ class SurfaceSpeckle:
             phase += np.where(unknown, 2 * np.pi * _wrapped(unit), kappa_h * unit)
         mean = np.exp(-exponent)
         rough = share * (np.exp(1j * phase) - mean)
-        return Scattering(mean, rough, first_m, last_m, over_m - own_m, self._leaders[place])
+        return Scattering(
+            mean, rough, first_scatterer_m, last_scatterer_m, over_m - own_m, self._leaders[place]
+        )
 
 
 def _wrapped(unit: Real) -> Real:

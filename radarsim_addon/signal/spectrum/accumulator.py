@@ -13,7 +13,7 @@ Every waveform is built on this sum, tau_i = l_i / c:
 ::
 
     accumulator = SpectrumAccumulator(FrequencyGrid(76.5e9, 1e6, 512), times_s, tolerance=1e-6)
-    for paths in iter_paths(frame):
+    for paths in iter_path_chunks(frame):
         accumulator.add(paths.lengths, amplitudes)
     spectrum = accumulator.result()
     spectrum.values                        # (pulses, frequencies)
@@ -21,12 +21,12 @@ Every waveform is built on this sum, tau_i = l_i / c:
 
 Stop and go: tau_i is taken at the pulse time t_m, nothing moves while the pulse is under way. With
 a :class:`Ramp` the frequencies come one after the other, and paths move meanwhile, see
-:mod:`.synthesis_ramp`; it brings the residual video phase with it.
+:mod:`.spectrum.ramp`; it brings the residual video phase with it.
 
 What is chosen: paths that stand still are transformed once for all pulses (1-D type 1). Lengths
-of the others are sampled at Chebyshev nodes of the burst (:mod:`.synthesis_motion`); where they
+of the others are sampled at Chebyshev nodes of the burst (:mod:`.spectrum.burst_basis`); where they
 keep to a constant rate within the share of the tolerance that is set aside for it, all pulses are
-one 2-D type-3 transform (:mod:`.synthesis_linear`) if that is cheaper; else it goes pulse by
+one 2-D type-3 transform (:mod:`.spectrum.linear_motion`) if that is cheaper; else it goes pulse by
 pulse, with lengths from the fitted polynomial where that is within the bound, and sampled at each
 pulse where it is not.
 """
@@ -45,10 +45,10 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ..motion import JoinedMotion, PathMotion
-from .grid import ExtraCycles, FrequencyGrid, Listening, Ramp, Sums
-from .moving import Method, MovingSum, check_finite
+from .grid import ExtraCycles, FrequencyGrid, Ramp, ReceiveWindow, SynthesisContext
+from .moving import Method, MovingPathAccumulator, check_finite
 from .nufft import Backend, choose_backend
-from .ordered_executor import Lanes, available_threads
+from .ordered_executor import OrderedExecutor, available_threads
 from .pulse_blocks import PulseBlock, TransformPool
 from .report import SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
@@ -59,9 +59,9 @@ __all__ = [
     "TOLERANCE",
     "ExtraCycles",
     "FrequencyGrid",
-    "Listening",
     "Method",
     "Ramp",
+    "ReceiveWindow",
     "Spectrum",
     "SpectrumAccumulator",
     "SynthesisReport",
@@ -118,7 +118,7 @@ class SpectrumAccumulator:
         Pulse times in rising order, counted from the time of the paths' lengths, (pulses,) [s].
     tolerance
         Relative L2 error of the result against the direct sum, 1e-13 to 1e-2. See
-        :class:`.synthesis_report.SynthesisReport` for what is known of it afterwards.
+        :class:`.spectrum.report.SynthesisReport` for what is known of it afterwards.
     method
         "auto" chooses by bound and cost. "type3": constant rates by type 3 whatever the cost.
         "per-pulse": every moving path pulse by pulse, at lengths sampled at every pulse.
@@ -158,7 +158,7 @@ class SpectrumAccumulator:
         method: Method = "auto",
         backend: Backend = "auto",
         extra_cycles: ExtraCycles | None = None,
-        listening: Listening | None = None,
+        listening: ReceiveWindow | None = None,
         ramp: Ramp | None = None,
         interval_s: float | None = None,
         chunk: int = 1 << 17,
@@ -174,14 +174,14 @@ class SpectrumAccumulator:
         if times_s.ndim != 1 or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
             raise ConfigError("Pulse times must be finite numbers in rising order.")
         self.grid, self.times_s = grid, times_s
-        self._sums = Sums.of(grid, listening or Listening(), extra_cycles, ramp)
+        self._sums = SynthesisContext.of(grid, listening or ReceiveWindow(), extra_cycles, ramp)
         self._tolerance = tolerance
         self._method: Method = method
         self._backend = choose_backend("direct" if method == "direct" else backend)
         self._chunk = chunk
         # a transform of few paths is all FFT
         self._block = max(chunk, 2 * grid.count) if chunk > 1 << 10 else chunk
-        self._lanes = Lanes(threads or available_threads())
+        self._lanes = OrderedExecutor(threads or available_threads())
         self._pool = TransformPool(
             lambda: PulseTransform(self._sums, tolerance, self._backend),
             grid.count,
@@ -196,7 +196,7 @@ class SpectrumAccumulator:
         )
         if interval_s is None:
             interval_s = float(np.diff(times_s).min()) if times_s.size > 1 else 0.0
-        self._moving = MovingSum(
+        self._moving = MovingPathAccumulator(
             self._sums,
             times_s,
             tolerance,
@@ -320,11 +320,11 @@ class SpectrumAccumulator:
             error_bound=(root * still.bound + moving.bound) / norm if heard else 0.0,
             cancellation_db=10 * float(np.log10(energy / expected)) if heard else None,
             outside=max(self._added - (self._heard + self._moving.heard) / pulses, 0.0),
-            folded_range=self._folded
+            range_ambiguous_count=self._folded
             + self._moving.folded
             - (-self._moving.folded_pulses // pulses),
-            folded_doppler=self._moving.fast,
-            ramp_left_out_rad=self._moving.left_out_rad,
+            doppler_ambiguous_count=self._moving.fast,
+            ramp_residual_phase_rad=self._moving.left_out_rad,
             wall_s=self._wall_s,
             notes=[_RAMP_NOTE] if values is not None and self._sums.ramp is not None else [],
         ).with_warnings()

@@ -75,8 +75,9 @@ class BurstBasis:
         """Times at which `fit` wants lengths: the nodes, then the checks [s]."""
         return np.concatenate([self.nodes_s, self.checks_s])
 
-    def fit(self, lengths_m: Real, bound_m: float) -> FittedMotion:
-        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by `bound_m`."""
+    def fit(self, lengths_m: Real, displacement_error_bound_m: float) -> FittedMotion:
+        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by
+        `displacement_error_bound_m`."""
         at_nodes = lengths_m[:, :NODES]
         # from the first node, so that a long path leaves no rounding in the higher coefficients
         offset_m = at_nodes[:, :1]
@@ -85,8 +86,8 @@ class BurstBasis:
         size = np.abs(coefficients)
         left_m = np.abs(coefficients @ self._at_checks - (lengths_m[:, NODES:] - offset_m))
         unseen_m = size[:, -3:].sum(axis=1) + left_m.max(axis=1)
-        smooth = unseen_m <= bound_m / 2
-        linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= bound_m)
+        smooth = unseen_m <= displacement_error_bound_m / 2
+        linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= displacement_error_bound_m)
         swing_m = size[:, 1:].sum(axis=1) + unseen_m
         coefficients[:, 0] += offset_m[:, 0]
         rates = np.abs(np.diff(at_nodes, axis=1) / np.diff(self.nodes_s))

@@ -76,7 +76,7 @@ class FrequencyGrid:
 
 
 @dataclass(frozen=True)
-class Listening:
+class ReceiveWindow:
     """Which delays are listened to, and whether echoes of earlier pulses are among them.
 
     Attributes
@@ -118,7 +118,7 @@ class Listening:
         high = np.ceil((latest_s - self.first_s) / self.period_s) - 1
         return low, np.maximum(high, low - 1)
 
-    def hears_all(self, earliest_s: float, latest_s: float) -> bool:
+    def covers(self, earliest_s: float, latest_s: float) -> bool:
         """Whether all delays between the two are heard, once, after their own pulse."""
         if not (earliest_s > self.first_s and latest_s < self.last_s):
             return False
@@ -166,11 +166,11 @@ class Ramp:
 
 
 @dataclass(frozen=True)
-class Sums:
+class SynthesisContext:
     """Numbers that every transform of a synthesis shares."""
 
     grid: FrequencyGrid
-    listening: Listening
+    listening: ReceiveWindow
     extra_cycles: ExtraCycles | None
     centre: CycleRate
     step: CycleRate
@@ -182,10 +182,10 @@ class Sums:
     def of(
         cls,
         grid: FrequencyGrid,
-        listening: Listening,
+        listening: ReceiveWindow,
         extra_cycles: ExtraCycles | None,
         ramp: Ramp | None = None,
-    ) -> Sums:
+    ) -> SynthesisContext:
         """For a grid and a window.
 
         Raises
@@ -212,7 +212,9 @@ class Sums:
         )
 
 
-def place(sums: Sums, length_m: Real, amplitude: Weights) -> tuple[Real, Weights, Real | None, int]:
+def place(
+    sums: SynthesisContext, length_m: Real, amplitude: Weights
+) -> tuple[Real, Weights, Real | None, int]:
     """The echoes that are heard at one pulse, of lengths (n,) [m] and complex amplitudes (n,).
 
     Returns
@@ -228,7 +230,7 @@ def place(sums: Sums, length_m: Real, amplitude: Weights) -> tuple[Real, Weights
     if length_m.size == 0:
         return length_m, amplitude, None, 0
     scale = 1 / SPEED_OF_LIGHT_MPS
-    if listening.hears_all(float(length_m.min()) * scale, float(length_m.max()) * scale):
+    if listening.covers(float(length_m.min()) * scale, float(length_m.max()) * scale):
         return length_m, amplitude, None, length_m.size
     delay_s = length_m * scale
     low, high = listening.orders(delay_s, delay_s)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import Sums
+from .grid import SynthesisContext
 from .nufft import TIGHTEST, nufft2d3
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .transform import RANDOM_STATE, ErrorSum, engine_tolerance
@@ -101,7 +101,7 @@ class LinearPlan:
     pulses_s: float
 
 
-def plan_linear(rows: LinearRows, sums: Sums, times_s: Real) -> LinearPlan:
+def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> LinearPlan:
     """How type 3 would be done, and what it costs beside one transform per pulse."""
     grid = sums.grid
     pulses = times_s.size
@@ -132,7 +132,7 @@ def plan_linear(rows: LinearRows, sums: Sums, times_s: Real) -> LinearPlan:
 
 
 def linear_block(
-    rows: LinearRows, sums: Sums, times_s: Real, pulses: slice, tolerance: float
+    rows: LinearRows, sums: SynthesisContext, times_s: Real, pulses: slice, tolerance: float
 ) -> BlockResult:
     """Spectra of some pulses by one transform; times are in rising order."""
     start = time.thread_time()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectra of moving paths: which way each kind of motion goes, and going it.
 
-See :mod:`.synthesis` for what is chosen. A ramp (:class:`.synthesis_grid.Ramp`) asks for lengths at
-three times of each pulse; they come the same ways.
+See :mod:`.spectrum.accumulator` for what is chosen. A ramp (:class:`.spectrum.grid.Ramp`) asks for
+lengths at three times of each pulse; they come the same ways.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from ...errors import PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import LinearMotion, PathMotion
 from .burst_basis import BurstBasis
-from .grid import Sums, repeat_orders
+from .grid import SynthesisContext, repeat_orders
 from .linear_motion import LinearRows, linear_block, plan_linear
 from .nufft import Backend
-from .ordered_executor import Lanes
+from .ordered_executor import OrderedExecutor
 from .pulse_blocks import PulseBlock, TransformPool
 from .ramp import RampTransform, left_out_rad
 from .report import Motion, SynthesisReport, Transform
@@ -65,13 +65,13 @@ def check_finite(
     )
 
 
-class MovingSum:
+class MovingPathAccumulator:
     """Adds up the spectra of moving paths.
 
     Parameters
     ----------
     sums, times_s, tolerance, method, backend
-        As :class:`.synthesis.SpectrumAccumulator` has them.
+        As :class:`.spectrum.accumulator.SpectrumAccumulator` has them.
     rows
         Paths in one transform.
     lanes
@@ -97,13 +97,13 @@ class MovingSum:
 
     def __init__(
         self,
-        sums: Sums,
+        sums: SynthesisContext,
         times_s: Real,
         tolerance: float,
         method: Method,
         backend: Backend,
         rows: int,
-        lanes: Lanes,
+        lanes: OrderedExecutor,
         report: SynthesisReport,
         interval_s: float,
     ) -> None:

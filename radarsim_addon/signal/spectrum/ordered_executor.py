@@ -22,7 +22,7 @@ def available_threads() -> int:
     return min(os.cpu_count() or 1, _MOST_THREADS)
 
 
-class Lanes:
+class OrderedExecutor:
     """Runs jobs in some threads; hands results back in the order in which jobs came.
 
     At most two jobs a thread are under way, so that what they hold stays bounded.

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import Sums, Weights
+from .grid import SynthesisContext, Weights
 from .nufft import Backend, Type1
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .transform import RANDOM_STATE, ErrorSum, PulseResult, engines_for
@@ -39,9 +39,9 @@ _MAX_TERMS = 1 << 20
 
 
 class RampTransform:
-    """As :class:`.synthesis_transform.PulseTransform`, for lengths at three times of each ramp."""
+    """As :class:`.spectrum.transform.PulseTransform`, for lengths at three times of each ramp."""
 
-    def __init__(self, sums: Sums, tolerance: float, backend: Backend) -> None:
+    def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         assert sums.ramp is not None
         self._sums, self._ramp, self._tolerance = sums, sums.ramp, tolerance
         count = sums.grid.count
@@ -161,7 +161,7 @@ def nodes_for(bend_rad: float, tolerance: float) -> int:
     return nodes
 
 
-def left_out_rad(lengths_m: Real, sums: Sums, times_s: Real) -> float:
+def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
     """Largest phase that the motion within a ramp has beyond `RampTransform`, about.
 
     Parameters

@@ -73,11 +73,11 @@ class SynthesisReport:
         Largest error of phase that fitted motion was allowed.
     outside
         Paths, counted once a pulse and divided by pulses, that lie outside the window.
-    folded_range
+    range_ambiguous_count
         Paths that stand in the window by folding (delay beyond the pulse interval).
-    folded_doppler
+    doppler_ambiguous_count
         Moving paths whose phase turns by more than half a cycle from pulse to pulse.
-    ramp_left_out_rad
+    ramp_residual_phase_rad
         Where frequencies come one after the other: phase of the motion meanwhile beyond the second
         order in time, about; 0 for constant rates [rad].
     wall_s
@@ -99,9 +99,9 @@ class SynthesisReport:
     cancellation_db: float | None = None
     motion_error_rad: float = 0.0
     outside: float = 0.0
-    folded_range: int = 0
-    folded_doppler: int = 0
-    ramp_left_out_rad: float = 0.0
+    range_ambiguous_count: int = 0
+    doppler_ambiguous_count: int = 0
+    ramp_residual_phase_rad: float = 0.0
     wall_s: float = 0.0
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -132,21 +132,21 @@ class SynthesisReport:
 
     def ramp_warning(self) -> str | None:
         """Where the motion within a ramp is not followed well enough."""
-        if self.ramp_left_out_rad <= _RAMP_SLACK_RAD:
+        if self.ramp_residual_phase_rad <= _RAMP_SLACK_RAD:
             return None
         return (
             f"Paths move unevenly while the frequencies go by: up to about "
-            f"{self.ramp_left_out_rad:.2g} rad of their phase is left out. Shorten the ramp."
+            f"{self.ramp_residual_phase_rad:.2g} rad of their phase is left out. Shorten the ramp."
         )
 
     def with_warnings(self, folds: str = _FOLDS) -> SynthesisReport:
         """This report, its warnings written; `folds` says why paths stand folded in range."""
         found = [text for text in [self.accuracy_warning(), self.ramp_warning()] if text]
-        if self.folded_range:
-            found.append(f"{self.folded_range} paths {folds}")
-        if self.folded_doppler:
+        if self.range_ambiguous_count:
+            found.append(f"{self.range_ambiguous_count} paths {folds}")
+        if self.doppler_ambiguous_count:
             found.append(
-                f"{self.folded_doppler} paths turn by more than half a cycle from pulse to pulse "
+                f"{self.doppler_ambiguous_count} paths turn by more than half a cycle from pulse to pulse "
                 "and stand folded in Doppler, as in a radar. Raise the PRF to be rid of it."
             )
         return replace(self, warnings=found)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import Sums, place
+from .grid import SynthesisContext, place
 from .nufft import TIGHTEST, Backend, Type1
 from .phase import BLOCK, phasors, reduce_cycles, reduced_cycles
 
@@ -97,7 +97,7 @@ class PulseResult:
 class PulseTransform:
     """Sums of one synthesis, with buffers that are used again. For one thread at a time."""
 
-    def __init__(self, sums: Sums, tolerance: float, backend: Backend) -> None:
+    def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         self._sums = sums
         self._tolerance = tolerance
         self._engines = engines_for(tolerance, sums.grid.count, backend)

@@ -36,7 +36,7 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
         plate = rs.add_plate(10.0, preset="ground")
         rs.move_steadily(plate, (0, 5, 0))
         settings = scene.radarsim
-        settings.acquisition = "RINGS"
+        settings.sampling_mode = "RINGS"
         settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
         settings.width_px = settings.height_px = 32
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
@@ -64,7 +64,7 @@ def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     assert "6/6 renders, 100 %" in done.stdout
     run = read_record(folder / "run.json", contract.RunRecord)
-    assert (run.rings, run.passes, run.burst["prf_hz"], run.width_px) == (3, 2, 2000.0, 32)
+    assert (run.rings, run.snapshots, run.burst["prf_hz"], run.width_px) == (3, 2, 2000.0, 32)
     assert run.blend_file == blend.name
     assert run.extra["unsaved_changes"] is False
     assert "Fra:" not in done.stdout
@@ -77,9 +77,9 @@ def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None
         done = start(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
         assert done.returncode == 0, done.stderr
         run = read_record(folder / "run.json", contract.RunRecord)
-        assert run.acquisition == "paths"
+        assert run.sampling_mode == "paths"
         record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
-        assert record.shifts == (4 if number == 0 else 2)
+        assert record.replicates == (4 if number == 0 else 2)
         assert record.rows > 0
         table = folder / "frames/frame_0001/paths.npy"
         written = table.stat().st_mtime_ns
@@ -98,13 +98,18 @@ def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:
     done = start(blend, "--out", tmp_path / "run", *words.split())
     assert done.returncode == 0, done.stderr
     run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
-    assert (run.frames, run.rings, run.ring_step_m, run.delta_t_s) == ([2, 4], 2, 6.0, 0.02)
+    assert (run.frames, run.rings, run.ring_step_m, run.snapshot_interval_s) == (
+        [2, 4],
+        2,
+        6.0,
+        0.02,
+    )
     assert (run.samples, run.width_px, run.height_px, run.seed) == (2, 24, 16, 5)
     assert run.max_bounces == 1
     assert run.waveform == {
         "carrier_hz": 77e9,
         "bandwidth_hz": 150e6,
-        "chirp_length_s": 12.5e-6,
+        "chirp_duration_s": 12.5e-6,
         "sampling_rate_hz": 160e6,
     }
     assert run.burst == {"prf_hz": 4000.0, "pulses": 64}
@@ -208,9 +213,9 @@ def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None
     run, other = signal.open_run(folder), signal.open_run(tmp_path / "undisturbed")
     assert run.missing() == other.missing() == []
     for frame in (1, 12):
-        for pass_index in (0, 1):
-            image = run.frame(frame).image(2, pass_index)[1]["R"]
-            assert (image == other.frame(frame).image(2, pass_index)[1]["R"]).all()
+        for snapshot_index in (0, 1):
+            image = run.frame(frame).image(2, snapshot_index)[1]["R"]
+            assert (image == other.frame(frame).image(2, snapshot_index)[1]["R"]).all()
 
 
 @posix
@@ -233,14 +238,14 @@ def test_full_disk(blend: Path, tmp_path: Path) -> None:
 
 
 @posix
-@pytest.mark.parametrize("acquisition", ["rings", "paths"])
+@pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
 def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
-    blend: Path, tmp_path: Path, acquisition: str
+    blend: Path, tmp_path: Path, sampling_mode: str
 ) -> None:
     """Exit code 130, nothing half-written, and the same command finishes the run."""
     # Automatic rings follow from the frames: stated, the run is the same with fewer of them.
-    stated = ["--rings", "3"] if acquisition == "rings" else []
-    words = [blend, "--out", tmp_path / "run", "--acquisition", acquisition, *stated]
+    stated = ["--rings", "3"] if sampling_mode == "rings" else []
+    words = [blend, "--out", tmp_path / "run", "--acquisition", sampling_mode, *stated]
     words += ["--frames", "1:40"]
     process = subprocess.Popen(
         [sys.executable, str(SCRIPT), *map(str, words)],
@@ -248,7 +253,7 @@ def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
         stderr=subprocess.PIPE,
         text=True,
     )
-    wanted = "*.exr" if acquisition == "rings" else "paths.npy"
+    wanted = "*.exr" if sampling_mode == "rings" else "paths.npy"
     deadline = time.monotonic() + 120
     while not list((tmp_path / "run").rglob(wanted)) and time.monotonic() < deadline:
         time.sleep(0.05)

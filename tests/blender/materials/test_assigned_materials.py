@@ -16,12 +16,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender.materials import assigned_materials, set_layer_normals
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.materials import set_layer_normals, worn_materials
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.nodes.find_group import find_group, group_input
 from radarsim_addon.blender.scene import check_meshes
-from radarsim_addon.blender.state import Recorder
+from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.slab import excess_path_m, slab_power
@@ -210,7 +210,7 @@ WAYS = (
 def the_material() -> Any:
     """The soil that the wall wears."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (worn,) = [one for one in worn_materials(depsgraph) if one.item.name == WALL]
+    (worn,) = [one for one in assigned_materials(depsgraph) if one.item.name == WALL]
     (made,) = [m for m in worn.materials if m is not None and m.name.startswith("Soil")]
     return made
 
@@ -230,15 +230,15 @@ def test_follows_the_carrier_and_is_found(way: Callable[[Path], None], tmp_path:
     made = the_material()
     before = index_of(made)
     assert before == pytest.approx(complex(library("soil", MADE_HZ, moisture=0.05)), rel=1e-6)
-    recorder = Recorder()
+    recorder = SettingsRestorer()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+    worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     assert pm.update_materials(RUN_HZ, recorder, worn) == []
     assert set_layer_normals(recorder, depsgraph) == []
     expected = complex(library("soil", RUN_HZ, moisture=0.05))
     assert index_of(made) == pytest.approx(expected, rel=1e-6)
     assert abs(expected - before) > 0.01
-    (item,) = [one.item for one in worn_materials(depsgraph) if one.item.name == WALL]
+    (item,) = [one.item for one in assigned_materials(depsgraph) if one.item.name == WALL]
     assert np.abs(item[attributes.OBJECT_LAYER_NORMAL]) == pytest.approx([0, 1, 0], abs=1e-6)
     assert item[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(THICKNESS, rel=1e-5)
     assert recorder.restore() == []
@@ -274,7 +274,7 @@ def test_run_through_it(way: Callable[[Path], None], code: str, tmp_path: Path) 
         for item in bpy.data.objects:
             if item.name in (WALL, "Instance"):
                 item.hide_render = hidden
-        run = ph.run_paths(tmp_path / f"run_{hidden}", options={"max_order": 1, "code": code})
+        run = ph.run_paths(tmp_path / f"run_{hidden}", options={"max_reflections": 1, "code": code})
         plate = run.table()  # the wall is a mirror, which echoes nothing
         assert len(plate) > 10
         powers.append(float(plate["power_w"].sum()))
@@ -354,7 +354,7 @@ def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: P
     bpy.context.scene.collection.objects.unlink(bare)
     collection.objects.link(bare)
     instanced(collection)
-    options = {"max_order": 1, "code": "materials"}
+    options = {"max_reflections": 1, "code": "materials"}
     run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
     assert any("No Radar Material on 'Bare'" in text for text in run.job.warnings)
     lengths = run.table()["length_m"]
@@ -367,7 +367,7 @@ def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: P
     rs.new_scene()
     plate = rs.add_plate(20.0)
     geometry_nodes(plate, rh.lambert(0.5, "grey"))
-    run = ph.run_paths(tmp_path / "run", options={"max_order": 1}, width_px=16, height_px=16)
+    run = ph.run_paths(tmp_path / "run", options={"max_reflections": 1}, width_px=16, height_px=16)
     assert run.record().code == "world"
     assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
 
@@ -377,6 +377,6 @@ def test_band_of_a_material_set_by_geometry_nodes_stops_the_run() -> None:
     item.data.materials.clear()
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    worn = {m for one in worn_materials(depsgraph) for m in one.materials if m is not None}
+    worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):
         pm.update_materials(5e12, None, worn)

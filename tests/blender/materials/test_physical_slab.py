@@ -23,7 +23,7 @@ pytestmark = pytest.mark.blender
 WAVELENGTH = 0.0566
 
 
-def decibels(ratio: np.ndarray) -> np.ndarray:
+def power_to_db(ratio: np.ndarray) -> np.ndarray:
     return np.abs(10 * np.log10(ratio))
 
 
@@ -38,7 +38,7 @@ def test_slab_both_ways(index: complex, thickness: float, angle: float) -> None:
     slab = slab_power(index, thickness, WAVELENGTH, found.cosine, "single-pass")
     # One way the mean of both polarisations; both ways the co-polar echo of a radar slanted 45
     # degrees to the plane of incidence.
-    assert decibels(found.power / slab.transmitted**2).max() < 5e-3
+    assert power_to_db(found.power / slab.transmitted**2).max() < 5e-3
     delay = excess_path_m(index, thickness, found.cosine)
     assert np.abs(found.extra - delay).max() < 1e-6 * ss.WALL
 
@@ -51,9 +51,9 @@ def test_vertical_and_horizontal(polarisation: int, angle: float) -> None:
     slab = slab_power(index, 0.05, WAVELENGTH, found.cosine, "single-pass")
     one_way = slab.transmitted_s if polarisation == 1 else slab.transmitted_p
     # Rays half a degree off the level plane mix a little of the other one in.
-    assert decibels(found.power / one_way**2).max() < 2e-3
+    assert power_to_db(found.power / one_way**2).max() < 2e-3
     other = slab.transmitted_p if polarisation == 1 else slab.transmitted_s
-    assert decibels(found.power / other**2).min() > 0.5
+    assert power_to_db(found.power / other**2).min() > 0.5
 
 
 @pytest.mark.parametrize("carrier_hz", [1e9, 5.3e9, 24e9, 77e9])
@@ -69,8 +69,8 @@ def test_plate_behind_concrete(carrier_hz: float, loss_db: float) -> None:
     assert thickness < 4  # what fits between radar and wall
     found = ss.cross(index, thickness, 30, wavelength)
     slab = slab_power(index, thickness, wavelength, found.cosine, "single-pass")
-    assert decibels(slab.transmitted**2).mean() == pytest.approx(loss_db, abs=1.5)
-    assert decibels(found.power / slab.transmitted**2).max() < 0.02
+    assert power_to_db(slab.transmitted**2).mean() == pytest.approx(loss_db, abs=1.5)
+    assert power_to_db(found.power / slab.transmitted**2).max() < 0.02
     delay = excess_path_m(index, thickness, found.cosine)
     assert np.abs(found.extra - delay).max() < 1e-5 * ss.WALL
 
@@ -81,8 +81,8 @@ def test_100_db_both_ways() -> None:
     thickness = 0.373
     found = ss.cross(index, thickness, 0, WAVELENGTH)
     slab = slab_power(index, thickness, WAVELENGTH, found.cosine, "single-pass")
-    assert decibels(slab.transmitted**2).mean() == pytest.approx(100, abs=10)
-    assert decibels(found.power / slab.transmitted**2).max() < 0.02
+    assert power_to_db(slab.transmitted**2).mean() == pytest.approx(100, abs=10)
+    assert power_to_db(found.power / slab.transmitted**2).max() < 0.02
 
 
 def through_boxes(boxes: list[tuple[complex, float, float]], faces: int) -> np.ndarray:
@@ -125,7 +125,7 @@ def test_several_media(case: str) -> None:
         else:
             power *= float(slab_power(index, depth, 1.0, 1.0, "single-pass").transmitted) ** 2
         extra += float(excess_path_m(index, depth, 1.0))
-    assert decibels(ratio[..., 2] / power).max() < 0.01
+    assert power_to_db(ratio[..., 2] / power).max() < 0.01
     found = -10.0 * np.log(ratio[..., 0] / ratio[..., 2]) / 2
     # Rays are up to 0.35 degrees off the normal.
     assert np.abs(found - extra).max() < 1e-4 * extra
@@ -140,8 +140,8 @@ def test_thick_walls_far_below_what_is_left() -> None:
     index = complex(material("concrete", 1e9))
     found = ss.cross(index, 1.9, 0, 0.299792458)
     slab = slab_power(index, 1.9, 0.299792458, found.cosine, "single-pass")
-    assert decibels(slab.transmitted**2).mean() == pytest.approx(128, abs=2)
+    assert power_to_db(slab.transmitted**2).mean() == pytest.approx(128, abs=2)
     if bpy.app.version >= (5, 0, 0):
-        assert decibels(found.power / slab.transmitted**2).max() < 0.02
+        assert power_to_db(found.power / slab.transmitted**2).max() < 0.02
     else:
         assert not found.power.any()

@@ -14,7 +14,7 @@ from radarsim_addon import contract, signal
 from radarsim_addon.blender.run.output_folder import clear_run
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.echoes.pulse_synthesis import shown_times_s
+from radarsim_addon.signal.echoes.pulse_synthesis import render_times_s
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
@@ -36,10 +36,10 @@ def test_each_render_has_the_tables_lengths_when_it_was_made(tmp_path: Path) -> 
     target = mh.facets("Target", [(0, 0, 0)], 1.0)
     mh.key(target, "location", (1, (0, 20, 0)), (25, (3.0, 37.3, 0)))
     mh.interpolation(target, "LINEAR")
-    mh.measured(tmp_path, CARRIER_HZ, BURST, renders_per_burst=3)
+    mh.measured(tmp_path, CARRIER_HZ, BURST, visibility_updates=3)
     frame = signal.open_run(tmp_path).frame(1)
-    assert frame.renders_per_burst == 3 and frame.missing() == []
-    shown = shown_times_s(frame)
+    assert frame.visibility_updates == 3 and frame.missing() == []
+    shown = render_times_s(frame)
     np.testing.assert_allclose(shown, [0, 0.0128, 0.0256], atol=1e-7)
     for number, at_s in enumerate(shown):
         paths = frame_paths(frame.of_burst(number))
@@ -48,10 +48,12 @@ def test_each_render_has_the_tables_lengths_when_it_was_made(tmp_path: Path) -> 
         np.testing.assert_array_equal(found, paths.length_m)
         # points of the plate at each render, moved to the burst's beginning: all in its plane
         assert paths.geometry is not None
-        np.testing.assert_allclose(paths.geometry.last_m[:, 1], 20 + 17.3 * at_s, atol=1e-5)
+        np.testing.assert_allclose(
+            paths.geometry.last_scatterer_m[:, 1], 20 + 17.3 * at_s, atol=1e-5
+        )
         times_s = np.arange(BURST.pulses) / BURST.prf_hz
         along = (times_s - at_s)[:, None] * np.array([3.0, 17.3, 0])
-        want = 2 * np.linalg.norm(paths.geometry.last_m[:, None] + along, axis=-1)
+        want = 2 * np.linalg.norm(paths.geometry.last_scatterer_m[:, None] + along, axis=-1)
         found = paths.lengths.lengths_m(times_s, slice(None))
         np.testing.assert_allclose(found, want, atol=1e-6)
         rate = paths.geometry.direction @ np.array([3.0, 17.3, 0])
@@ -64,7 +66,7 @@ def test_what_stands_still_is_the_same_however_often_it_is_rendered(tmp_path: Pa
     mh.scene_at(20.0, 2.0)
     mh.facets("Target", [(0, 20, 0), (0.5, 21, 0.3)], 0.6)
     for number in (1, 3):
-        mh.measured(tmp_path / str(number), CARRIER_HZ, BURST, renders_per_burst=number)
+        mh.measured(tmp_path / str(number), CARRIER_HZ, BURST, visibility_updates=number)
     one, three = samples(tmp_path / "1"), samples(tmp_path / "3")
     assert np.abs(three - one).max() < 1e-6 * np.abs(one).max()
 
@@ -75,7 +77,7 @@ def test_no_jump_of_phase_between_renders(tmp_path: Path) -> None:
     target = mh.facets("Target", [(0, 0, 0)], 0.3)
     mh.key(target, "location", (1, (0, 20, 0)), (25, (0, 33.0, 0)))
     mh.interpolation(target, "LINEAR")
-    mh.measured(tmp_path, CARRIER_HZ, BURST, renders_per_burst=4, width_px=64, height_px=64)
+    mh.measured(tmp_path, CARRIER_HZ, BURST, visibility_updates=4, width_px=64, height_px=64)
     echoes = samples(tmp_path)
     # the middle of the chirp, where its own frequency is the carrier's
     power = np.abs(echoes[0]) ** 2
@@ -98,7 +100,7 @@ def test_target_that_comes_out_from_behind_a_wall(tmp_path: Path) -> None:
     mh.interpolation(wall, "CONSTANT")
     mh.facets("Target", [(0, 20, 0)], 0.5)
     burst = Burst(128 * 24.0, 128)  # a frame of the animation, to the next key
-    mh.measured(tmp_path, CARRIER_HZ, burst, renders_per_burst=2)
+    mh.measured(tmp_path, CARRIER_HZ, burst, visibility_updates=2)
     frame = signal.open_run(tmp_path).frame(1)
     seen = []
     for number in range(2):
@@ -112,9 +114,11 @@ def test_target_that_comes_out_from_behind_a_wall(tmp_path: Path) -> None:
     assert seen == [{"Wall"}, {"Target"}]
     result = next(e for e in process_run(tmp_path, PLAIN) if isinstance(e, FrameResult))
     weight = np.arange(128)[:, None] / 128
-    radar, window_m = result.echoes.radar, result.echoes.window_m
+    radar, range_limits_m = result.echoes.radar, result.echoes.range_limits_m
     wall_alone, target_alone = (
-        signal.synthesize(frame_paths(frame.of_burst(n)), radar, window_m=window_m).samples
+        signal.synthesize(
+            frame_paths(frame.of_burst(n)), radar, range_limits_m=range_limits_m
+        ).samples
         for n in range(2)
     )
     assert np.ptp(np.abs(target_alone), axis=0).max() < 1e-12 + 1e-5 * np.abs(target_alone).max()
@@ -133,7 +137,7 @@ def test_stopped_between_renders_of_a_burst(tmp_path: Path) -> None:
         mh.scene_at(20.0, 2.0)
         rs.move_steadily(mh.facets("Target", [(0, 20, 0)], 0.6), (2.0, 9.0, 0))
 
-    options = {"renders_per_burst": 2}
+    options = {"visibility_updates": 2}
     build()
     ph.run_paths(tmp_path / "whole", burst=BURST, options=options)
     build()

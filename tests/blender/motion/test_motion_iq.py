@@ -101,7 +101,7 @@ def test_rotor_of_two_blades(tmp_path: Path, carrier_hz: float, distance_m: floa
 
     error = mh.iq_error(rows, paths, carrier_hz, BURST, motion)
     assert error < WITHIN, error
-    spin = np.cross([0, 0, tip_mps / radius], rows["last_m"] - (0, distance_m, 0))
+    spin = np.cross([0, 0, tip_mps / radius], rows["last_scatterer_m"] - (0, distance_m, 0))
     want = np.sum(spin * rows["direction"], axis=1)
     bin_mps = 299_792_458.0 / carrier_hz * BURST.prf_hz / (2 * BURST.pulses)
     assert np.ptp(want) > 10

@@ -107,7 +107,7 @@ def test_instances_move_each_their_own_way(tmp_path: Path) -> None:
         if velocity.any():
             rs.move_steadily(item, tuple(velocity))
     rows, paths, run = mh.measured(tmp_path, CARRIER_HZ, BURST, width_px=40, height_px=40)
-    which = np.rint(rows["last_m"][:, 0] / 1.5).astype(int) + 1
+    which = np.rint(rows["last_scatterer_m"][:, 0] / 1.5).astype(int) + 1
     assert set(which) == {0, 1, 2}
     bodies = motion_record(run).bodies
     assert len(bodies) == 3
@@ -129,7 +129,7 @@ def test_unit_scale_of_centimetres(tmp_path: Path) -> None:
     mh.key(target, "location", (1, (0, 2000, 0)), (25, (0, 3310, 0)))
     mh.interpolation(target, "LINEAR")
     rows, paths, _ = mh.measured(tmp_path, CARRIER_HZ, BURST)
-    assert 19 < rows["last_m"][:, 1].min() < 22
+    assert 19 < rows["last_scatterer_m"][:, 1].min() < 22
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, steady((0, 13.1, 0)))
     assert error < WITHIN, error
 
@@ -175,7 +175,7 @@ def test_deforming_meshes(tmp_path: Path, kind: str) -> None:
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, motion)
     assert error < WITHIN, error
     record = motion_record(run, 3)
-    assert record.bodies[0].deforms and record.unknown_share == 0
+    assert record.bodies[0].deforms and record.unknown_motion_fraction == 0
     # the instantaneous rate is the slope of the lengths
     step_s = 1e-5
     ahead = paths.lengths.lengths_m(np.array([step_s]), slice(None))[:, 0]

@@ -33,7 +33,7 @@ def test_grazing_plane(tmp_path: Path, code: str) -> None:
     metal = nodes.make_material("Metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     material = metal if code == "materials" else ph.lambert(0.9)
     ph.quad("Ground", [(-50, -5, 0), (50, -5, 0), (50, 300, 0), (-50, 300, 0)], material)
-    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"shifts": 2, "code": code})
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"replicates": 2, "code": code})
     rows = run.table()
     assert rows.size == 2 * 32 * 32
     reach = height / -rows["direction"][:, 2]
@@ -42,8 +42,8 @@ def test_grazing_plane(tmp_path: Path, code: str) -> None:
     # Float32 of a direction is 4.5e-8 rad; at 1 degree that is 2.6e-6 of the range.
     np.testing.assert_allclose(rows["length_m"], 2 * reach, rtol=2e-5)
     # The vertex lies on the plane, and the length is the vertex's to float64.
-    np.testing.assert_allclose(rows["last_m"][:, 2], 0, atol=1e-6)
-    exact = 2 * np.linalg.norm(rows["last_m"] - (0, 0, height), axis=1)
+    np.testing.assert_allclose(rows["last_scatterer_m"][:, 2], 0, atol=1e-6)
+    exact = 2 * np.linalg.norm(rows["last_scatterer_m"] - (0, 0, height), axis=1)
     np.testing.assert_allclose(rows["length_m"], exact, rtol=2e-7)
 
     # Power of each pixel, at its own angle: reflectance / pi x sine of the depression x irradiance.
@@ -83,7 +83,7 @@ def test_mirror_corridor(tmp_path: Path, code: str) -> None:
         ph.quad("Wall", corners, walls)
     rough = nodes.make_material("End", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("End", [(-half, end, -20), (half, end, -20), (half, end, 20), (-half, end, 20)], rough)
-    options = {"max_order": 3, "code": code}
+    options = {"max_reflections": 3, "code": code}
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     rows = run.table()
     direction = rows["direction"]
@@ -96,8 +96,8 @@ def test_mirror_corridor(tmp_path: Path, code: str) -> None:
     way_back = np.linalg.norm(scatterer, axis=1)
     length = np.linalg.norm(unfolded, axis=1) + way_back
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-6)
-    np.testing.assert_allclose(rows["last_m"], scatterer, atol=5e-5)
-    wall = np.abs(rows["first_m"][rows["order"] > 1][:, 0])
+    np.testing.assert_allclose(rows["last_scatterer_m"], scatterer, atol=5e-5)
+    wall = np.abs(rows["first_scatterer_m"][rows["order"] > 1][:, 0])
     np.testing.assert_allclose(wall, half, atol=1e-6)
     # Each mirror's Fresnel reflectance, the end's cosines, and the way back alone in the lamp's.
     reflects = unpolarised_reflectance(1e4 + 1e4j, np.abs(direction[:, 0]))
@@ -117,7 +117,7 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     ph.quad("Floor", [(-30, -5, 0), (30, -5, 0), (30, 10, 0), (-30, 10, 0)], ph.mirror())
     rough = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("Wall", [(-30, 10, 0), (30, 10, 0), (30, 10, 30), (-30, 10, 30)], rough)
-    options = {"max_order": 2, "code": code}
+    options = {"max_reflections": 2, "code": code}
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     rows = run.table()
     two = rows[rows["order"] == 2]
@@ -129,8 +129,8 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     last = image * (1, 1, -1)
     length = np.linalg.norm(image - camera, axis=1) + np.linalg.norm(last - camera, axis=1)
     np.testing.assert_allclose(two["length_m"], length, rtol=1e-6)
-    np.testing.assert_allclose(two["last_m"], last, atol=5e-5)
-    np.testing.assert_allclose(two["first_m"], first, atol=1e-5)
+    np.testing.assert_allclose(two["last_scatterer_m"], last, atol=5e-5)
+    np.testing.assert_allclose(two["first_scatterer_m"], first, atol=1e-5)
     names = run.record().objects
     assert {names[number - 1] for number in two["first_object"]} == {"Floor"}
     assert {names[number - 1] for number in two["object"]} == {"Wall"}
@@ -138,7 +138,7 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     found, conditioning = first_vertex_order_2(
         np.broadcast_to(camera, direction.shape),
         direction,
-        two["last_m"],
+        two["last_scatterer_m"],
         camera,
         two["length_m"],
     )
@@ -150,7 +150,7 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
 def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     rs.new_scene()
     plate = ph.plate_at(10, 40, ph.mirror())
-    run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_order": 3})
+    run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_reflections": 3})
     record = run.record()
     assert (record.rows, record.total_power_w) == (0, 0.0)
     assert any("mirror that faces the radar" in text for text in record.warnings)
@@ -170,7 +170,7 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
 def test_nothing_in_sight(tmp_path: Path) -> None:
     """A frame without any echo: an empty table that opens, and a word about it."""
     rs.new_scene()
-    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_order": 2})
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_reflections": 2})
     record = run.record()
     assert (record.rows, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
     assert run.table().size == 0

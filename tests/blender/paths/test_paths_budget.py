@@ -15,7 +15,7 @@ pytest.importorskip("bpy")
 from radarsim_addon.blender.paths.error_budget import CellGrid, CellPowers, ErrorBudget
 from radarsim_addon.blender.paths.frame import _uncertain
 from radarsim_addon.blender.plan import PathOptions
-from radarsim_addon.contract import CameraRecord
+from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths.paths import PATH_DTYPE, shift_px
@@ -23,18 +23,18 @@ from radarsim_addon.signal.paths.paths import PATH_DTYPE, shift_px
 
 def test_shifts_fill_the_pixel() -> None:
     """Low discrepancy: the first n leave no square of the pixel of 3/n unvisited, none repeats."""
-    shifts = np.array([shift_px(i) for i in range(256)])
-    assert np.all(np.abs(shifts) <= 0.5)
-    assert len({tuple(s) for s in shifts}) == 256
-    assert np.all(np.abs(shifts[0]) > 0.01)  # off the centre
+    replicates = np.array([shift_px(i) for i in range(256)])
+    assert np.all(np.abs(replicates) <= 0.5)
+    assert len({tuple(s) for s in replicates}) == 256
+    assert np.all(np.abs(replicates[0]) > 0.01)  # off the centre
     for count, cells in ((64, 4), (256, 8)):
-        place = np.floor((shifts[:count] + 0.5) * cells).astype(int)
+        place = np.floor((replicates[:count] + 0.5) * cells).astype(int)
         hits = np.zeros((cells, cells), dtype=int)
         np.add.at(hits, (place[:, 0], place[:, 1]), 1)
         assert hits.min() >= 2
         assert hits.max() <= 6
     # A linear function is integrated much better than by random shifts (0.29/sqrt(n)).
-    assert np.abs(shifts[:64].mean(axis=0)).max() < 0.02
+    assert np.abs(replicates[:64].mean(axis=0)).max() < 0.02
 
 
 def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
@@ -43,9 +43,9 @@ def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np
     return rows
 
 
-def powers_of(grid: CellGrid, shifts: list[np.ndarray]) -> CellPowers:
+def powers_of(grid: CellGrid, replicates: list[np.ndarray]) -> CellPowers:
     """Cell powers of a tile from the rows of its shifts."""
-    return grid.powers([grid.shift_powers(rows, len(shifts)) for rows in shifts])
+    return grid.powers([grid.shift_powers(rows, len(replicates)) for rows in replicates])
 
 
 def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarray:
@@ -56,12 +56,12 @@ def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarra
 def test_cell_powers() -> None:
     """Means and variances of the mean over the shifts, by hand."""
     grid = CellGrid(bin_m=1.0, bins=10)
-    shifts = [
+    replicates = [
         rows_at([7.0, 11.0], [1.0, 2.0], [1, 2]),
         rows_at([7.4, 7.6], [3.0, 1.0], [1, 1]),
     ]
-    shifts[1]["flags"][1] = PathFlag.NO_RANGE
-    powers = powers_of(grid, shifts)
+    replicates[1]["flags"][1] = PathFlag.NO_RANGE
+    powers = powers_of(grid, replicates)
     found = dict(
         zip(powers.cells.tolist(), zip(powers.mean, powers.variance, strict=True), strict=True)
     )
@@ -137,15 +137,18 @@ def test_relative_error_in_closed_form() -> None:
 
 def test_one_shift_tells_the_error_of_objects_alone() -> None:
     """By the edges of the object; refinement by range bins needs replicates."""
-    assert PathOptions(shifts=1, error_target=0.05, refine_by="objects").error_of == "objects"
-    assert PathOptions(shifts=1).error_of == "objects"
-    assert PathOptions(shifts=2).error_of == "both"
-    for asked in ({"error_target": 0.05}, {"time_budget_s": 5.0, "refine_by": "ranges"}):
+    assert (
+        PathOptions(replicates=1, max_standard_error=0.05, refine_for="objects").error_scope
+        == "objects"
+    )
+    assert PathOptions(replicates=1).error_scope == "objects"
+    assert PathOptions(replicates=2).error_scope == "both"
+    for asked in ({"max_standard_error": 0.05}, {"time_limit_s": 5.0, "refine_for": "ranges"}):
         with pytest.raises(
             ConfigError, match=r"no standard error of range bins.*at least 2 shifts"
         ):
-            PathOptions(shifts=1, **asked)
-    seen = CameraRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
+            PathOptions(replicates=1, **asked)
+    seen = ReceiverRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
     rays = pixel_rays(seen, 20, 20)
     rows = np.zeros((10, 10), dtype=PATH_DTYPE)
     rows["direction"] = rays.direction[5:15, 5:15]

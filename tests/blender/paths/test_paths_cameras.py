@@ -47,8 +47,8 @@ def plate_before(kind: str) -> Any:
 
 
 def measure(scene: Any, folder: Path, **options: Any) -> np.ndarray:
-    measurement = rs.measurement(width_px=64, height_px=64, passes=1)
-    chosen = PathOptions(shifts=2, tile_px=32, **options)
+    measurement = rs.measurement(width_px=64, height_px=64, snapshots=1)
+    chosen = PathOptions(replicates=2, tile_px=32, **options)
     with PathJob(scene, scene.view_layers[0], measurement, folder, chosen) as job:
         for task in job.pending():
             job.start(task)
@@ -65,7 +65,7 @@ def test_paths_end_on_the_plate_with_the_length_of_their_vertices(
     scene = plate_before(kind)
     paths = measure(scene, tmp_path / "run")
     assert len(paths) > 500
-    point = paths["first_m"]
+    point = paths["first_scatterer_m"]
     assert np.abs(point[:, 1] - DISTANCE).max() < 1e-5
     assert np.abs(point[:, [0, 2]]).max() <= 2 + 1e-5
     if kind == "ORTHO":
@@ -101,7 +101,7 @@ def test_a_plate_below_a_pixel_gets_its_own_tile(kind: str, tmp_path: Path) -> N
     plate = next(item for item in scene.objects if item.type == "MESH")
     plate.scale = (1e-3, 1e-3, 1e-3)
     plate.location.x, plate.location.z = 0.31, -0.22
-    paths = measure(scene, tmp_path / "run", error_target=0.02, refine_by="objects")
+    paths = measure(scene, tmp_path / "run", max_standard_error=0.02, refine_for="objects")
     half = 2e-3
     expected = 4 * half**2
     if kind == "PERSP":
@@ -139,8 +139,8 @@ def test_radiance_is_that_of_a_lambert_plate_in_every_projection(tmp_path: Path)
         scene = plate_before(kind)
         emitter = next(o for o in scene.objects if o.type == "LIGHT")
         paths = measure(scene, tmp_path / kind)
-        distance = np.linalg.norm(paths["last_m"], axis=1)
-        cosine = paths["last_m"][:, 1] / distance
+        distance = np.linalg.norm(paths["last_scatterer_m"], axis=1)
+        cosine = paths["last_scatterer_m"][:, 1] / distance
         area = rs.WAVEFORM.wavelength_m**2 / (4 * math.pi)
         radiance = paths["power_w"] / (area * paths["solid_angle_sr"])
         expected = (

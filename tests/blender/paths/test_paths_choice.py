@@ -13,8 +13,8 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
 from radarsim_addon.blender.paths import frame as path_frame
-from radarsim_addon.blender.paths.screen_boxes import view_boxes
-from radarsim_addon.blender.scene import Poses, Shown
+from radarsim_addon.blender.paths.screen_boxes import projected_bounds
+from radarsim_addon.blender.scene import InstancePose, Poses
 from radarsim_addon.blender.views import ViewWindow
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -23,20 +23,20 @@ from tests.blender.paths.test_paths_wide import DISTANCE, add_target, lambert, w
 IDENTITY = np.eye(4).tolist()
 
 
-def sphere_camera(left: float = -math.pi, right: float = math.pi) -> contract.CameraRecord:
+def sphere_camera(left: float = -math.pi, right: float = math.pi) -> contract.ReceiverRecord:
     """At the origin, looking along -z."""
     half = math.pi / 2
-    return contract.CameraRecord("equirectangular", IDENTITY, left, right, -half, half, 0.0)
+    return contract.ReceiverRecord("equirectangular", IDENTITY, left, right, -half, half, 0.0)
 
 
-def random_box(rng: np.random.Generator, reach: float) -> Shown:
+def random_box(rng: np.random.Generator, reach: float) -> InstancePose:
     """A turned box of random sides somewhere around the receiver."""
     pose = np.eye(4)
     pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.2, 2.0, 3)
     direction = rng.normal(size=3)
     pose[:3, 3] = direction / np.linalg.norm(direction) * rng.uniform(2.5, 8) * reach
     half = rng.uniform(0.0, 1.0, 3) * reach
-    return Shown(pose, np.stack([-half, half]))
+    return InstancePose(pose, np.stack([-half, half]))
 
 
 def test_areas_on_a_sphere_are_those_of_the_whole_body() -> None:
@@ -44,7 +44,7 @@ def test_areas_on_a_sphere_are_those_of_the_whole_body() -> None:
     rng = np.random.default_rng(3)
     shown = [random_box(rng, 1.0) for _ in range(400)]
     poses = Poses({str(i): {(): box} for i, box in enumerate(shown)})
-    boxes = view_boxes(poses, [str(i) for i in range(len(shown))], sphere_camera())
+    boxes = projected_bounds(poses, [str(i) for i in range(len(shown))], sphere_camera())
     # points on all twelve edges and six faces
     t = np.linspace(0, 1, 41)
     grid = np.stack(np.meshgrid(t, t, [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -82,17 +82,17 @@ def test_an_area_across_the_seam_comes_twice() -> None:
     """Where longitudes begin anew, in frames that end there and in frames turned past it."""
     pose = np.eye(4)
     pose[:3, 3] = (0.0, 0.0, 10.0)  # behind
-    poses = Poses({"a": {(): Shown(pose, np.array([[-1.0, -1, 0], [1, 1, 0]]))}})
+    poses = Poses({"a": {(): InstancePose(pose, np.array([[-1.0, -1, 0], [1, 1, 0]]))}})
     half = math.atan2(1.0, 10.0)
     whole = ViewWindow(-math.pi, math.pi, -1.5, 1.5, 64, 32, sphere=True)
-    areas = view_boxes(poses, ["a"], sphere_camera()).areas(whole)
+    areas = projected_bounds(poses, ["a"], sphere_camera()).areas(whole)
     edges = sorted((area.left, area.right) for area in areas)
     np.testing.assert_allclose(edges[0], [-math.pi - half, -math.pi + half])
     np.testing.assert_allclose(edges[1], [math.pi - half, math.pi + half])
     turned = ViewWindow(2.0, 4.0, -1.5, 1.5, 64, 32, sphere=True)
-    (area,) = view_boxes(poses, ["a"], sphere_camera(2.0, 4.0)).areas(turned)
+    (area,) = projected_bounds(poses, ["a"], sphere_camera(2.0, 4.0)).areas(turned)
     np.testing.assert_allclose((area.left, area.right), (math.pi - half, math.pi + half))
-    assert len(view_boxes(poses, ["a"], sphere_camera(-2.0, 2.0))) == 0
+    assert len(projected_bounds(poses, ["a"], sphere_camera(-2.0, 2.0))) == 0
     assert area.shorter == pytest.approx(2 * half, rel=0.01)
 
 
@@ -122,7 +122,12 @@ def test_tiles_go_to_the_small_in_sight(
         tmp_path,
         width_px=64,
         height_px=32,
-        options={"shifts": 2, "error_target": 0.1, "refine_by": "objects", "max_level": 9},
+        options={
+            "replicates": 2,
+            "max_standard_error": 0.1,
+            "refine_for": "objects",
+            "max_refinement_level": 9,
+        },
     )
     record, rows = run.record(), run.table()
     small = 19 if kind == "PANO" else 18  # there the wall is small, too
@@ -150,7 +155,7 @@ def test_few_small_objects_all_get_tiles(tmp_path: Path) -> None:
     for i in range(5):
         add_target(-0.6 + 0.3 * i, 0.1, 0.01, f"plate {i}")
     record = ph.run_paths(
-        tmp_path, options={"shifts": 2, "error_target": 0.05}, width_px=32, height_px=16
+        tmp_path, options={"replicates": 2, "max_standard_error": 0.05}, width_px=32, height_px=16
     ).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 5)
     assert not any("small objects" in text for text in record.warnings)
@@ -163,7 +168,7 @@ def test_a_time_budget_limits_the_tiles(tmp_path: Path) -> None:
     wide_camera(-1.0, 1.0, -0.5, 0.5)
     for i in range(5):
         add_target(-0.6 + 0.3 * i, 0.1, 0.01, f"plate {i}")
-    options = {"shifts": 2, "time_budget_s": 1e-6}
+    options = {"replicates": 2, "time_limit_s": 1e-6}
     record = ph.run_paths(tmp_path, options=options, width_px=32, height_px=16).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 0)
     assert any("small objects" in text for text in record.warnings)

@@ -39,13 +39,24 @@ def far_target(half_m: float) -> float:
 def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
     """A target below a pixel within 0.2 dB; all directions known; the view is covered once."""
     power = far_target(6.0)
-    options = {"shifts": 4, "error_target": 0.01, "max_level": 5, "tile_px": 16}
+    options = {
+        "replicates": 4,
+        "max_standard_error": 0.01,
+        "max_refinement_level": 5,
+        "tile_px": 16,
+    }
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     rows, record = run.table(), run.record()
-    assert record.finest_level >= 3, (record.tiles, record.renders, record.relative_error)
+    assert record.finest_refinement_level >= 3, (
+        record.tiles,
+        record.renders,
+        record.relative_error,
+    )
     target = rows[rows["object"] == record.objects.index("Target") + 1]
     assert abs(float(to_db(target["power_w"].sum() / power))) < 0.2
-    seen = target["last_m"] / np.linalg.norm(target["last_m"], axis=1, keepdims=True)
+    seen = target["last_scatterer_m"] / np.linalg.norm(
+        target["last_scatterer_m"], axis=1, keepdims=True
+    )
     assert np.abs(seen - target["direction"]).max() < 2e-7
     # Every ray meets something: gaps or overlaps of tiles would show in the solid angle.
     half = math.tan(math.radians(20))
@@ -100,19 +111,21 @@ def test_plate_from_10_m_to_10_km(tmp_path: Path, code: str) -> None:
     plate = ph.plate_at(0.0, size, ph.rough_metal(), tilt_deg=tilt)
     levels_db = []
     for range_m in RANGES_M:
-        run = far_run(tmp_path / f"{range_m:g}", range_m, 0.8, options={"shifts": 8, "code": code})
+        run = far_run(
+            tmp_path / f"{range_m:g}", range_m, 0.8, options={"replicates": 8, "code": code}
+        )
         rows = run.table()
         assert rows.size > 8 * 300
         point, normal = plane_of(plate)
-        off_plane = np.abs((rows["last_m"] - point) @ normal)
+        off_plane = np.abs((rows["last_scatterer_m"] - point) @ normal)
         assert off_plane.max() < 1e-6  # 39e-6 is a hundredth of the wavelength
         radar = np.array(run.record().camera.matrix_world)[:3, 3]
-        exact = 2 * np.linalg.norm(rows["last_m"] - radar, axis=1)
+        exact = 2 * np.linalg.norm(rows["last_scatterer_m"] - radar, axis=1)
         np.testing.assert_allclose(rows["length_m"], exact, rtol=0, atol=1e-9 + 4e-16 * range_m)
         assert not np.any(rows["flags"] & PathFlag.ENCODED_LENGTH)
         assert run.record().length_sigma_m < 39e-6
         # Where the pixel looks: within a fifth of it.
-        to_point = rows["last_m"] - radar
+        to_point = rows["last_scatterer_m"] - radar
         seen = to_point / np.linalg.norm(to_point, axis=1, keepdims=True)
         assert np.abs(seen - rows["direction"]).max() < 0.2 * 1.6 / 32 / range_m + 1e-9
         sigma = 4 * albedo * size**2 * math.cos(math.radians(tilt)) ** 2
@@ -139,9 +152,9 @@ def test_sphere_from_10_m_to_10_km(tmp_path: Path) -> None:
         np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1) / 2
     )
     for range_m in RANGES_M:
-        rows = far_run(tmp_path / f"{range_m:g}", range_m, 1.15, options={"shifts": 4}).table()
+        rows = far_run(tmp_path / f"{range_m:g}", range_m, 1.15, options={"replicates": 4}).table()
         # The point is outside of no facet, and on at least one of them.
-        outside = (rows["last_m"] @ normal.T - offset).max(axis=1)
+        outside = (rows["last_scatterer_m"] @ normal.T - offset).max(axis=1)
         assert np.abs(outside).max() < 2e-6
         to_radar = np.array([0.0, -range_m, 0.0]) - middle
         reach = np.linalg.norm(to_radar, axis=1)

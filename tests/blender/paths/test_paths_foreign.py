@@ -19,7 +19,7 @@ pytestmark = pytest.mark.blender
 
 def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     """Bit for bit the table of the same scene without them, orders 1 and 2, all put back."""
-    options = {"max_order": 2}
+    options = {"max_reflections": 2}
     size = {"width_px": 24, "height_px": 24}
     ps.furnished_scene(clutter=False)
     clean = ph.run_paths(tmp_path / "clean", options=options, **size).table()
@@ -33,7 +33,7 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     layer.active_lightgroup_index = 0
     bpy.data.objects["POINT"].lightgroup = "Theirs"
     for number, item in enumerate(bpy.data.objects):
-        item.pass_index = 100 + number
+        item.snapshot_index = 100 + number
     before = ps.everything(scene)
     run = ph.run_paths(tmp_path / "cluttered", options=options, **size)
     after = ps.everything(scene)
@@ -57,7 +57,7 @@ def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
     with (
         pytest.raises(RuntimeError, match="power cut"),
         PathJob(
-            scene, scene.view_layers[0], rs.measurement(), tmp_path, PathOptions(shifts=1)
+            scene, scene.view_layers[0], rs.measurement(), tmp_path, PathOptions(replicates=1)
         ) as job,
     ):
         for number, task in enumerate(job.pending()):

@@ -44,13 +44,17 @@ def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
         want = reflected * (1 - reflected) ** (2 * t) / np.pi * cosine * ph.irradiance(y / cosine)
         np.testing.assert_allclose(radiance[here], want, rtol=1e-6)
         np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=3e-7)
-        np.testing.assert_allclose(rows["last_m"][here][:, 1], y, atol=2e-6)
+        np.testing.assert_allclose(rows["last_scatterer_m"][here][:, 1], y, atol=2e-6)
         assert {record.objects[n - 1] for n in rows["object"][here]} == {
             "Plate" if t == 0 else f"Plate.{t:03d}"
         }
     assert rows.size == 8 * 16 * 16
     assert not np.any(rows["flags"])
-    assert (record.code, record.mixed_share, record.left_depth_share) == ("materials", 0.0, 0.0)
+    assert (record.code, record.mixed_power_fraction, record.truncated_transparency_fraction) == (
+        "materials",
+        0.0,
+        0.0,
+    )
 
 
 def test_gates_hold_one_path(tmp_path: Path) -> None:
@@ -68,7 +72,7 @@ def test_gates_hold_one_path(tmp_path: Path) -> None:
     path_job.rows_of_view = lambda traced, *rest: kept.append(traced) or original(traced, *rest)
     PathScene.end = lambda self: views.append(end(self)) or views[-1]
     try:
-        ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_order": 3})
+        ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_reflections": 3})
     finally:
         path_job.rows_of_view, PathScene.end = original, end
     (traced,) = kept
@@ -90,30 +94,30 @@ def test_eight_foreign_sheets_are_unbiased(tmp_path: Path) -> None:
     they carry is exact, and four shifts are four independent draws."""
     rs.new_scene()
     ph.field_of_view(20)
-    passed, shifts, size = 0.6, 4, 32
+    passed, replicates, size = 0.6, 4, 32
     material = ph.half_transparent(passed)
     for y in SHEETS_M:
         ph.plate_at(y, 40, material)
-    run = ph.run_paths(tmp_path, width_px=size, height_px=size, options={"shifts": shifts})
+    run = ph.run_paths(tmp_path, width_px=size, height_px=size, options={"replicates": replicates})
     rows, record = run.table(), run.record()
     assert record.code == "world"
     radiance = ph.radiance(rows)
-    counts = np.zeros((shifts, len(SHEETS_M)))
+    counts = np.zeros((replicates, len(SHEETS_M)))
     for t, y in enumerate(SHEETS_M):
         here = rows["transparent_depth"] == t
         cosine = rows["direction"][here][:, 1]
         want = (1 - passed) * passed**t / np.pi * cosine * ph.irradiance(y / cosine)
         np.testing.assert_allclose(radiance[here], want, rtol=2e-6)
         np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=1e-6)
-        counts[:, t] = np.bincount(rows["shift"][here], minlength=shifts) / size**2
+        counts[:, t] = np.bincount(rows["shift"][here], minlength=replicates) / size**2
     share = passed ** np.arange(len(SHEETS_M))
     sigma = np.sqrt(share * (1 - share) / size**2)
     assert np.all(np.abs(counts - share) <= 5 * sigma)
-    assert np.all(np.abs(counts.mean(axis=0) - share) <= 5 * sigma / math.sqrt(shifts))
+    assert np.all(np.abs(counts.mean(axis=0) - share) <= 5 * sigma / math.sqrt(replicates))
     # Draws that repeat would agree to the last pixel in all gates.
-    assert len({tuple(row) for row in counts}) == shifts
+    assert len({tuple(row) for row in counts}) == replicates
     assert not np.any(rows["flags"] & (PathFlag.MIXED | PathFlag.NO_RANGE))
-    assert record.left_depth_share < 1e-6
+    assert record.truncated_transparency_fraction < 1e-6
 
 
 def test_a_small_target_behind_glass_is_never_lost(tmp_path: Path) -> None:
@@ -148,7 +152,7 @@ def test_a_wholly_transparent_layer_leaves_a_hole(tmp_path: Path, max_depth: int
     rows, record = run.table(), run.record()
     if max_depth < 4:
         assert rows.size == 0
-        assert record.left_depth_share == pytest.approx(1.0)
+        assert record.truncated_transparency_fraction == pytest.approx(1.0)
         assert any("behind more transparent" in text for text in record.warnings)
         return
     assert set(rows["transparent_depth"]) == {4}
@@ -177,7 +181,7 @@ def test_a_slab_delays(tmp_path: Path) -> None:
     want = 2 * (10 + (n - 1) * thick) / cosine
     np.testing.assert_allclose(back["length_m"], want, rtol=1e-6)
     assert np.all(back["flags"] == PathFlag.ENCODED_LENGTH)
-    np.testing.assert_allclose(back["last_m"][:, 1], 10, atol=1e-6)
+    np.testing.assert_allclose(back["last_scatterer_m"][:, 1], 10, atol=1e-6)
     passage = (1 - unpolarised_reflectance(n, cosine)) ** 4
     metal = unpolarised_reflectance(1e4 + 1e4j, cosine)
     power = passage * metal / np.pi * cosine * ph.irradiance(10 / cosine)
@@ -222,15 +226,15 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
 
     path_job.rows_of_view = spy
     try:
-        run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_order": 2})
+        run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_reflections": 2})
     finally:
         path_job.rows_of_view = original
     rows, record = run.table(), run.record()
-    assert (record.code, record.coloured, record.no_code_share) == ("world", True, 0.0)
+    assert (record.code, record.coloured, record.unranged_power_fraction) == ("world", True, 0.0)
     for order in (1, 2):
         mine = rows[rows["order"] == order]
         assert mine.size > 150
-        first, last = mine["first_m"], mine["last_m"]
+        first, last = mine["first_scatterer_m"], mine["last_scatterer_m"]
         length = np.linalg.norm(first, axis=1) + np.linalg.norm(last, axis=1)
         if order == 2:
             length += np.linalg.norm(last - first, axis=1)
@@ -249,14 +253,16 @@ def test_one_channel_is_enough(tmp_path: Path, colour: tuple[float, float, float
     ph.quad("Floor", [(-20, -5, -1), (20, -5, -1), (20, 12, -1), (-20, 12, -1)], pure)
     ph.quad("Wall", [(-20, 12, -1), (20, 12, -1), (20, 12, 20), (-20, 12, 20)], pure)
     channel = "RGB"[int(np.argmax(colour))]
-    options = {"max_order": 2, "amplitude": channel}
+    options = {"max_reflections": 2, "amplitude": channel}
     run = ph.run_paths(tmp_path, width_px=16, height_px=16, options=options)
     rows, record = run.table(), run.record()
-    assert record.no_code_share == 0
+    assert record.unranged_power_fraction == 0
     two = rows[rows["order"] == 2]
     assert two.size > 30
     # No vertex without all three channels, but |C P1| + |P1 P2| + |P2 T| >= 2 |C P1|.
-    assert np.all(two["length_m"] >= 2 * np.linalg.norm(two["first_m"], axis=1) * (1 - 1e-6))
+    assert np.all(
+        two["length_m"] >= 2 * np.linalg.norm(two["first_scatterer_m"], axis=1) * (1 - 1e-6)
+    )
     one = rows[rows["order"] == 1]
     cosine = np.abs(np.where(one["object"] == 1, one["direction"][:, 2], one["direction"][:, 1]))
     reach = np.where(one["object"] == 1, 1.0, 12.0) / cosine

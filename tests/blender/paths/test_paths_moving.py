@@ -42,7 +42,7 @@ def test_moving_plate(tmp_path: Path, velocity: tuple[float, float, float]) -> N
     plate = ph.plate_at(15, 2, ph.rough_metal())
     ph.plate_at(30, 60, ph.rough_metal()).name = "Wall"
     rs.move_steadily(plate, velocity)
-    run = ph.run_paths(tmp_path, width_px=32, height_px=32, passes=2)
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, snapshots=2)
     rows, names = run.table(), run.record().objects
     moving = rows["object"] == names.index("Plate") + 1
     assert moving.sum() > 20
@@ -66,9 +66,9 @@ def test_spinning_plate(tmp_path: Path) -> None:
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
     bpy.context.scene.frame_set(1)
-    rows = ph.run_paths(tmp_path, width_px=32, height_px=32, passes=2).table()
+    rows = ph.run_paths(tmp_path, width_px=32, height_px=32, snapshots=2).table()
     assert rows.size > 200
-    arm = rows["last_m"] - (0, 15, 0)
+    arm = rows["last_scatterer_m"] - (0, 15, 0)
     speed = np.cross((0, 0, rate_rad_s), arm)
     want = np.sum(rows["direction"] * speed, axis=1)
     assert np.ptp(want) > 20
@@ -86,7 +86,7 @@ def test_moving_radar_over_ground(tmp_path: Path) -> None:
     ph.quad(
         "Ground", [(-900, -900, 0), (900, -900, 0), (900, 900, 0), (-900, 900, 0)], ph.rough_metal()
     )
-    run = ph.run_paths(tmp_path, width_px=32, height_px=32, passes=2)
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, snapshots=2)
     rows = run.table()
     assert rows.size == 32 * 32
     want = -rows["direction"] @ velocity
@@ -103,7 +103,7 @@ def test_moving_mirror_of_two_bounces(tmp_path: Path) -> None:
     wall = ph.plate_at(10, 60, ph.rough_metal())
     rs.move_steadily(wall, (0.0, -4.0, 0.0))
     rows = ph.run_paths(
-        tmp_path, width_px=24, height_px=24, passes=2, options={"max_order": 2}
+        tmp_path, width_px=24, height_px=24, snapshots=2, options={"max_reflections": 2}
     ).table()
     two = rows[rows["order"] == 2]
     assert two.size > 100
@@ -121,10 +121,10 @@ def test_moving_instance(tmp_path: Path) -> None:
     rs.new_scene()
     ph.field_of_view(40)
     collection = ps.plate_collection()
-    movers = [ps.instance(collection, place) for place in ps.PLACES]
-    rs.move_steadily(movers[1], (0.0, 6.0, 0.0))
-    rows = ph.run_paths(tmp_path, width_px=48, height_px=48, passes=2).table()
+    moving_targets = [ps.instance(collection, place) for place in ps.PLACES]
+    rs.move_steadily(moving_targets[1], (0.0, 6.0, 0.0))
+    rows = ph.run_paths(tmp_path, width_px=48, height_px=48, snapshots=2).table()
     planes = np.array([place[1] for place in ps.PLACES])
-    which = np.argmin(np.abs(rows["last_m"][:, 1:2] - planes), axis=1)
+    which = np.argmin(np.abs(rows["last_scatterer_m"][:, 1:2] - planes), axis=1)
     want = np.where(which == 1, 6.0 * rows["direction"][:, 1], 0.0)
     np.testing.assert_allclose(rows["range_rate_mps"], want, atol=5e-4)

@@ -131,12 +131,17 @@ def random_paths(orders: int, depths: int, seed: int = 0) -> list[Path]:
 
 
 @pytest.mark.parametrize("world_code", [False, True])
-@pytest.mark.parametrize("lottery_free", [False, True])
+@pytest.mark.parametrize("deterministic_transmission", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_every_gate_is_found(seed: int, lottery_free: bool, world_code: bool) -> None:
+def test_every_gate_is_found(seed: int, deterministic_transmission: bool, world_code: bool) -> None:
     paths = random_paths(orders=3, depths=5, seed=seed)
     tracer = Tracer(paths)
-    found = tracer.run(max_order=3, residual=1e-9, lottery_free=lottery_free, world_code=world_code)
+    found = tracer.run(
+        max_reflections=3,
+        residual=1e-9,
+        deterministic_transmission=deterministic_transmission,
+        world_code=world_code,
+    )
     assert layers_as_paths(found) == wanted(paths)
     assert found.total == pytest.approx(sum(p.amplitude for p in paths))
     assert found.left_order <= 1e-9 * found.total
@@ -145,32 +150,38 @@ def test_every_gate_is_found(seed: int, lottery_free: bool, world_code: bool) ->
     assert len(gates) == len(set(gates))
     for layer in found.layers:
         assert (layer.vertex is not None) == (layer.order > 1)
-        assert layer.position_is_first == (layer.depth == 0 or (lottery_free and layer.order == 1))
+        assert layer.position_is_first == (
+            layer.depth == 0 or (deterministic_transmission and layer.order == 1)
+        )
 
 
-@pytest.mark.parametrize("lottery_free", [False, True])
-def test_holes_do_not_stop_it(lottery_free: bool) -> None:
+@pytest.mark.parametrize("deterministic_transmission", [False, True])
+def test_holes_do_not_stop_it(deterministic_transmission: bool) -> None:
     """An empty order (a mirror) and empty depths (wholly transparent layers)."""
     paths = [Path(0, 0, 1, 6, 20.0, 1.0), Path(1, 1, 3, 4, 50.0, 0.5)]
-    found = Tracer(paths).run(max_order=3, residual=1e-6, lottery_free=lottery_free)
+    found = Tracer(paths).run(
+        max_reflections=3, residual=1e-6, deterministic_transmission=deterministic_transmission
+    )
     assert layers_as_paths(found) == wanted(paths)
     assert [(layer.order, layer.depth) for layer in found.layers] == [(1, 6), (3, 4)]
 
 
-@pytest.mark.parametrize("lottery_free", [False, True])
-def test_nothing_to_see(lottery_free: bool) -> None:
+@pytest.mark.parametrize("deterministic_transmission", [False, True])
+def test_nothing_to_see(deterministic_transmission: bool) -> None:
     """No echo: no layer, and no more renders than it takes to know."""
     tracer = Tracer([])
-    found = tracer.run(max_order=5, lottery_free=lottery_free)
+    found = tracer.run(max_reflections=5, deterministic_transmission=deterministic_transmission)
     assert found.layers == []
     assert (found.total, found.left_order, found.left_depth) == (0.0, 0.0, 0.0)
     assert len(tracer.asked) == 1
 
 
-@pytest.mark.parametrize("lottery_free", [False, True])
-@pytest.mark.parametrize("max_order", [1, 2, 3, 4])
+@pytest.mark.parametrize("deterministic_transmission", [False, True])
+@pytest.mark.parametrize("max_reflections", [1, 2, 3, 4])
 @pytest.mark.parametrize("max_depth", [0, 2, 4, 9])
-def test_what_is_left_out_is_told(max_order: int, max_depth: int, lottery_free: bool) -> None:
+def test_what_is_left_out_is_told(
+    max_reflections: int, max_depth: int, deterministic_transmission: bool
+) -> None:
     """Powers by their weights: found, too many reflections, too deep; together all there is."""
     rng = np.random.default_rng(5)
     weight = rng.uniform(0.5, 2.0, SHAPE)
@@ -181,16 +192,16 @@ def test_what_is_left_out_is_told(max_order: int, max_depth: int, lottery_free: 
 
     found = Tracer(paths).run(
         weight,
-        max_order=max_order,
+        max_reflections=max_reflections,
         max_depth=max_depth,
         residual=1e-9,
-        lottery_free=lottery_free,
+        deterministic_transmission=deterministic_transmission,
         probe=True,
     )
     assert found.left_order <= 1e-9 * found.total
-    assert found.beyond == pytest.approx(power(lambda p: p.order > max_order), abs=1e-9)
+    assert found.beyond == pytest.approx(power(lambda p: p.order > max_reflections), abs=1e-9)
     assert found.total + found.beyond == pytest.approx(power(lambda p: True))
-    too_deep = power(lambda p: p.order <= max_order and p.depth > max_depth)
+    too_deep = power(lambda p: p.order <= max_reflections and p.depth > max_depth)
     assert found.left_depth == pytest.approx(too_deep, abs=1e-9)
     in_layers = sum(float(np.sum(layer.amplitude * weight)) for layer in found.layers)
     assert in_layers + found.left_order + found.left_depth == pytest.approx(found.total)
@@ -224,7 +235,7 @@ def test_the_residual_ends_it() -> None:
     """What lies below the threshold is not rendered, and is in the sums."""
     paths = [Path(0, 0, 1, d, 10.0 + d, 10.0**-d) for d in range(8)]
     tracer = Tracer(paths)
-    found = tracer.run(max_order=1, residual=1e-3, lottery_free=False)
+    found = tracer.run(max_reflections=1, residual=1e-3, deterministic_transmission=False)
     assert [layer.depth for layer in found.layers] == [0, 1, 2]
     left = sum(p.amplitude for p in paths[3:])
     assert found.left_depth == pytest.approx(left)
@@ -239,7 +250,9 @@ def test_coloured_scenes_take_two_renders() -> None:
         Path(2, 3, 2, 0, 44.0, 0.7, (0.3, 0.3, 0.3)),
     ]
     for channel in ("mean", "R", "G", "B"):
-        found = Tracer(paths).run(max_order=2, residual=1e-9, world_code=True, amplitude=channel)
+        found = Tracer(paths).run(
+            max_reflections=2, residual=1e-9, world_code=True, amplitude=channel
+        )
         assert found.coloured
         assert all(layer.plain is not None for layer in found.layers)
         assert layers_as_paths(found) == wanted(paths, channel)
@@ -256,14 +269,14 @@ def test_a_small_target_behind_a_pane_is_never_lost() -> None:
     """Whatever lot falls in the renders that leave lobes to chance."""
     paths = [Path(1, 2, 1, depth, 20.0 + depth, 1.0) for depth in (0, 2)]
     unlucky = frozenset(itertools.product(range(SHAPE[0]), range(SHAPE[1])))
-    found = Tracer(paths, unlucky=unlucky).run(lottery_free=True)
+    found = Tracer(paths, unlucky=unlucky).run(deterministic_transmission=True)
     assert layers_as_paths(found) == wanted(paths)
 
 
 def test_opaque_surfaces_end_it() -> None:
     """One render of a gate is enough where nothing can lie behind."""
     tracer = Tracer([Path(0, 0, 1, 0, 20.0, 1.0), Path(2, 2, 1, 0, 30.0, 1.0)])
-    found = tracer.run(lottery_free=True, opaque=frozenset({1}))
+    found = tracer.run(deterministic_transmission=True, opaque=frozenset({1}))
     assert len(tracer.asked) == 1
     assert layers_as_paths(found) == wanted(tracer.paths)
 
@@ -271,7 +284,7 @@ def test_opaque_surfaces_end_it() -> None:
 def test_gates_of_certain_surfaces() -> None:
     """Order 1 in scenes of Radar Materials: gate and tail pass the same surfaces for certain."""
     tracer = Tracer([Path(0, 0, 1, 1, 20.0, 1.0)])
-    tracer.run(lottery_free=True)
+    tracer.run(deterministic_transmission=True)
     for request in tracer.asked:
         assert request.gate.surface_depth == request.gate.depth_min
     assert Gate(1, 1, 1, 1, surface_depth=1) in [r.gate for r in tracer.asked]
@@ -280,14 +293,14 @@ def test_gates_of_certain_surfaces() -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"max_order": 0}, "Reflections"),
-        ({"shifts": 0}, "Shifts"),
-        ({"shifts": 1.5}, "Shifts"),
+        ({"max_reflections": 0}, "Reflections"),
+        ({"replicates": 0}, "Shifts"),
+        ({"replicates": 1.5}, "Shifts"),
         ({"tile_px": 2}, "Tile size"),
         ({"residual": -1.0}, "Residual"),
         ({"residual": math.nan}, "Residual"),
-        ({"error_target": 0.1, "shifts": 1}, "at least 2 shifts"),
-        ({"time_budget_s": math.inf}, "Time budget"),
+        ({"max_standard_error": 0.1, "replicates": 1}, "at least 2 shifts"),
+        ({"time_limit_s": math.inf}, "Time budget"),
         ({"code": "colour"}, "'world'"),
         ({"amplitude": "A"}, "'mean'"),
     ],

@@ -26,7 +26,7 @@ def test_number_of_threads_changes_nothing(
     mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither the paths, by a bit, nor the user's setting, also the one that is not in force."""
-    options = {"max_order": 2, "shifts": 2}
+    options = {"max_reflections": 2, "replicates": 2}
     tables = []
     for name, least in (("one", 1 << 30), ("all", 0)):
         monkeypatch.setattr(path_scene, "_ONE_THREAD_BELOW_PX", least)
@@ -44,7 +44,7 @@ def test_number_of_threads_changes_nothing(
 
 def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lots are drawn by place, poses are read as they are rendered: the same rows, to the bit."""
-    options = {"max_order": 2, "shifts": 2, "tile_px": 10}
+    options = {"max_reflections": 2, "replicates": 2, "tile_px": 10}
     ps.furnished_scene(clutter=False)
     forwards = ph.run_paths(tmp_path / "a", options=options, width_px=24, height_px=24).table()
     split = Tile.split
@@ -61,7 +61,13 @@ def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
     """Finished tiles are taken as they are, parents that were refined too; the table is that of an
     uninterrupted run, bit by bit, also where a kept tile was damaged."""
-    options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
+    options = {
+        "max_reflections": 2,
+        "replicates": 2,
+        "max_standard_error": 0.05,
+        "max_refinement_level": 1,
+        "tile_px": 12,
+    }
     size = {"width_px": 24, "height_px": 24}
     ps.furnished_scene(clutter=False)
     whole = ph.run_paths(tmp_path / "whole", options=options, **size)
@@ -86,13 +92,19 @@ def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
 
 def test_same_seed_same_bits(tmp_path: Path) -> None:
     """Bit-identical with refinement and lots drawn; another seed draws other lots."""
-    options = {"max_order": 2, "shifts": 2, "error_target": 0.05, "max_level": 1, "tile_px": 12}
+    options = {
+        "max_reflections": 2,
+        "replicates": 2,
+        "max_standard_error": 0.05,
+        "max_refinement_level": 1,
+        "tile_px": 12,
+    }
     files = []
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         ps.furnished_scene(clutter=False)
         run = ph.run_paths(tmp_path / name, options=options, width_px=24, height_px=24, seed=seed)
         files.append((run.folder / contract.frame_dir(1) / contract.PATHS_TABLE).read_bytes())
-    assert run.record().finest_level > 0
+    assert run.record().finest_refinement_level > 0
     assert files[0] == files[1]
     assert files[0] != files[2]
 
@@ -126,6 +138,6 @@ def test_overwriting_keeps_nothing_of_the_other_run(tmp_path: Path) -> None:
     rs.new_scene()
     ph.plate_at(10, 4, ph.rough_metal())
     ph.run_paths(tmp_path)
-    run = ph.run_paths(tmp_path, overwrite=True, options={"shifts": 3})
-    assert run.record().shifts == 3
+    run = ph.run_paths(tmp_path, overwrite=True, options={"replicates": 3})
+    assert run.record().replicates == 3
     assert set(run.table()["shift"]) == {0, 1, 2}

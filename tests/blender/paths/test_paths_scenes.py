@@ -25,12 +25,12 @@ pytestmark = pytest.mark.blender
 def assert_plates_seen(rows: np.ndarray, places: list[tuple[float, float, float]]) -> None:
     """Each row lies on one of the plates, all of them are seen, ranges are those of the plates."""
     planes = np.array([place[1] for place in places])
-    which = np.argmin(np.abs(rows["last_m"][:, 1:2] - planes), axis=1)
+    which = np.argmin(np.abs(rows["last_scatterer_m"][:, 1:2] - planes), axis=1)
     assert set(which) == set(range(len(places)))
     cosine = rows["direction"][:, 1]
     np.testing.assert_allclose(rows["length_m"], 2 * planes[which] / cosine, rtol=1e-6)
     centre = np.array(places)[which]
-    assert np.abs(rows["last_m"] - centre)[:, [0, 2]].max() <= 1 + 1e-5
+    assert np.abs(rows["last_scatterer_m"] - centre)[:, [0, 2]].max() <= 1 + 1e-5
     assert not np.any(rows["flags"])
 
 
@@ -131,7 +131,7 @@ def test_scales(tmp_path: Path, metres_per_unit: float, size: float, code: str) 
     ph.quad("Floor", [(-x, near, 0), (x, near, 0), (x, end, 0), (-x, end, 0)], floor)
     wall = [(-x, end, 0), (x, end, 0), (x, end, top), (-x, end, top)]
     ph.quad("Wall", wall, ph.rough_metal())
-    options = {"max_order": 2, "code": code}
+    options = {"max_reflections": 2, "code": code}
     run = ph.run_paths(tmp_path, width_px=24, height_px=24, options=options)
     rows = run.table()
     unit_m = size * metres_per_unit
@@ -146,7 +146,7 @@ def test_scales(tmp_path: Path, metres_per_unit: float, size: float, code: str) 
     back = np.linalg.norm(last - (0, 0, 2), axis=1)
     length = (np.linalg.norm(image, axis=1) + back) * unit_m
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-6)
-    np.testing.assert_allclose(rows["last_m"], last * unit_m, atol=5e-5 * unit_m)
+    np.testing.assert_allclose(rows["last_scatterer_m"], last * unit_m, atol=5e-5 * unit_m)
     reflectance = 0.9998
     lit = last[:, 1] / back
     # The lamp's watts are per Blender unit squared: powers in watts grow with the unit's square.

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.inset_tiles import lay_over_small, pixels_across
+from radarsim_addon.blender.paths.inset_tiles import add_inset_tiles, pixels_across
 from radarsim_addon.blender.paths.tiles import Area, Tile, lay_in
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import ViewWindow, view_seed
@@ -138,12 +138,14 @@ def test_an_area_lies_within_its_tiles() -> None:
 
 def test_small_objects_get_the_pixels_their_error_needs() -> None:
     """A side of s pixels is uncertain by at most half a pixel in one shift."""
-    options = PathOptions(shifts=2, error_target=0.02)
+    options = PathOptions(replicates=2, max_standard_error=0.02)
     across = pixels_across(options)
     assert math.sqrt(2 * 0.25 / 2) / across == pytest.approx(0.01)
-    assert pixels_across(PathOptions(shifts=2, error_target=0.02, refine_by="ranges")) == 2
+    assert (
+        pixels_across(PathOptions(replicates=2, max_standard_error=0.02, refine_for="ranges")) == 2
+    )
     small, large = Area(0.1, 0.11, 0.0, 0.02), Area(-0.2, 0.3, -0.1, 0.2)
-    tiles = lay_over_small([Tile(FRAME)], [large, small], FRAME, options)
+    tiles = add_inset_tiles([Tile(FRAME)], [large, small], FRAME, options)
     assert len(tiles) == 3
     assert all(tile.own_pixels() for tile in tiles)
     # The last is the finest: all of the object is in it.
@@ -155,10 +157,10 @@ def test_small_objects_get_the_pixels_their_error_needs() -> None:
 
 def test_what_is_spent_on_small_objects_is_bounded() -> None:
     """A hundred share it; a point takes no more than an object. None slips between the rays."""
-    options = PathOptions(shifts=2, error_target=1e-3, tile_px=4096)
+    options = PathOptions(replicates=2, max_standard_error=1e-3, tile_px=4096)
     row = [Area(x, x + 0.002, y, y + 0.002) for x in (0.1, 0.2) for y in np.arange(50) * 0.005]
     for areas in (row, [Area(0.1, 0.10002, 0.05, 0.05002)]):
-        tiles = lay_over_small([Tile(FRAME)], areas, FRAME, options)
+        tiles = add_inset_tiles([Tile(FRAME)], areas, FRAME, options)
         assert np.all(times_covered(tiles, 3) == 1)
         assert sum(tile.own_pixels() for tile in tiles[1:]) < 1.5 * (1 << 18)
         for area in areas:

@@ -47,7 +47,7 @@ def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
     kept, original = [], path_job.rows_of_view
     path_job.rows_of_view = lambda traced, *rest: kept.append(traced) or original(traced, *rest)
     try:
-        options = {"max_order": 3, "code": code}
+        options = {"max_reflections": 3, "code": code}
         run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     finally:
         path_job.rows_of_view = original
@@ -60,7 +60,7 @@ def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
     assert rows.size > 500
     # Every path has its code: R, and the G that carries it, are normal numbers of float32.
     assert not np.any(rows["flags"] & PathFlag.NO_RANGE)
-    assert record.no_code_share == 0.0
+    assert record.unranged_power_fraction == 0.0
     (traced,) = kept
     for layer in traced.layers:
         lit = layer.amplitude > 0
@@ -71,9 +71,9 @@ def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
     # R = exp(-length / k): even over the longest path allowed for it stays above exp(-8).
     longest_m = float(rows["length_m"].max())
     assert longest_m > 10_000
-    assert math.isfinite(record.code_length_m)
-    assert record.code_length_m == run.job.plan.code_length_m
-    assert longest_m < 8 * record.code_length_m
+    assert math.isfinite(record.range_encoding_length_m)
+    assert record.range_encoding_length_m == run.job.plan.range_encoding_length_m
+    assert longest_m < 8 * record.range_encoding_length_m
     x = unfolded[:, 0] - 2 * HALF_M * images
     scatterer = np.stack([np.where(images % 2, -x, x), unfolded[:, 1], unfolded[:, 2]], axis=1)
     length = np.linalg.norm(unfolded, axis=1) + np.linalg.norm(scatterer, axis=1)

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.blender
 DISTANCE = 10.0
 REFLECTANCE = 1 - 4e4 / (1e8 + 2e4 + 1 + 1e8)
 SIZE = {"width_px": 64, "height_px": 32}
-OPTIONS = {"shifts": 4, "error_target": 0.02, "refine_by": "objects"}
+OPTIONS = {"replicates": 4, "max_standard_error": 0.02, "refine_for": "objects"}
 
 
 def lambert() -> Any:
@@ -124,7 +124,9 @@ def test_small_target_in_a_room(
     # The midpoint rule makes each pixel too small by (5.6 degrees)^2/24.
     assert rows["solid_angle_sr"].sum() == pytest.approx(SPHERE, rel=1e-3)
     target = rows[rows["object"] == record.objects.index("Target") + 1]
-    seen = target["last_m"] / np.linalg.norm(target["last_m"], axis=1, keepdims=True)
+    seen = target["last_scatterer_m"] / np.linalg.norm(
+        target["last_scatterer_m"], axis=1, keepdims=True
+    )
     assert np.abs(seen - target["direction"]).max() < 4e-7
 
 
@@ -134,14 +136,14 @@ def test_refinement_quarters_tiles_of_a_sphere(tmp_path: Path) -> None:
     wide_camera(-math.pi, math.pi, -math.pi / 2, math.pi / 2)
     add_room()
     add_target(2.9, 0.8, 6.0)  # across the seam
-    options = OPTIONS | {"error_target": 0.003, "tile_px": 16}
+    options = OPTIONS | {"max_standard_error": 0.003, "tile_px": 16}
     run = ph.run_paths(tmp_path, options=options, **SIZE)
     record = run.record()
     assert record.small_objects == 0
-    assert record.finest_level >= 2
+    assert record.finest_refinement_level >= 2
     assert record.reached == "error target"
     assert run.table()["solid_angle_sr"].sum() == pytest.approx(SPHERE, rel=1e-3)
-    coarse = ph.run_paths(tmp_path / "coarse", options={"shifts": 4, "tile_px": 16}, **SIZE)
+    coarse = ph.run_paths(tmp_path / "coarse", options={"replicates": 4, "tile_px": 16}, **SIZE)
     assert echo_of(run).power_error_w < 0.5 * echo_of(coarse).power_error_w
     assert_power(run, power_w(6.0))
 
@@ -171,7 +173,7 @@ def test_tiles_agree_with_a_dense_frame(tmp_path: Path) -> None:
     bpy.context.object.data.materials.append(bpy.data.materials["lambert"])
     run = ph.run_paths(tmp_path / "tiles", options=OPTIONS, **SIZE)
     dense = ph.run_paths(
-        tmp_path / "dense", options={"shifts": 4, "tile_px": 1024}, width_px=1024, height_px=512
+        tmp_path / "dense", options={"replicates": 4, "tile_px": 1024}, width_px=1024, height_px=512
     )
     ours, theirs = echo_of(run), echo_of(dense)
     assert abs(10 * math.log10(ours.power_w / theirs.power_w)) < 0.2

@@ -52,7 +52,7 @@ def test_target_is_a_dot_at_its_range_and_doppler(summary: dict) -> None:
 
 
 def test_the_run_is_that_of_the_table(summary: dict) -> None:
-    assert (summary["rings"], summary["ring_step_m"], summary["passes"]) == (21, 250, 2)
+    assert (summary["rings"], summary["ring_step_m"], summary["snapshots"]) == (21, 250, 2)
     assert summary["pulses"] >= 128
     assert summary["versions"]["blender"]
     assert summary["peak_memory_mib"]["render"] > 0

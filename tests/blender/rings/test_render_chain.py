@@ -71,7 +71,9 @@ def test_unit_scale(tmp_path: Path, metres_per_unit: float) -> None:
     assert nearest_m == pytest.approx(
         10 * metres_per_unit * math.sqrt(1 + 2 * half_px**2), rel=1e-5
     )
-    truth = read_record(tmp_path / contract.frame_dir(1) / "scene.json", contract.SceneRecord)
+    truth = read_record(
+        tmp_path / contract.frame_dir(1) / "ground_truth.json", contract.GroundTruthRecord
+    )
     assert truth.objects[0].nearest_range_m == pytest.approx(10 * metres_per_unit, rel=1e-9)
 
 
@@ -81,7 +83,7 @@ def test_velocity_of_a_plate(tmp_path: Path, speed_mps: float) -> None:
     rs.new_scene()
     plate = rs.add_plate(10.0, size=40.0)
     rs.move_steadily(plate, (0.0, speed_mps, 0.0))
-    rs.run(tmp_path, passes=2, delta_t_s=0.01, rings=1, ring_step_m=40.0)
+    rs.run(tmp_path, snapshots=2, snapshot_interval_s=0.01, rings=1, ring_step_m=40.0)
     frame = signal.open_run(tmp_path).frame(1)
     first, second = (frame.image(0, p) for p in (0, 1))
     interval_s = second[0].time_s - first[0].time_s
@@ -137,10 +139,12 @@ def test_dihedral_doubles_bounce(tmp_path: Path) -> None:
 
 def test_empty_scene_is_valid(tmp_path: Path) -> None:
     rs.new_scene()
-    job = rs.run(tmp_path, passes=2)
+    job = rs.run(tmp_path, snapshots=2)
     assert job.plan.rings == 1
     assert all(not found.mask.any() for found in rs.decoded(tmp_path))
-    truth = read_record(tmp_path / contract.frame_dir(1) / "scene.json", contract.SceneRecord)
+    truth = read_record(
+        tmp_path / contract.frame_dir(1) / "ground_truth.json", contract.GroundTruthRecord
+    )
     assert truth.objects == []
 
 
@@ -158,7 +162,9 @@ def test_automatic_rings_reach_the_farthest_point_through_instances(tmp_path: Pa
     # Corners at (+-0.5, 20, +-0.5): 20.0125 m, in the sixth ring.
     assert job.plan.extent.from_emitter_m == pytest.approx(math.hypot(20.0, 0.5, 0.5), rel=1e-6)
     assert job.plan.rings == 6
-    truth = read_record(tmp_path / contract.frame_dir(1) / "scene.json", contract.SceneRecord)
+    truth = read_record(
+        tmp_path / contract.frame_dir(1) / "ground_truth.json", contract.GroundTruthRecord
+    )
     assert [item.name for item in truth.objects] == ["Holder/Plate"]
     assert truth.objects[0].nearest_range_m == pytest.approx(20.0, rel=1e-7)
     assert any(found.mask.any() for found in rs.decoded(tmp_path))
@@ -168,7 +174,9 @@ def test_same_paths_in_both_passes(tmp_path: Path) -> None:
     """Nothing moves: the passes are equal, bit for bit, whatever the number of samples."""
     rs.new_scene()
     rs.add_plate(10.0, preset="ground")
-    rs.run(tmp_path, passes=2, samples=4)
-    for first, second in zip(rs.images(tmp_path), rs.images(tmp_path, pass_index=1), strict=True):
+    rs.run(tmp_path, snapshots=2, samples=4)
+    for first, second in zip(
+        rs.images(tmp_path), rs.images(tmp_path, snapshot_index=1), strict=True
+    ):
         for name in contract.CHANNELS:
             np.testing.assert_array_equal(first[name], second[name])

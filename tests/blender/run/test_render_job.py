@@ -40,7 +40,7 @@ def exr_times(folder: Path) -> dict[str, int]:
 
 def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
     """Exactly the files of the contract, each sidecar matching its EXR."""
-    rs.run(tmp_path, passes=2, frames=(3,))
+    rs.run(tmp_path, snapshots=2, frames=(3,))
     names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
     stems = [f"frames/frame_0003/ring_{n:03d}_t{p}" for n in range(3) for p in range(2)]
     expected = [stem + suffix for stem in stems for suffix in (".exr", ".json")]
@@ -50,20 +50,20 @@ def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
         assert file_sha256(tmp_path / f"{stem}.exr") == record.exr_sha256
         assert record.versions["blender"] == bpy.app.version_string
     run = read_record(tmp_path / "run.json", contract.RunRecord)
-    assert (run.rings, run.passes, run.frames) == (3, 2, [3])
+    assert (run.rings, run.snapshots, run.frames) == (3, 2, [3])
     assert run.waveform["carrier_hz"] == 5.3e9
     assert run.frame_times_s == [3 / 24]
 
 
 def test_a_stopped_run_goes_on(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path, limit=2, passes=2)
+    rs.run(tmp_path, limit=2, snapshots=2)
     before = exr_times(tmp_path)
     assert len(before) == 2
-    job = rs.run(tmp_path, passes=2)
+    job = rs.run(tmp_path, snapshots=2)
     after = exr_times(tmp_path)
     assert (len(after), job.done, job.total) == (6, 6, 6)
     assert {name: after[name] for name in before} == before
-    rs.run(tmp_path, passes=2)
+    rs.run(tmp_path, snapshots=2)
     assert exr_times(tmp_path) == after
 
 

@@ -26,8 +26,8 @@ def scene() -> Iterator[Any]:
     rs.add_plate(10.0, 8.0)
     settings = found.radarsim
     settings.width_px = settings.height_px = 8
-    settings.samples, settings.passes, settings.ring_step_m = 1, "1", 20.0
-    settings.path_motion, settings.path_shifts = "off", 1
+    settings.samples, settings.snapshots, settings.ring_step_m = 1, "1", 20.0
+    settings.path_motion, settings.path_replicates = "off", 1
     settings.frame_mode, settings.frame_end = "RANGE", 2
     yield found
     properties.unregister()
@@ -40,7 +40,7 @@ def test_a_run_whose_folder_goes_says_so(tmp_path: Path, scene: Any, kind: str, 
     folder = tmp_path / "run"
     with (
         pytest.raises(OutputError, match=GONE),
-        make_job(scene, bpy.context.view_layer, folder, acquisition=kind) as job,
+        make_job(scene, bpy.context.view_layer, folder, sampling_mode=kind) as job,
     ):
         for task in job.pending():
             for step in ("start", "render", "finish"):
@@ -61,7 +61,7 @@ def test_what_is_left_of_it_is_told(
     folder = tmp_path / "run"
     with (
         pytest.raises(OutputError, match=message),
-        make_job(scene, bpy.context.view_layer, folder, acquisition=kind) as job,
+        make_job(scene, bpy.context.view_layer, folder, sampling_mode=kind) as job,
     ):
         for task in job.pending():
             job.start(task)

@@ -180,5 +180,5 @@ def test_the_second_pass_is_looked_at_before_the_first(tmp_path: Path) -> None:
     rs.new_scene()
     within_burst(rs.add_plate(10.0), "location", NAN, 0)
     with pytest.raises(SceneError, match="'Plate' is not a number"):
-        rs.run(tmp_path / "run", passes=2, delta_t_s=1.5 / 24)
+        rs.run(tmp_path / "run", snapshots=2, snapshot_interval_s=1.5 / 24)
     assert not (tmp_path / "run").exists()

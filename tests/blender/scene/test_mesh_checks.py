@@ -17,7 +17,7 @@ from mathutils import Matrix
 from radarsim_addon.blender.materials import set_layer_normals
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.scene import check_meshes
-from radarsim_addon.blender.state import Recorder
+from radarsim_addon.blender.state import SettingsRestorer
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 
@@ -63,7 +63,7 @@ def test_what_is_no_layer_is_named() -> None:
     box((0, 5, 0), (4, 9, 3), "Thick")
     box((9, 5, 0), (13, 9, 3), "Told")[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
     bpy.context.view_layer.update()
-    recorder = Recorder()
+    recorder = SettingsRestorer()
     (text,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
     assert "'Thick': less than 60%" in text
     assert "Wall" not in text and "Told" not in text
@@ -88,7 +88,7 @@ def test_two_plates_in_one_object_have_no_thickness() -> None:
     ):
         bpy.ops.object.join()
     bpy.context.view_layer.update()
-    recorder = Recorder()
+    recorder = SettingsRestorer()
     assert set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get()) == []
     assert attributes.OBJECT_LAYER_NORMAL in first
     assert attributes.OBJECT_LAYER_THICKNESS not in first

@@ -76,10 +76,10 @@ def test_labels_are_what_is_rendered(how: str, tmp_path: Path) -> None:
     bpy.context.scene.frame_set(1)
     hide(far, how)
     before = state()
-    run = ph.run_paths(tmp_path, passes=2, width_px=16, height_px=16)
+    run = ph.run_paths(tmp_path, snapshots=2, width_px=16, height_px=16)
     assert state() == before
     found = read_record(
-        tmp_path / contract.frame_dir(1) / contract.SCENE_FILE, contract.SceneRecord
+        tmp_path / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, contract.GroundTruthRecord
     )
     labels = {item.name: item for item in found.objects}
     rows = run.table()

@@ -17,7 +17,7 @@ from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.scene import pattern_mesh
 from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.blender.ui import link_budget_panel as system_panel
-from radarsim_addon.contract import AntennaRecord, SystemRecord
+from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
 from radarsim_addon.signal.decoding import frame_paths
@@ -152,7 +152,7 @@ def test_patterns_are_drawn_and_removed(scene: Any) -> None:
     ],
 )
 def test_pattern_surface_is_the_gain(kind: str, parameters: dict[str, Any]) -> None:
-    record = SystemRecord(transmitter=AntennaRecord(kind, parameters))
+    record = LinkBudget(transmitter=AntennaRecord(kind, parameters))
     antenna = make_system(record, WAVELENGTH_M).transmitter
     vertices, faces = pattern_mesh.pattern_surface(antenna)
     radius = np.linalg.norm(vertices, axis=1)
@@ -194,7 +194,7 @@ def rendered_plate(
     ph.field_of_view(2 * math.degrees(math.atan(0.325 / range_m)))
     if emitter_at is not None:
         bpy.data.objects["Radar Emitter"].location = (emitter_at[0], emitter_at[2], -emitter_at[1])
-    return ph.run_paths(folder, options={"shifts": 4}, width_px=64, height_px=64).record()
+    return ph.run_paths(folder, options={"replicates": 4}, width_px=64, height_px=64).record()
 
 
 def sigma_plate(range_m: float, tilt_deg: float, emitter_at: Any = None) -> tuple[float, float]:
@@ -245,7 +245,7 @@ def test_swept_beam_through_cycles(bpy: Any, tmp_path: Path) -> None:
     empty = bpy.data.objects["Radar"]
     aperture = AntennaRecord("aperture", {"width_m": 0.6, "height_m": 0.3})
     beam = AntennaRecord("gaussian", GAUSSIAN)
-    record = SystemRecord(10.0, aperture, beam)
+    record = LinkBudget(10.0, aperture, beam)
     system = make_system(record, WAVELENGTH_M)
     # the angle of the rig in world Z; positive turns the beam to the left of the plate
     angles_deg = (0.0, 1.0, -2.0, 3.0, -4.0, 4.6, -5.1, -6.5, 8.0, -9.5)

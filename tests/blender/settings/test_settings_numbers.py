@@ -25,17 +25,22 @@ from radarsim_addon.blender.plan import (
     make_plan,
     measurement,
     parse_frames,
-    typed,
+    shortest_decimal,
     warnings_for,
 )
-from radarsim_addon.blender.plan.run_plan import code_length_m
+from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
 from radarsim_addon.blender.rings import verify_exr
 from radarsim_addon.blender.scene.nearest import nearest_distance
 from radarsim_addon.errors import ConfigError, OutputError, RenderError
 from radarsim_addon.signal.radar import Burst, Waveform
 
 PAPER = Measurement(
-    Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 128), (1,), 21, 250.0, delta_t_s=0.01
+    Waveform(5.3e9, 50e6, 2.5e-6, 60e6),
+    Burst(1000.0, 128),
+    (1,),
+    21,
+    250.0,
+    snapshot_interval_s=0.01,
 )
 
 
@@ -44,7 +49,7 @@ PAPER = Measurement(
     [(77.0, 9, 77e9), (5.3, 9, 5.3e9), (2.5, -6, 2.5e-6), (0.1, 0, 0.1), (1e-4, -3, 1e-7)],
 )
 def test_float32_becomes_what_was_typed(value: float, exponent: int, expected: float) -> None:
-    assert typed(float(np.float32(value)), exponent) == expected
+    assert shortest_decimal(float(np.float32(value)), exponent) == expected
 
 
 def test_frames() -> None:
@@ -64,8 +69,8 @@ def test_frames() -> None:
         ({"ring_step_m": math.nan}, "Ring step is nan"),
         ({"rings": -1}, "Number of rings is -1"),
         ({"rings": 10_001}, "expected 1 to 10000"),
-        ({"passes": 3}, "Number of passes is 3"),
-        ({"delta_t_s": 0.0}, "Delta t is 0.0 s"),
+        ({"snapshots": 3}, "Number of passes is 3"),
+        ({"snapshot_interval_s": 0.0}, "Delta t is 0.0 s"),
         ({"frames": ()}, "No frame"),
         ({"frames": (-1,)}, "Frames -1 to -1"),
         ({"width_px": 0}, "Width is 0"),
@@ -86,8 +91,10 @@ def test_derived_numbers_of_the_paper() -> None:
     numbers = derive(PAPER, 21)
     assert numbers.range_resolution_m == pytest.approx(2.99792458)
     assert numbers.unambiguous_range_m == pytest.approx(149896.229)
-    assert numbers.max_velocity_mps == pytest.approx(299792458 / 5.3e9 * 1000 / 4)
-    assert numbers.velocity_resolution_mps == pytest.approx(numbers.max_velocity_mps / 64)
+    assert numbers.max_unambiguous_velocity_mps == pytest.approx(299792458 / 5.3e9 * 1000 / 4)
+    assert numbers.velocity_resolution_mps == pytest.approx(
+        numbers.max_unambiguous_velocity_mps / 64
+    )
     assert (numbers.renders, numbers.covered_range_m, numbers.burst_s) == (42, 5250.0, 0.128)
 
 
@@ -97,8 +104,8 @@ def test_derived_numbers_of_the_paper() -> None:
         ({}, 21, 6000.0, None, "rings end at 5250 m"),
         ({"ring_step_m": 2500.0}, 100, 200e3, None, "unambiguous range"),
         ({"ring_step_m": 1.0}, 21, None, None, "below the range resolution"),
-        ({"passes": 1}, 21, None, None, "no Doppler"),
-        ({"delta_t_s": 0.001}, 21, None, None, "is short"),
+        ({"snapshots": 1}, 21, None, None, "no Doppler"),
+        ({"snapshot_interval_s": 0.001}, 21, None, None, "is short"),
         ({"frames": (1, 2)}, 21, None, 1 / 24, "bursts overlap"),
     ],
 )
@@ -117,16 +124,16 @@ def test_warnings(
 def test_no_warning_where_all_fits() -> None:
     assert warnings_for(PAPER, 21, 5000.0) == []
     # of paths rings and their step say nothing
-    assert warnings_for(PAPER, 1, 200e3 * 0.7, acquisition="paths") == []
+    assert warnings_for(PAPER, 1, 200e3 * 0.7, sampling_mode="paths") == []
 
 
-@pytest.mark.parametrize("acquisition", ["rings", "paths"])
-def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(acquisition: str) -> None:
+@pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
+def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(sampling_mode: str) -> None:
     narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))
-    (found,) = warnings_for(narrow, 21, 5200.0, acquisition=acquisition)
+    (found,) = warnings_for(narrow, 21, 5200.0, sampling_mode=sampling_mode)
     assert "150 Hz resolves ranges to c / 2B = 999.31 km, but ranges end at 5200 m" in found
     slow = dataclasses.replace(PAPER, burst=Burst(1.0, 128))
-    (found,) = warnings_for(slow, 21, 5200.0, acquisition=acquisition, animation_s=10.4)
+    (found,) = warnings_for(slow, 21, 5200.0, sampling_mode=sampling_mode, animation_s=10.4)
     assert "lasts 128 s, the animation 10.4 s" in found
 
 
@@ -156,7 +163,7 @@ def test_code_does_not_underflow_on_the_longest_path(bounces: int) -> None:
     extent = Extent(6000.0, 7000.0, 500.0, 9000.0)
     asked = dataclasses.replace(PAPER, max_bounces=bounces)
     longest_m = 2 * 5250 + 500 + bounces * 9000.0 + (7000.0 if bounces else 0.0)
-    k_m = code_length_m(asked, 21, extent)
+    k_m = range_encoding_length_m(asked, 21, extent)
     assert longest_m / k_m == pytest.approx(8.0)
     # Weak echoes too: 1e-15 W times G stays a normal float32.
     assert 1e-15 * math.exp(-2 * longest_m / k_m) > np.finfo(np.float32).tiny
@@ -165,8 +172,10 @@ def test_code_does_not_underflow_on_the_longest_path(bounces: int) -> None:
 def test_recorded_code_length_is_the_one_of_the_shader() -> None:
     """1/k reaches the shader in float32; the record holds the inverse of exactly that number."""
     plan = make_plan(dataclasses.replace(PAPER, rings=7, ring_step_m=33.3), 100.0, 24.0, Extent())
-    inverse = np.float32(plan.metres_per_unit / plan.code_length_m)
-    assert plan.metres_per_unit / float(inverse) == pytest.approx(plan.code_length_m, rel=1e-15)
+    inverse = np.float32(plan.metres_per_unit / plan.range_encoding_length_m)
+    assert plan.metres_per_unit / float(inverse) == pytest.approx(
+        plan.range_encoding_length_m, rel=1e-15
+    )
 
 
 def test_recorded_time_is_what_blender_evaluates() -> None:
@@ -196,7 +205,7 @@ def test_fingerprint() -> None:
         {"seed": 1},
         {"width_px": 128},
         {"max_bounces": 1},
-        {"delta_t_s": 0.02},
+        {"snapshot_interval_s": 0.02},
         {"extinction_length_m": 5.0},
     ]
     others = [print_of(change) for change in changes] + [print_of({}, "b")]
@@ -211,9 +220,9 @@ def test_scale_and_rate_must_be_positive(scale: float, fps: float) -> None:
 
 def test_no_more_renders_in_a_burst_than_pulses() -> None:
     asked = dataclasses.replace(PAPER, rings=3, burst=dataclasses.replace(PAPER.burst, pulses=4))
-    assert make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=4).renders_per_burst == 4
+    assert make_plan(asked, 1.0, 24.0, Extent(), visibility_updates=4).visibility_updates == 4
     with pytest.raises(ConfigError, match="Renders per burst: 300, more than the 4 pulses"):
-        make_plan(asked, 1.0, 24.0, Extent(), renders_per_burst=300)
+        make_plan(asked, 1.0, 24.0, Extent(), visibility_updates=300)
 
 
 # -- nearest distance ------------------------------------------------------------------------------

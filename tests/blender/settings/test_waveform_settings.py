@@ -38,10 +38,10 @@ def scene(addon: Any) -> Any:
     made = rs.new_scene()
     rs.add_plate(10.0)
     settings = made.radarsim
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.ring_step_m, settings.samples = 4.0, 1
     settings.width_px = settings.height_px = 8
-    settings.passes = "1"
+    settings.snapshots = "1"
     return made
 
 
@@ -64,7 +64,7 @@ def test_each_kind_becomes_its_waveform(scene: Any) -> None:
         assert properties.read_measurement(scene).waveform == waveform
         assert all(hasattr(settings, name) for name in WAVEFORM_SETTINGS[kind])
     with pytest.raises(ConfigError, match="LFM pulse"):
-        properties.read_measurement(scene, chirp_length_us=3.0)
+        properties.read_measurement(scene, chirp_duration_us=3.0)
 
 
 def test_a_radar_file_in_the_panel_and_on_the_command_line(scene: Any, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.state import Recorder
+from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import RadarSimError, SceneError
 from tests.blender import radar_scenes as rs
 
@@ -149,7 +149,7 @@ def difference(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
 def test_everything_is_restored_after_success(tmp_path: Path) -> None:
     scene = unusual_scene()
     before = snapshot(scene)
-    rs.run(tmp_path, passes=2)
+    rs.run(tmp_path, snapshots=2)
     assert difference(before, snapshot(scene)) == []
 
 
@@ -197,7 +197,7 @@ def test_everything_is_restored_after_an_error(tmp_path: Path) -> None:
 
 def test_everything_is_restored_when_preparing_fails(tmp_path: Path) -> None:
     scene = unusual_scene()
-    rs.run(tmp_path, passes=2)
+    rs.run(tmp_path, snapshots=2)
     before = snapshot(scene)
     with pytest.raises(RadarSimError, match="another run"), rs.job_for(tmp_path, seed=9):
         pass
@@ -308,7 +308,7 @@ def test_recorder_restores_in_reverse_order() -> None:
 
     owner = Owner()
     owner.log.clear()
-    recorder = Recorder()
+    recorder = SettingsRestorer()
     recorder.set(owner, "a", 2)
     recorder.set(owner, "b", (5, 6))
     recorder.set(owner, "a", 3)
@@ -331,7 +331,7 @@ def test_recorder_goes_on_after_a_failure() -> None:
     def fail() -> None:
         raise ReferenceError("gone")
 
-    owner, recorder = Owner(), Recorder()
+    owner, recorder = Owner(), SettingsRestorer()
     recorder.set(owner, "value", 2)
     recorder.on_restore("broken", fail)
     assert recorder.restore() == ["broken: gone"]

@@ -27,7 +27,7 @@ def scene(addon: Any) -> Any:
     made = rs.new_scene()
     rs.add_plate(10.0)
     settings = made.radarsim
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.ring_step_m, settings.samples = 4.0, 1
     settings.width_px = settings.height_px = 32
     return made
@@ -84,22 +84,27 @@ def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -
 def test_settings_are_what_was_typed(scene: Any) -> None:
     settings = scene.radarsim
     settings.carrier_ghz, settings.bandwidth_mhz = 77.1, 153.3
-    settings.chirp_length_us, settings.sampling_rate_mhz = 12.3, 160.7
-    settings.prf_hz, settings.delta_t_ms = 1234.5, 7.1
+    settings.chirp_duration_us, settings.sampling_rate_mhz = 12.3, 160.7
+    settings.prf_hz, settings.snapshot_interval_ms = 1234.5, 7.1
     found = properties.read_measurement(scene)
     assert found.waveform.carrier_hz == 77.1e9
     assert found.waveform.bandwidth_hz == 153.3e6
     assert found.waveform.duration_s == 12.3e-6
     assert found.waveform.sampling_rate_hz == 160.7e6
     assert found.burst.prf_hz == 1234.5
-    assert found.delta_t_s == 7.1e-3
+    assert found.snapshot_interval_s == 7.1e-3
 
 
 def test_defaults_are_the_paper(scene: Any) -> None:
     scene.radarsim.property_unset("ring_step_m")
     scene.radarsim.ring_mode = "COUNT"
     found = properties.read_measurement(scene)
-    assert (found.rings, found.ring_step_m, found.passes, found.delta_t_s) == (21, 250.0, 2, 0.01)
+    assert (found.rings, found.ring_step_m, found.snapshots, found.snapshot_interval_s) == (
+        21,
+        250.0,
+        2,
+        0.01,
+    )
     assert found.waveform == rs.WAVEFORM
     assert found.burst == rs.BURST
     scene.radarsim.sweep_by = "FM_RATE"
@@ -132,10 +137,15 @@ def test_extinction_length(scene: Any) -> None:
 
 def test_command_line_overrides_the_settings_in_float64(scene: Any) -> None:
     found = properties.read_measurement(
-        scene, carrier_ghz=76.123456789, ring_count=3, passes=1, frames=(1, 2), prf_hz=None
+        scene, carrier_ghz=76.123456789, ring_count=3, snapshots=1, frames=(1, 2), prf_hz=None
     )
     assert found.waveform.carrier_hz == 76.123456789e9
-    assert (found.rings, found.passes, found.frames, found.burst.prf_hz) == (3, 1, (1, 2), 1000.0)
+    assert (found.rings, found.snapshots, found.frames, found.burst.prf_hz) == (
+        3,
+        1,
+        (1, 2),
+        1000.0,
+    )
     with pytest.raises(ConfigError, match="Number of rings is 0"):
         properties.read_measurement(scene, ring_count=0)
 

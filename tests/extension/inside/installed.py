@@ -84,7 +84,7 @@ def main(archive: str, out: str) -> dict[str, Any]:
     settings = bpy.context.scene.radarsim
     settings.output_dir = out
     settings.frame_mode = "CURRENT"
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.ring_mode = "COUNT"
     settings.ring_count = 3
     settings.ring_step_m = 5.0

@@ -109,7 +109,7 @@ def script(robot: Any) -> Any:
     settings = scene.radarsim
     settings.output_dir = str(FOLDER / "run one")
     settings.frame_mode = "CURRENT"
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.ring_mode = "COUNT"
     settings.ring_count = RINGS
     settings.ring_step_m = 5.0
@@ -201,7 +201,7 @@ def script(robot: Any) -> Any:
 
     # 7. The other acquisition, stopped, then to its end, and back.
     stopped_paths = FOLDER / "run paths stopped"
-    settings.acquisition = "PATHS"
+    settings.sampling_mode = "PATHS"
     settings.width_px = settings.height_px = 1024
     before = snapshot_module.snapshot(scene)
     start(stopped_paths)
@@ -229,7 +229,7 @@ def script(robot: Any) -> Any:
         "files": files(third),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
-    settings.acquisition = "RINGS"
+    settings.sampling_mode = "RINGS"
     settings.output_dir = str(second)
     yield 1.0
 

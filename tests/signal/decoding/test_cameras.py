@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import CameraRecord
+from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import SchemaError
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.decoding.cameras import solid_angles_sr
@@ -18,9 +18,9 @@ def camera(
     kind: str = "perspective",
     edges: tuple[float, float, float, float] = (-1.0, 1.0, -1.0, 1.0),
     matrix: np.ndarray | None = None,
-) -> CameraRecord:
+) -> ReceiverRecord:
     pose = np.eye(4) if matrix is None else matrix
-    return CameraRecord(kind, pose.tolist(), *edges, near_clip_m=1e-6)
+    return ReceiverRecord(kind, pose.tolist(), *edges, near_clip_m=1e-6)
 
 
 def turned() -> np.ndarray:

@@ -27,9 +27,11 @@ def plate_run(folder: Path, kind: str, name: str = "Plate") -> Path:
     receiver = pr.camera(pr.pose((0, 0, 0)), math.degrees(8 / RANGE_M))
     if kind == "orthographic":
         receiver = dataclasses.replace(receiver, kind=kind, left=-8, right=8, bottom=-8, top=8)
-    emitter = contract.EmitterRecord(pr.pose((0, 0, 0)), 1e6)
+    emitter = contract.TransmitterRecord(pr.pose((0, 0, 0)), 1e6)
     rows = pr.trace([target], receiver, emitter, 200, 2)
-    return pr.write_run(folder, rows, [name], receiver, emitter, window_m=1000.0, shifts=2)
+    return pr.write_run(
+        folder, rows, [name], receiver, emitter, range_limits_m=1000.0, replicates=2
+    )
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])

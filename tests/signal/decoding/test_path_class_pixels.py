@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import CameraRecord
+from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import (
     GatePixels,
     Geometry,
@@ -30,7 +30,7 @@ def rays(origin: tuple[float, float, float] = (0.0, 0.0, 0.0), half: float = 0.2
     pose = np.eye(4)
     pose[:3, 3] = origin
     return pixel_rays(
-        CameraRecord("perspective", pose.tolist(), -half, half, -half, half, 0.0), SIZE, SIZE
+        ReceiverRecord("perspective", pose.tolist(), -half, half, -half, half, 0.0), SIZE, SIZE
     )
 
 
@@ -112,8 +112,8 @@ def test_order_1_from_the_code_alone(emitter: tuple[float, float, float]) -> Non
     length = np.linalg.norm(points, axis=1) + np.linalg.norm(points - np.array(emitter), axis=1)
     rows = rows_of(gate(length, view), view, emitter)
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-14)
-    np.testing.assert_allclose(rows["last_m"], points, atol=1e-11)
-    np.testing.assert_array_equal(rows["first_m"], rows["last_m"])
+    np.testing.assert_allclose(rows["last_scatterer_m"], points, atol=1e-11)
+    np.testing.assert_array_equal(rows["first_scatterer_m"], rows["last_scatterer_m"])
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
 
 
@@ -139,7 +139,7 @@ def test_a_delay_on_the_way_comes_from_the_code() -> None:
     np.testing.assert_allclose(rows["length_m"], geometric + 0.3, rtol=1e-14)
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
     # The scatterer is where it is seen, not where the delayed code would put it.
-    np.testing.assert_allclose(rows["last_m"], points, atol=1e-12)
+    np.testing.assert_allclose(rows["last_scatterer_m"], points, atol=1e-12)
 
 
 def test_a_thin_delay_far_away_comes_from_the_code() -> None:
@@ -171,8 +171,8 @@ def test_order_2() -> None:
     )
     pixels = gate(length, view, order=2, vertex_m=last, position_is_first=False)
     rows = rows_of(pixels, view, emitter)
-    np.testing.assert_allclose(rows["first_m"], first, atol=1e-9)
-    np.testing.assert_array_equal(rows["last_m"], last)
+    np.testing.assert_allclose(rows["first_scatterer_m"], first, atol=1e-9)
+    np.testing.assert_array_equal(rows["last_scatterer_m"], last)
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-14)
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
 
@@ -184,11 +184,11 @@ def test_order_3_has_no_first_vertex_unless_seen() -> None:
     hidden = gate(length, view, order=3, vertex_m=points, position_is_first=False)
     rows = rows_of(hidden, view, (0, 0, 0))
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH | PathFlag.NO_FIRST_VERTEX)
-    assert np.all(np.isnan(rows["first_m"]))
+    assert np.all(np.isnan(rows["first_scatterer_m"]))
     seen = gate(length, view, order=3, vertex_m=points, position_m=points * 0.5)
     rows = rows_of(seen, view, (0, 0, 0))
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
-    np.testing.assert_allclose(rows["first_m"], points * 0.5)
+    np.testing.assert_allclose(rows["first_scatterer_m"], points * 0.5)
 
 
 def test_without_code() -> None:

@@ -32,13 +32,13 @@ def test_range_and_radiance_come_back(metres_per_unit: float) -> None:
     found = decode(render_record(setup, 1, 0, 0), encode(setup, range_m, radiance))
     assert found.mask.all()
     # float32 rounding of R and B, half an ulp each: l off by at most 1.2e-7 k
-    assert np.abs(found.range_m - range_m).max() < 1.3e-7 * setup.code_length_m / 2
+    assert np.abs(found.range_m - range_m).max() < 1.3e-7 * setup.range_encoding_length_m / 2
     np.testing.assert_allclose(found.radiance, radiance, rtol=1e-7)
     assert np.nanmax(np.abs(found.mixing - 1)) < 5e-7
 
 
 def test_near_clip_is_added_back_along_the_ray() -> None:
-    setup = Setup(near_clip_m=0.5, code_length_m=100.0)
+    setup = Setup(near_clip_m=0.5, range_encoding_length_m=100.0)
     range_m = np.full((setup.height_px, setup.width_px), 30.0)
     found = decode(render_record(setup, 1, 0, 0), encode(setup, range_m, np.ones_like(range_m)))
     np.testing.assert_allclose(found.range_m, 30.0, atol=1e-5)
@@ -56,21 +56,21 @@ def test_no_echo_is_masked_and_not_counted() -> None:
     assert found.range_m[0, 0] == 0
     assert found.radiance[0, 0] == 0
     assert math.isnan(found.mixing[0, 0])
-    assert (found.beyond_code, found.not_coded) == (0, 0)
+    assert (found.range_encoding_underflow, found.no_range_encoding) == (0, 0)
 
 
 @pytest.mark.parametrize("red", [0.0, 1e-45, 1e-39])
 def test_zero_or_denormal_red_is_beyond_the_code(red: float) -> None:
     found = decode_values(red, 0.0, 1.0)
     assert not found.mask.any()
-    assert found.beyond_code == 1
+    assert found.range_encoding_underflow == 1
 
 
 def test_far_echo_with_underflown_check_channel_still_has_its_range() -> None:
     red = np.float32(math.exp(-60.0))  # G = exp(-120) is zero in float32
     found = decode_values(float(red), 0.0, 1.0)
     assert found.mask.all()
-    assert found.total_length_m[0, 0] == pytest.approx(60 * SETUP.code_length_m, rel=1e-7)
+    assert found.total_length_m[0, 0] == pytest.approx(60 * SETUP.range_encoding_length_m, rel=1e-7)
     assert math.isnan(found.mixing[0, 0])
 
 
@@ -84,7 +84,7 @@ def test_rounding_at_zero_length_reads_zero() -> None:
 def test_more_red_than_blue_is_no_code() -> None:
     found = decode_values(1.01, 1.0, 1.0)
     assert not found.mask.any()
-    assert found.not_coded == 1
+    assert found.no_range_encoding == 1
 
 
 def test_mixture_shows_in_the_check_channel() -> None:

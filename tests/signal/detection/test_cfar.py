@@ -20,12 +20,12 @@ from radarsim_addon.signal import (
     RangeDopplerMap,
     Receiver,
     Waveform,
-    cancel,
+    apply_receiver,
     cfar_threshold,
     detect_targets,
+    mti_cancel,
     mti_response,
     range_doppler,
-    receive,
     synthesize,
 )
 from radarsim_addon.signal.detection.cfar_thresholds import (
@@ -41,7 +41,7 @@ from radarsim_addon.signal.detection.cfar_thresholds import (
 )
 from radarsim_addon.signal.echoes.pulse_synthesis import synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
@@ -51,13 +51,13 @@ WINDOW_M = (500.0, 1500.0)
 
 
 def noise_map(
-    radar: Radar, window: str, seed: int, window_m: tuple[float, float] = WINDOW_M
+    radar: Radar, window: str, seed: int, range_limits_m: tuple[float, float] = WINDOW_M
 ) -> RangeDopplerMap:
     """Thermal noise through the whole chain."""
-    echoes = receive(
-        synthesizer_for(radar, window_m).result(), Receiver(noise_figure_db=3.0, seed=seed)
+    echoes = apply_receiver(
+        synthesizer_for(radar, range_limits_m).result(), Receiver(noise_figure_db=3.0, seed=seed)
     ).echoes
-    return range_doppler(compress(echoes, window), window)
+    return range_doppler(range_process(echoes, window), window)
 
 
 # -- MTI -------------------------------------------------------------------------------------------
@@ -68,10 +68,12 @@ def noise_map(
 def test_canceller_has_its_known_response(pulses: int, cycles: float) -> None:
     rate_mps = -cycles * RADAR.burst.prf_hz * RADAR.waveform.wavelength_m / 2
     range_m = 500.0 + 200 * RADAR.waveform.sample_spacing_m
-    found = compress(
-        synthesize(unit_paths(RADAR, [range_m], [rate_mps]), RADAR, window_m=WINDOW_M), "none", 1
+    found = range_process(
+        synthesize(unit_paths(RADAR, [range_m], [rate_mps]), RADAR, range_limits_m=WINDOW_M),
+        "none",
+        1,
     )
-    power = np.abs(cancel(found, pulses).values).max(axis=1) ** 2
+    power = np.abs(mti_cancel(found, pulses).values).max(axis=1) ** 2
     before = np.abs(found.values).max(axis=1)[: power.size] ** 2
     x = math.pi * cycles
     expected = 2 * math.sin(x) ** 2 if pulses == 2 else 8 / 3 * math.sin(x) ** 4
@@ -81,20 +83,24 @@ def test_canceller_has_its_known_response(pulses: int, cycles: float) -> None:
 
 @pytest.mark.parametrize("pulses", [2, 3])
 def test_canceller_keeps_the_power_of_noise(pulses: int) -> None:
-    noise = receive(synthesizer_for(RADAR, WINDOW_M).result(), Receiver(noise_figure_db=3.0)).echoes
-    found = compress(noise, "none", 1)
-    ratio = np.mean(np.abs(cancel(found, pulses).values) ** 2) / np.mean(np.abs(found.values) ** 2)
+    noise = apply_receiver(
+        synthesizer_for(RADAR, WINDOW_M).result(), Receiver(noise_figure_db=3.0)
+    ).echoes
+    found = range_process(noise, "none", 1)
+    ratio = np.mean(np.abs(mti_cancel(found, pulses).values) ** 2) / np.mean(
+        np.abs(found.values) ** 2
+    )
     assert ratio == pytest.approx(1, abs=0.03)
-    radar = cancel(found, pulses).radar
+    radar = mti_cancel(found, pulses).radar
     assert radar.burst.pulses == RADAR.burst.pulses - pulses + 1
 
 
 def test_cancellers_that_do_not_fit() -> None:
     echoes = synthesizer_for(Radar(RADAR.waveform, Burst(1000.0, 2)), WINDOW_M).result()
     with pytest.raises(ConfigError, match="too short"):
-        cancel(compress(echoes), 3)
+        mti_cancel(range_process(echoes), 3)
     with pytest.raises(ConfigError, match="expected 2 or 3"):
-        cancel(compress(echoes), 4)
+        mti_cancel(range_process(echoes), 4)
 
 
 # -- thresholds ------------------------------------------------------------------------------------
@@ -169,10 +175,10 @@ def test_training_cells_are_summed_as_written() -> None:
 def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Radar) -> None:
     """In noise through the whole chain: windowed, oversampled, so correlated."""
     pfa, alarms, cells = 3e-3, 0, 0
-    window_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
+    range_limits_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
     cfar = Cfar(kind, pfa, (3, 6), (3, 10))
     for seed in range(6):
-        rd_map = noise_map(radar, window, seed, window_m)
+        rd_map = noise_map(radar, window, seed, range_limits_m)
         alarms += int((rd_map.power > cfar_threshold(rd_map, cfar).threshold).sum())
         cells += rd_map.power.size
     # alarms come in clumps of about as many cells as are correlated: at most 2 x 1.5 x 1.4
@@ -189,9 +195,11 @@ def test_false_alarms_are_within_a_twentieth_of_design(kind: str, window: str, w
     """From the thresholds themselves: noise of power P is above T with exp(-T / P)."""
     fmcw = FmcwWaveform(77e9, 1e9, 1024, 40e6)
     radar = Radar(fmcw, Burst(20e3, 64)) if wide else RADAR
-    window_m = (0.0, 150.0) if wide else (500.0, 3000.0)
-    received = receive(synthesizer_for(radar, window_m).result(), Receiver(noise_figure_db=3.0))
-    rd_map = range_doppler(compress(received.echoes, window), window)
+    range_limits_m = (0.0, 150.0) if wide else (500.0, 3000.0)
+    received = apply_receiver(
+        synthesizer_for(radar, range_limits_m).result(), Receiver(noise_figure_db=3.0)
+    )
+    rd_map = range_doppler(range_process(received.echoes, window), window)
     noise = received.noise_power_w * map_noise_gain(radar, window, window)
     threshold = cfar_threshold(rd_map, Cfar(kind, 1e-3, (3, 6), (3, 10))).threshold
     rates = np.exp(-threshold / noise) / 1e-3
@@ -243,15 +251,17 @@ def test_detectors_that_do_not_fit() -> None:
 
 def scene(radar: Radar, range_m: float, rate_mps: float, noise: float, seed: int) -> Echoes:
     """A unit path; noise of this figure, scaled so that its SNR is the same for all."""
-    window_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
-    echoes = synthesize(unit_paths(radar, [range_m], [rate_mps]), radar, window_m=window_m)
+    range_limits_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
+    echoes = synthesize(
+        unit_paths(radar, [range_m], [rate_mps]), radar, range_limits_m=range_limits_m
+    )
     if noise == 0:
         return echoes
     rng = np.random.default_rng(seed)
     shape = echoes.samples.shape
     more = noise * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
     return Echoes(
-        echoes.samples + more, echoes.first_sample_s, window_m, radar, "radar-equation", 0.0
+        echoes.samples + more, echoes.first_sample_s, range_limits_m, radar, "radar-equation", 0.0
     )
 
 
@@ -266,7 +276,7 @@ def test_interpolated_targets_are_off_by_less_than_a_fiftieth_of_a_bin(
         base_m = 800.0 if radar is RADAR else 20.0
         range_m = base_m + part * cell_m
         rate_mps = (9 + part) * cell_mps
-        rd_map = range_doppler(compress(scene(radar, range_m, rate_mps, 0, 0), window), window)
+        rd_map = range_doppler(range_process(scene(radar, range_m, rate_mps, 0, 0), window), window)
         target = detect_targets(rd_map, Cfar("ca", 1e-6, (4, 8))).targets[0]
         middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
         if radar is FMCW_RADAR:
@@ -280,7 +290,7 @@ def test_targets_in_noise_are_found_with_their_snr() -> None:
     sigma = 0.5
     found = [
         detect_targets(
-            range_doppler(compress(scene(RADAR, 800.0, 5.0, sigma, seed))),
+            range_doppler(range_process(scene(RADAR, 800.0, 5.0, sigma, seed))),
             Cfar("ca", 1e-7),
         ).targets
         for seed in range(8)
@@ -295,13 +305,13 @@ def test_targets_in_noise_are_found_with_their_snr() -> None:
 
 
 def test_an_empty_map_has_no_targets() -> None:
-    rd_map = range_doppler(compress(synthesizer_for(RADAR, WINDOW_M).result()))
+    rd_map = range_doppler(range_process(synthesizer_for(RADAR, WINDOW_M).result()))
     assert detect_targets(rd_map).targets == []
 
 
 def test_files_of_detections(tmp_path: Path) -> None:
     found = detect_targets(
-        range_doppler(compress(scene(RADAR, 800.0, 5.0, 0.5, 1))), Cfar("os", 1e-7)
+        range_doppler(range_process(scene(RADAR, 800.0, 5.0, 0.5, 1))), Cfar("os", 1e-7)
     )
     table, record = write_detections(tmp_path / "frame_0001", found)
     with open(table, encoding="utf-8", newline="") as stream:

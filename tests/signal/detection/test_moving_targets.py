@@ -15,7 +15,7 @@ from radarsim_addon.signal import (
     find_peaks,
     process_run,
 )
-from radarsim_addon.signal.detection import find_movers
+from radarsim_addon.signal.detection import find_moving_targets
 from radarsim_addon.signal.maps import Recording, point_response
 from tests.signal.pointscenes import BURST, PAIRS, WAVEFORMS, WINDOWS, clutter, scene, speeds
 from tests.signal.synthetic import Setup, points, write_run
@@ -56,26 +56,30 @@ def test_the_response_of_frequencies_is_the_dirichlet_kernel() -> None:
 
 
 @pytest.mark.parametrize("name", ["chirp", "fmcw", "fmcw real", "pmcw"])
-@pytest.mark.parametrize("window_m", [(0.0, 500.0), (0.0, 590.0), (610.0, 900.0), (650.0, 990.0)])
+@pytest.mark.parametrize(
+    "range_limits_m", [(0.0, 500.0), (0.0, 590.0), (610.0, 900.0), (650.0, 990.0)]
+)
 def test_a_mover_outside_the_window_has_no_sidelobes_in_it(
-    tmp_path: Path, name: str, window_m: tuple[float, float]
+    tmp_path: Path, name: str, range_limits_m: tuple[float, float]
 ) -> None:
     folder = write_run(tmp_path / "run", SETUP, points(SETUP, ECHOES))
     radar = Radar(WAVEFORMS[name], Burst(1000.0, 64))
-    options = ProcessOptions(products=False, plots=False, radar=radar, window_m=window_m)
+    options = ProcessOptions(
+        products=False, plots=False, radar=radar, range_limits_m=range_limits_m
+    )
     result = result_of(folder, options)
-    assert result.movers == []
+    assert result.moving_targets == []
     # peaks of the map alone are its sidelobes
     assert find_peaks(result.rd_map, 5, min_speed_mps=SLOWEST_MPS, min_above_db=10.0)
 
 
 @pairs
-@pytest.mark.parametrize("window_m", [(0.0, 590.0), (606.0, 900.0), (0.0, 900.0)])
+@pytest.mark.parametrize("range_limits_m", [(0.0, 590.0), (606.0, 900.0), (0.0, 900.0)])
 def test_sidelobes_are_no_movers_whatever_the_window(
-    name: str, window: str, window_m: tuple[float, float]
+    name: str, window: str, range_limits_m: tuple[float, float]
 ) -> None:
-    echoes, rd_map = scene(name, [(600.0, 22.6, 0.0), *clutter(20, 1)], window_m, window)
-    assert len(find_movers(echoes, rd_map)) == (window_m == (0.0, 900.0))
+    echoes, rd_map = scene(name, [(600.0, 22.6, 0.0), *clutter(20, 1)], range_limits_m, window)
+    assert len(find_moving_targets(echoes, rd_map)) == (range_limits_m == (0.0, 900.0))
 
 
 @pytest.mark.parametrize("window", ["none", "kaiser:8"])
@@ -87,14 +91,18 @@ def test_a_mover_most_of_whose_pulse_is_not_recorded_has_no_sidelobes_in_the_win
 ) -> None:
     """Its peak is where a part of the code, or of the band, fits: not where it stands."""
     for range_m in (400.0 - beyond_m, 600.0 + beyond_m):
-        assert find_movers(*scene(name, [(range_m, 11.36, 0.0)], (400.0, 600.0), window)) == []
+        assert (
+            find_moving_targets(*scene(name, [(range_m, 11.36, 0.0)], (400.0, 600.0), window)) == []
+        )
 
 
 @every_waveform
 @pytest.mark.parametrize("window", WINDOWS)
 def test_what_stands_still_does_not_move(name: str, window: str) -> None:
     for mti in (0, 2):
-        assert find_movers(*scene(name, clutter(40, 2), (0.0, 900.0), window, mti), mti) == []
+        assert (
+            find_moving_targets(*scene(name, clutter(40, 2), (0.0, 900.0), window, mti), mti) == []
+        )
 
 
 @pairs
@@ -102,7 +110,7 @@ def test_what_nearly_stands_still_has_no_sidelobes_among_the_movers(name: str, w
     """Range rates of a tenth of a cell, as of lengths in float32."""
     rng = np.random.default_rng(3)
     swaying = [(r, float(rng.normal(0, 0.1)), level) for r, _, level in clutter(40, 3)]
-    assert find_movers(*scene(name, swaying, (0.0, 900.0), window)) == []
+    assert find_moving_targets(*scene(name, swaying, (0.0, 900.0), window)) == []
 
 
 @pairs
@@ -111,13 +119,13 @@ def test_slow_movers_are_listed_beside_stronger_clutter(
     name: str, window: str, cells: float, mti: int
 ) -> None:
     echoes = [(500.3, cells, 0.0), *clutter(40, 4)]
-    movers = find_movers(*scene(name, echoes, (0.0, 900.0), window, mti), mti)
+    moving_targets = find_moving_targets(*scene(name, echoes, (0.0, 900.0), window, mti), mti)
     # main lobes of kaiser:8 are 2.7 cells wide to each side: static and mover overlap
     within = 0.05 if window == "kaiser:8" else 0.02
-    assert speeds(movers, name) == [pytest.approx(cells, abs=within)]
+    assert speeds(moving_targets, name) == [pytest.approx(cells, abs=within)]
     waveform = WAVEFORMS[name]
     coupling_m = 0.2 if waveform.family == "line" else 0.05
-    assert movers[0].range_m == pytest.approx(500.3, abs=coupling_m)
+    assert moving_targets[0].range_m == pytest.approx(500.3, abs=coupling_m)
 
 
 @pairs
@@ -126,17 +134,17 @@ def test_a_weak_mover_is_found_under_the_sidelobes_of_a_strong_one(name: str, wi
     waveform = WAVEFORMS[name]
     behind_m = 12 * waveform.sample_spacing_m
     echoes = [(400.0, 8.3, 0.0), (400.0, 20.6, -30.0), (400.0 + behind_m, 8.3, -30.0)]
-    movers = find_movers(*scene(name, echoes, (0.0, 900.0), window))
-    assert speeds(movers, name)[0] == pytest.approx(8.3, abs=0.01)
-    assert sorted(speeds(movers, name)[1:]) == pytest.approx([8.3, 20.6], abs=0.1)
-    assert [mover.level_db for mover in movers] == pytest.approx([0, -30, -30], abs=0.5)
+    moving_targets = find_moving_targets(*scene(name, echoes, (0.0, 900.0), window))
+    assert speeds(moving_targets, name)[0] == pytest.approx(8.3, abs=0.01)
+    assert sorted(speeds(moving_targets, name)[1:]) == pytest.approx([8.3, 20.6], abs=0.1)
+    assert [mover.level_db for mover in moving_targets] == pytest.approx([0, -30, -30], abs=0.5)
 
 
 def test_a_mover_in_the_window_stays_beside_one_outside(tmp_path: Path) -> None:
     echoes = [*ECHOES, (8, 3, 450.0, -3.0, 1e-7)]
     folder = write_run(tmp_path / "run", SETUP, points(SETUP, echoes))
-    options = ProcessOptions(products=False, plots=False, window_m=(0.0, 550.0))
-    (mover,) = result_of(folder, options).movers
+    options = ProcessOptions(products=False, plots=False, range_limits_m=(0.0, 550.0))
+    (mover,) = result_of(folder, options).moving_targets
     assert mover.velocity_mps == pytest.approx(-3.0, abs=0.02)
 
 
@@ -149,5 +157,5 @@ def test_the_rounding_of_an_adc_is_no_mover(tmp_path: Path, name: str, adc_bits:
     options = ProcessOptions(
         products=False, plots=False, radar=radar, receiver=Receiver(adc_bits=adc_bits)
     )
-    (mover,) = result_of(folder, options).movers
+    (mover,) = result_of(folder, options).moving_targets
     assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal import Cfar, Radar, detect_targets, find_peaks, range_doppler
-from radarsim_addon.signal.detection import heard_recording
+from radarsim_addon.signal.detection import received_recording
 from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import LineWaveform, PmcwWaveform
 from tests.signal.pointscenes import PAIRS, clutter, radar_of, scene
 
@@ -70,7 +70,7 @@ def test_targets_at_the_end_of_the_window_are_not_pulled_inwards(name: str, wind
     for place in (0.3, 0.7):
         range_m = 400 + place * cell_m
         echoes, rd_map = scene(name, [(range_m, 8.3, 0.0)], (400.0, 700.0), window)
-        wide = heard_recording(echoes, rd_map, 0).rd_map
+        wide = received_recording(echoes, rd_map, 0).rd_map
         target = detect_targets(rd_map, wide=wide).targets[0]
         expected_m = apparent_m(radar, range_m, rate_mps)
         assert target.range_m == pytest.approx(expected_m, abs=0.01 * cell_m)
@@ -100,7 +100,7 @@ def test_snr_is_that_of_the_noise_not_of_the_own_sidelobes(
         shape = echoes.samples.shape
         noise = sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
         noisy = dataclasses.replace(echoes, samples=echoes.samples + noise)
-        rd_map = range_doppler(compress(noisy, "none"), "none")
+        rd_map = range_doppler(range_process(noisy, "none"), "none")
         found.append(detect_targets(rd_map, Cfar(kind, 1e-4)).targets[0].snr_db)
     assert np.mean(found) == pytest.approx(snr_db, abs=1.0)
 

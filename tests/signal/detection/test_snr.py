@@ -13,8 +13,8 @@ from radarsim_addon import contract
 from radarsim_addon.physics.radar_equation import monostatic_power_w
 from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.detection import FrameBudget, predicted_snr
-from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, receive, synthesize
-from radarsim_addon.signal.maps import compress, map_noise_gain, range_doppler
+from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, apply_receiver, synthesize
+from radarsim_addon.signal.maps import map_noise_gain, range_doppler, range_process
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import open_run
 from tests.signal import path_runs as pr
@@ -28,20 +28,20 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
     side_m = 0.5
     half_deg = math.degrees(math.atan(side_m / 2 / range_m))
     receiver = pr.camera(pr.pose((0, 0, 0)), half_deg)
-    emitter = contract.EmitterRecord(pr.pose((0, 0, 0)), 5.0)  # cancels
+    emitter = contract.TransmitterRecord(pr.pose((0, 0, 0)), 5.0)  # cancels
     rows = pr.trace([pr.plate("Plate", (0, range_m, 0), 1.0, 0, 0.8)], receiver, emitter, 1)
     beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 6.0}
     antenna = contract.AntennaRecord("gaussian", beam)
-    system = contract.SystemRecord(
+    system = contract.LinkBudget(
         20.0, antenna, antenna, transmit_loss_db=1.0, receive_loss_db=1.5, noise_figure_db=4.0
     )
     folder = pr.write_run(
-        tmp_path / "run", rows, ["Plate"], receiver, emitter, window_m=1500.0, system=system
+        tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=1500.0, system=system
     )
     frame = open_run(folder).frame(1)
     budget = FrameBudget(frame, radar, system)
     assert budget.system is not None
-    echoes = synthesize(budget.apply(frame_paths(frame)), radar, window_m=(0.0, 1500.0))
+    echoes = synthesize(budget.apply(frame_paths(frame)), radar, range_limits_m=(0.0, 1500.0))
     gain_db = 2 * 10 * math.log10(16 * math.log(2) / math.radians(6) ** 2) - 2.5
     sigma_m2 = 4 * 0.8 * side_m**2
     power_w = float(
@@ -56,8 +56,8 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
             antenna_temperature_k=system.antenna_temperature_k,
             seed=seed,
         )
-        noisy = receive(echoes, receiver).echoes
-        rd_map = range_doppler(compress(noisy, window), window)
+        noisy = apply_receiver(echoes, receiver).echoes
+        rd_map = range_doppler(range_process(noisy, window), window)
         away = np.abs(rd_map.range_m - range_m) > 500
         floors.append(rd_map.power[:, away].mean())
         peaks.append(rd_map.power.max())

@@ -9,7 +9,7 @@ import pytest
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import FmcwWaveform, range_doppler, synthesize
 from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.motion import LinearMotion
 from radarsim_addon.signal.motion.path_motion import Rows
 from radarsim_addon.signal.radar import AnyWaveform
@@ -38,7 +38,9 @@ def beat(
 def test_beat_of_a_path_is_that_of_the_two_ramps(rate_mps: float) -> None:
     """Frequency, phase, residual video phase, coupling and motion within the ramp together."""
     radar = burst_of(FMCW, 8)
-    found = synthesize(unit_paths(radar, [23.4], [rate_mps]), radar, window_m=(0.0, 38.0)).samples
+    found = synthesize(
+        unit_paths(radar, [23.4], [rate_mps]), radar, range_limits_m=(0.0, 38.0)
+    ).samples
     truth = beat(FMCW, 23.4, rate_mps, line_times_s(radar))
     assert np.linalg.norm(found - truth) < 1e-6 * np.linalg.norm(truth)
 
@@ -61,7 +63,7 @@ def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
             return self
 
     paths = dataclasses.replace(unit_paths(radar, [20.0]), motion=Blade())
-    found = synthesize(paths, radar, window_m=(0.0, 38.0)).samples
+    found = synthesize(paths, radar, range_limits_m=(0.0, 38.0)).samples
     start_hz = FMCW.carrier_hz - FMCW.slope_hz_per_s * FMCW.grid_middle_s
     ramp_s = FMCW.adc_start_s + np.arange(FMCW.adc_samples) / FMCW.sampling_rate_hz
     delay_s = 2 * range_m(line_times_s(radar)[:, None] + ramp_s) / SPEED_OF_LIGHT_MPS
@@ -74,12 +76,14 @@ def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
 def test_beat_frequency_and_residual_video_phase() -> None:
     radar = burst_of(FMCW, 1)
     delay_s = 2 * 20.0 / SPEED_OF_LIGHT_MPS
-    samples = synthesize(unit_paths(radar, [20.0]), radar, window_m=(0.0, 38.0)).samples[0]
+    samples = synthesize(unit_paths(radar, [20.0]), radar, range_limits_m=(0.0, 38.0)).samples[0]
     beat_hz = -FMCW.slope_hz_per_s * delay_s  # falls: received times conjugate of transmitted
     step = np.exp(2j * np.pi * beat_hz / FMCW.sampling_rate_hz)
     np.testing.assert_allclose(samples[1:] / samples[:-1], step, atol=1e-7)
-    profile = compress(
-        synthesize(unit_paths(radar, [20 * 0.149896229]), radar, window_m=(0.0, 38.0)), "none", 1
+    profile = range_process(
+        synthesize(unit_paths(radar, [20 * 0.149896229]), radar, range_limits_m=(0.0, 38.0)),
+        "none",
+        1,
     )
     delay_s = 2 * 20 * 0.149896229 / SPEED_OF_LIGHT_MPS
     phase = -2 * np.pi * FMCW.carrier_hz * delay_s + np.pi * FMCW.slope_hz_per_s * delay_s**2
@@ -91,8 +95,8 @@ def test_fmcw_mover_stands_where_it_will_be() -> None:
     radar = burst_of(FMCW, 64)
     rate_mps, range_m = 8.0, 20.0
     rd_map = range_doppler(
-        compress(
-            synthesize(unit_paths(radar, [range_m], [rate_mps]), radar, window_m=(0.0, 38.0)),
+        range_process(
+            synthesize(unit_paths(radar, [range_m], [rate_mps]), radar, range_limits_m=(0.0, 38.0)),
             "hann",
             16,
         ),
@@ -125,10 +129,10 @@ def test_motion_is_asked_for_within_the_burst_alone(waveform: AnyWaveform) -> No
     motion = _BurstOnly(paths.length_m, paths.range_rate_mps)
     object.__setattr__(motion, "span_s", 6 / radar.burst.prf_hz)
     known = dataclasses.replace(paths, motion=motion)
-    window_m = (0.0, 9.0)
+    range_limits_m = (0.0, 9.0)
     np.testing.assert_array_equal(
-        synthesize(known, radar, window_m=window_m).samples,
-        synthesize(paths, radar, window_m=window_m).samples,
+        synthesize(known, radar, range_limits_m=range_limits_m).samples,
+        synthesize(paths, radar, range_limits_m=range_limits_m).samples,
     )
 
 
@@ -138,9 +142,9 @@ def test_anti_alias_filter_takes_out_what_is_beyond_the_adc() -> None:
         radar = burst_of(waveform, 2)
         limit_m = waveform.unambiguous_range_m
         paths = unit_paths(radar, [limit_m * 0.9, limit_m * 1.1])
-        echoes = synthesize(paths, radar, window_m=(0.0, 2 * limit_m))
+        echoes = synthesize(paths, radar, range_limits_m=(0.0, 2 * limit_m))
         assert echoes.outside == 1
-        profile = compress(echoes, "hann")
+        profile = range_process(echoes, "hann")
         assert profile.range_m[-1] < limit_m
         assert profile.range_m[np.argmax(np.abs(profile.values[0]))] == pytest.approx(
             0.9 * limit_m, abs=0.1

@@ -22,7 +22,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s, synthesizer_for
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
-from radarsim_addon.signal.spectrum import FrequencyGrid, Listening, Ramp, SpectrumAccumulator
+from radarsim_addon.signal.spectrum import FrequencyGrid, Ramp, ReceiveWindow, SpectrumAccumulator
 from radarsim_addon.signal.spectrum.nufft import has_finufft
 from radarsim_addon.signal.spectrum.ramp import nodes_for
 from tests.signal.oracle import unit_paths
@@ -78,7 +78,12 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
     radar = radar_of(waveform, 5)
     paths, length_m, rate_mps = many(radar)
     found = synthesize(
-        paths, radar, window_m=(0.0, 60.0), synthesis=synthesis, method=backend, tolerance=1e-7
+        paths,
+        radar,
+        range_limits_m=(0.0, 60.0),
+        synthesis=synthesis,
+        method=backend,
+        tolerance=1e-7,
     )
     # all codes of PMCW hold all frequencies at once: nothing moves within one
     expected = truth(radar, lambda t: length_m + rate_mps * t, np.ones(len(paths)))
@@ -109,9 +114,9 @@ def test_direct_agrees_with_auto_for_curved_motion(waveform) -> None:
 
         motion = Function(lengths, (rate_mps != 0) | (bend != 0))
         known = dataclasses.replace(paths, motion=motion)
-        window_m = (0.0, 60.0)
-        auto = synthesize(known, radar, window_m=window_m)
-        direct = synthesize(known, radar, window_m=window_m, synthesis="direct")
+        range_limits_m = (0.0, 60.0)
+        auto = synthesize(known, radar, range_limits_m=range_limits_m)
+        direct = synthesize(known, radar, range_limits_m=range_limits_m, synthesis="direct")
         assert relative(auto.samples, direct.samples) <= 1e-6
         assert auto.report is not None and direct.report is not None
         assert direct.report.backend == "direct" and direct.report.error_bound <= 1e-9
@@ -129,7 +134,7 @@ def test_a_static_scene_needs_one_transform() -> None:
     radar = radar_of(FMCW, 256)
     rng = np.random.default_rng(5)
     paths = make_paths(np.ones(100_000), rng.uniform(2, 18, 100_000))
-    found = synthesize(paths, radar, window_m=(0.0, 9.0))
+    found = synthesize(paths, radar, range_limits_m=(0.0, 9.0))
     assert found.report is not None
     (step,) = found.report.steps
     assert (step.motion, step.transform) == ("still", "once")
@@ -146,7 +151,7 @@ def test_phase_at_10_km_and_77_ghz(rate_mps: float) -> None:
     assert waveform.unambiguous_range_m > 15e3
     range_m = 10_000.123456789
     paths = unit_paths(radar, [range_m], [rate_mps])
-    found = synthesize(paths, radar, window_m=(0.0, 15e3), tolerance=1e-8)
+    found = synthesize(paths, radar, range_limits_m=(0.0, 15e3), tolerance=1e-8)
     length_m = np.longdouble(2 * range_m)
     expected = truth(radar, lambda t: np.array([length_m + 2 * rate_mps * t]), np.ones(1))
     amplitude = np.abs(found.samples[0, 0])
@@ -160,7 +165,7 @@ def test_stepped_frequency_over_a_whole_second(synthesis: str) -> None:
     radar = radar_of(SteppedWaveform(10e9, 10e6, 200, 5e-3), 2)
     ranges_m, rates_mps = [10.0, 4.0, 12.0], [30.0, -12.0, 0.01]
     paths = unit_paths(radar, ranges_m, rates_mps)
-    found = synthesize(paths, radar, window_m=(0.0, 14.0), synthesis=synthesis)  # type: ignore[arg-type]
+    found = synthesize(paths, radar, range_limits_m=(0.0, 14.0), synthesis=synthesis)  # type: ignore[arg-type]
     lengths = 2 * np.array(ranges_m), 2 * np.array(rates_mps)
     expected = truth(radar, lambda t: lengths[0] + lengths[1] * t, np.ones(3))
     assert relative(found.samples, expected) <= 1e-6
@@ -178,7 +183,7 @@ def test_uneven_motion_within_a_long_sweep_is_said() -> None:
         return dataclasses.replace(paths, motion=motion)
 
     slow, fast = (
-        synthesize(swinging(hz), radar, window_m=(0.0, 14.0)).report for hz in (1e-3, 2.0)
+        synthesize(swinging(hz), radar, range_limits_m=(0.0, 14.0)).report for hz in (1e-3, 2.0)
     )
     assert slow is not None and fast is not None
     assert not any("unevenly" in text for text in slow.warnings)
@@ -186,35 +191,43 @@ def test_uneven_motion_within_a_long_sweep_is_said() -> None:
     # the whole error, against every sample at its own time, is of that size
     for hz, report in ((1e-3, slow), (2.0, fast)):
         moved = swinging(hz)
-        found = synthesize(moved, radar, window_m=(0.0, 14.0)).samples
+        found = synthesize(moved, radar, range_limits_m=(0.0, 14.0)).samples
         expected = truth(
             radar, lambda t, hz=hz: np.array([16 + 0.02 * np.sin(2 * np.pi * hz * float(t))]),
             np.ones(1),
         )  # fmt: skip
         worst = np.abs(np.angle(found / expected)).max()
-        assert worst <= 1.5 * report.ramp_left_out_rad + 1e-6
-    assert worst >= 0.3 * fast.ramp_left_out_rad
+        assert worst <= 1.5 * report.ramp_residual_phase_rad + 1e-6
+    assert worst >= 0.3 * fast.ramp_residual_phase_rad
 
 
 def test_what_folds_is_said() -> None:
     radar = radar_of(STEPPED, 4)
     beyond_m = STEPPED.unambiguous_range_m + 5
-    paths = unit_paths(radar, [5.0, beyond_m], [1.1 * radar.max_velocity_mps, 0.0])
-    report = synthesize(paths, radar, window_m=(0.0, 60.0)).report
+    paths = unit_paths(radar, [5.0, beyond_m], [1.1 * radar.max_unambiguous_velocity_mps, 0.0])
+    report = synthesize(paths, radar, range_limits_m=(0.0, 60.0)).report
     assert report is not None
-    assert (report.folded_range, report.folded_doppler, report.outside) == (1, 1, 0)
+    assert (report.range_ambiguous_count, report.doppler_ambiguous_count, report.outside) == (
+        1,
+        1,
+        0,
+    )
     assert any("74.94" in text and "frequency steps" in text for text in report.warnings)
     assert any("folded in Doppler" in text for text in report.warnings)
     radar = radar_of(FMCW, 4)
     paths = unit_paths(radar, [5.0, FMCW.unambiguous_range_m + 1], [1.0, 1.0])
-    report = synthesize(paths, radar, window_m=(0.0, 9.0)).report
+    report = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report
     assert report is not None
-    assert (report.folded_range, report.folded_doppler, report.outside) == (0, 0, 1)
+    assert (report.range_ambiguous_count, report.doppler_ambiguous_count, report.outside) == (
+        0,
+        0,
+        1,
+    )
     # codes follow one another faster than pulses
     radar = radar_of(PMCW, 4)
-    paths = unit_paths(radar, [2.0], [1.1 * radar.max_velocity_mps])
-    report = synthesize(paths, radar, window_m=(0.0, 9.0)).report
-    assert report is not None and report.folded_doppler == 1
+    paths = unit_paths(radar, [2.0], [1.1 * radar.max_unambiguous_velocity_mps])
+    report = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report
+    assert report is not None and report.doppler_ambiguous_count == 1
 
 
 @KINDS
@@ -240,7 +253,7 @@ def test_phase_noise_has_a_report(waveform) -> None:
     )
     synthesizer.add(paths)
     noisy = synthesizer.result()
-    clean = synthesize(paths, radar, window_m=(0.0, 60.0))
+    clean = synthesize(paths, radar, range_limits_m=(0.0, 60.0))
     assert relative(noisy.samples, clean.samples) <= 1e-6
     assert noisy.report is not None and clean.report is not None
     assert noisy.report.paths == 40
@@ -273,7 +286,7 @@ def test_bad_ramps() -> None:
     grid, times_s = FrequencyGrid(1e9, 1e6, 8), np.arange(3.0)
     for options in (
         {"extra_cycles": lambda tau: tau},
-        {"listening": Listening(0.0, 1.0, 0.5)},
+        {"listening": ReceiveWindow(0.0, 1.0, 0.5)},
     ):
         with pytest.raises(ConfigError, match="ramp"):
             SpectrumAccumulator(grid, times_s, ramp=Ramp(1e-6), **options)
@@ -281,6 +294,6 @@ def test_bad_ramps() -> None:
 
 def test_a_path_at_no_distance_is_heard() -> None:
     radar = radar_of(FMCW, 2)
-    echoes = synthesize(unit_paths(radar, [0.0]), radar, window_m=(0.0, 9.0))
+    echoes = synthesize(unit_paths(radar, [0.0]), radar, range_limits_m=(0.0, 9.0))
     assert echoes.outside == 0
     np.testing.assert_allclose(echoes.samples, 1, atol=1e-6)

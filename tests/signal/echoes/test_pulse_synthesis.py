@@ -19,7 +19,7 @@ from radarsim_addon.signal import (
     replica,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from tests.signal.oracle import echo_at, unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 5))
@@ -51,7 +51,7 @@ def test_chirp_is_the_papers() -> None:
 def test_echo_on_the_grid_is_exactly_the_papers_sum() -> None:
     ranges = [whole_sample_range_m(RADAR, n, WINDOW_M[0]) for n in (0, 7, 31, 200)]
     paths = unit_paths(RADAR, ranges)
-    echoes = synthesize(paths, RADAR, window_m=WINDOW_M)
+    echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
     expected = echo_at(paths, RADAR, echoes.fast_time_s, echoes.slow_time_s)
     assert np.abs(expected).max() > 0.9
     np.testing.assert_allclose(echoes.samples, expected, atol=5e-8)
@@ -61,14 +61,14 @@ def test_moving_echo_between_the_samples_is_the_papers_sum_band_limited() -> Non
     """A rectangular chirp has 1 % of its energy beyond the sampling rate; the matched filter over
     the band leaves that out, and then both agree, in phase too."""
     paths = unit_paths(RADAR, [777.77, 1234.5], [10.0, -35.0])
-    echoes = synthesize(paths, RADAR, window_m=WINDOW_M)
+    echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
     literal = echo_at(paths, RADAR, echoes.fast_time_s, echoes.slow_time_s)
     difference = np.sqrt(np.mean(np.abs(echoes.samples - literal) ** 2))
     assert difference < 0.2 * np.sqrt(np.mean(np.abs(literal) ** 2))
     import dataclasses
 
-    found = compress(echoes).values
-    expected = compress(dataclasses.replace(echoes, samples=literal)).values
+    found = range_process(echoes).values
+    expected = range_process(dataclasses.replace(echoes, samples=literal)).values
     assert np.abs(found - expected).max() < 0.02
 
 
@@ -77,8 +77,8 @@ def test_transform_against_term_by_term(method: str) -> None:
     if method == "finufft":
         pytest.importorskip("finufft")
     paths = many_paths()
-    found = synthesize(paths, RADAR, window_m=WINDOW_M, method=method)  # type: ignore[arg-type]
-    expected = synthesize(paths, RADAR, window_m=WINDOW_M, method="direct")
+    found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, method=method)  # type: ignore[arg-type]
+    expected = synthesize(paths, RADAR, range_limits_m=WINDOW_M, method="direct")
     scale = np.abs(expected.samples).max()
     assert np.abs(found.samples - expected.samples).max() < 1e-8 * scale
 
@@ -86,9 +86,9 @@ def test_transform_against_term_by_term(method: str) -> None:
 def test_superposition() -> None:
     paths = many_paths()
     parts = [paths.select(slice(0, 100)), paths.select(slice(100, None))]
-    separate = [synthesize(part, RADAR, window_m=WINDOW_M).samples for part in parts]
+    separate = [synthesize(part, RADAR, range_limits_m=WINDOW_M).samples for part in parts]
     for together in (paths, iter(parts), join_paths(parts)):
-        echoes = synthesize(together, RADAR, window_m=WINDOW_M)
+        echoes = synthesize(together, RADAR, range_limits_m=WINDOW_M)
         np.testing.assert_allclose(
             echoes.samples, separate[0] + separate[1], atol=1e-8 * np.abs(echoes.samples).max()
         )
@@ -96,9 +96,9 @@ def test_superposition() -> None:
 
 def test_result_does_not_depend_on_chunks() -> None:
     paths = many_paths()
-    whole = synthesize(paths, RADAR, window_m=WINDOW_M).samples
+    whole = synthesize(paths, RADAR, range_limits_m=WINDOW_M).samples
     for chunk in (1, 17, 299):
-        found = synthesize(paths, RADAR, window_m=WINDOW_M, chunk=chunk).samples
+        found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, chunk=chunk).samples
         np.testing.assert_allclose(found, whole, atol=1e-8 * np.abs(whole).max())
 
 
@@ -107,8 +107,8 @@ def test_moving_everything_away_delays_the_echo_and_turns_its_phase() -> None:
     paths, shift = many_paths(), 24
     away_m = shift * RADAR.waveform.sample_spacing_m
     moved = make_paths(paths.radiance, paths.length_m + 2 * away_m, paths.range_rate_mps)
-    near = synthesize(paths, RADAR, window_m=WINDOW_M).samples
-    far = synthesize(moved, RADAR, window_m=WINDOW_M).samples
+    near = synthesize(paths, RADAR, range_limits_m=WINDOW_M).samples
+    far = synthesize(moved, RADAR, range_limits_m=WINDOW_M).samples
     turn = np.exp(-4j * np.pi * away_m / RADAR.waveform.wavelength_m)
     np.testing.assert_allclose(
         far[:, shift:], near[:, :-shift] * turn, atol=1e-8 * np.abs(near).max()
@@ -121,7 +121,7 @@ def test_moving_the_transmitter_away_delays_the_echo() -> None:
 
     def arrival_s(transmitter: np.ndarray) -> float:
         length_m = np.linalg.norm(scatterer) + np.linalg.norm(scatterer - transmitter)
-        echoes = synthesize(make_paths(1.0, float(length_m)), RADAR, window_m=WINDOW_M)
+        echoes = synthesize(make_paths(1.0, float(length_m)), RADAR, range_limits_m=WINDOW_M)
         energy = np.abs(echoes.samples[0]) ** 2
         return float((energy * echoes.fast_time_s).sum() / energy.sum())
 
@@ -132,7 +132,7 @@ def test_moving_the_transmitter_away_delays_the_echo() -> None:
 def test_receding_echo_has_negative_doppler() -> None:
     radar = Radar(RADAR.waveform, Burst(1000.0, 64))
     for rate_mps in (3.0, -3.0):
-        echoes = synthesize(unit_paths(radar, [1000.0], rate_mps), radar, window_m=WINDOW_M)
+        echoes = synthesize(unit_paths(radar, [1000.0], rate_mps), radar, range_limits_m=WINDOW_M)
         turn = np.sum(echoes.samples[1:] * echoes.samples[:-1].conj())
         doppler_hz = np.angle(turn) / (2 * np.pi) * radar.burst.prf_hz
         assert doppler_hz == pytest.approx(radar.doppler_hz(rate_mps), rel=1e-3)
@@ -148,8 +148,9 @@ def test_phase_at_long_stand_off_at_77_ghz() -> None:
 
     cycles = Fraction(2 * range_m) * Fraction(77_000_000_000) / Fraction(299_792_458)
     expected = -2 * math.pi * float(cycles - int(cycles))
-    values = compress(
-        synthesize(unit_paths(radar, [range_m]), radar, window_m=(9990.0, 10010.0)), oversample=1
+    values = range_process(
+        synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(9990.0, 10010.0)),
+        oversample=1,
     ).values
     assert abs(values[0, 4]) == pytest.approx(1, abs=1e-8)
     assert np.angle(values[0, 4] * np.exp(-1j * expected)) == pytest.approx(0, abs=1e-6)
@@ -158,12 +159,12 @@ def test_phase_at_long_stand_off_at_77_ghz() -> None:
 def test_echoes_from_outside_do_not_wrap_into_the_window() -> None:
     chirp_m = SPEED_OF_LIGHT_MPS * RADAR.waveform.duration_s / 2
     far = [WINDOW_M[0] - 1.01 * chirp_m, WINDOW_M[1] + 1.01 * chirp_m, 50e3, 400e3]
-    echoes = synthesize(unit_paths(RADAR, far), RADAR, window_m=WINDOW_M)
+    echoes = synthesize(unit_paths(RADAR, far), RADAR, range_limits_m=WINDOW_M)
     assert not echoes.samples.any()
     assert echoes.outside == 4
     # half a chirp beyond the end: its front is in the last samples, nothing in the first
     partly = unit_paths(RADAR, [WINDOW_M[1] + 0.5 * chirp_m])
-    echoes = synthesize(partly, RADAR, window_m=WINDOW_M)
+    echoes = synthesize(partly, RADAR, range_limits_m=WINDOW_M)
     assert echoes.outside == 0
     assert np.abs(echoes.samples[0, -20:]).min() > 0.5
     assert np.abs(echoes.samples[0, :200]).max() < 0.01
@@ -176,16 +177,16 @@ def test_echo_of_an_earlier_pulse_folds_into_the_window() -> None:
     shift = 40
     near_m = whole_sample_range_m(radar, shift, WINDOW_M[0])
     far = unit_paths(radar, [near_m + 2 * fold_m], [3.0])
-    found = synthesize(far, radar, window_m=WINDOW_M, tolerance=1e-9)
+    found = synthesize(far, radar, range_limits_m=WINDOW_M, tolerance=1e-9)
     near = unit_paths(radar, [near_m], [3.0])
     turn = np.exp(-4j * np.pi * (2 * fold_m / radar.waveform.wavelength_m % 1.0))
     expected = echo_at(near, radar, found.fast_time_s, found.slow_time_s) * turn
     inside = slice(shift + 2, shift + radar_chirp(radar) - 2)
     np.testing.assert_allclose(found.samples[0, inside], expected[0, inside], atol=1e-4)
-    assert found.report is not None and found.report.folded_range == 1
-    profile = expected_power_profile(far, radar, window_m=WINDOW_M)
+    assert found.report is not None and found.report.range_ambiguous_count == 1
+    profile = expected_power_profile(far, radar, range_limits_m=WINDOW_M)
     assert profile.range_m[np.argmax(profile.power)] == pytest.approx(near_m, abs=0.5)
-    alone = synthesize(far, radar, window_m=WINDOW_M, range_folding=False)
+    alone = synthesize(far, radar, range_limits_m=WINDOW_M, range_folding=False)
     assert not alone.samples.any()
     assert alone.outside == 1
 
@@ -197,8 +198,8 @@ def radar_chirp(radar: Radar) -> int:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9, 1e-12])
 def test_tolerance_of_echoes(tolerance: float) -> None:
     paths = many_paths()
-    exact = synthesize(paths, RADAR, window_m=WINDOW_M, synthesis="direct")
-    found = synthesize(paths, RADAR, window_m=WINDOW_M, tolerance=tolerance)
+    exact = synthesize(paths, RADAR, range_limits_m=WINDOW_M, synthesis="direct")
+    found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, tolerance=tolerance)
     error = np.linalg.norm(found.samples - exact.samples) / np.linalg.norm(exact.samples)
     assert error <= tolerance
     assert found.report is not None
@@ -209,20 +210,20 @@ def test_tolerance_of_echoes(tolerance: float) -> None:
 def test_no_paths_give_zeros() -> None:
     none: list[Paths] = []
     for nothing in (make_paths(np.empty(0), np.empty(0)), none):
-        echoes = synthesize(nothing, RADAR, window_m=WINDOW_M)
+        echoes = synthesize(nothing, RADAR, range_limits_m=WINDOW_M)
         assert echoes.samples.shape[0] == 5
         assert not echoes.samples.any()
 
 
-@pytest.mark.parametrize("window_m", [(5.0, 5.0), (-1.0, 5.0), (0.0, math.inf), (9.0, 5.0)])
-def test_range_window_must_make_sense(window_m: tuple[float, float]) -> None:
+@pytest.mark.parametrize("range_limits_m", [(5.0, 5.0), (-1.0, 5.0), (0.0, math.inf), (9.0, 5.0)])
+def test_range_window_must_make_sense(range_limits_m: tuple[float, float]) -> None:
     with pytest.raises(ConfigError, match="0 <= start < stop"):
-        synthesize(many_paths(), RADAR, window_m=window_m)
+        synthesize(many_paths(), RADAR, range_limits_m=range_limits_m)
 
 
 def test_window_too_long_for_memory_is_refused() -> None:
     with pytest.raises(ConfigError, match="shorter range window"):
-        synthesize(many_paths(), RADAR, window_m=(0.0, 1e9))
+        synthesize(many_paths(), RADAR, range_limits_m=(0.0, 1e9))
 
 
 def test_chirp_of_one_sample_is_refused() -> None:

@@ -22,14 +22,14 @@ from radarsim_addon.signal import (
     Receiver,
     SteppedWaveform,
     Waveform,
+    apply_receiver,
     load_phase_noise,
     make_paths,
     range_doppler,
-    receive,
 )
 from radarsim_addon.signal.echoes.pulse_synthesis import EchoOptions, synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 
@@ -58,8 +58,8 @@ def residual_density(noise: PhaseNoise, range_m: float, offset_hz: np.ndarray) -
 
 def empty_echoes(waveform: AnyWaveform, pulses: int) -> Echoes:
     radar = Radar(waveform, Burst(1 / waveform.duration_s, pulses))
-    window_m = (0.0, min(3000.0, waveform.unambiguous_range_m))
-    return synthesizer_for(radar, window_m).result()
+    range_limits_m = (0.0, min(3000.0, waveform.unambiguous_range_m))
+    return synthesizer_for(radar, range_limits_m).result()
 
 
 @pytest.mark.parametrize(("waveform", "integration_s"), KINDS, ids=NAMES)
@@ -69,12 +69,12 @@ def test_floor_of_the_map_is_ktf_over_the_integration_time(
 ) -> None:
     """k T0 F / (T M), worse by the loss of each window that is used."""
     pulses = 64
-    received = receive(empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, seed=3))
-    rd_map = range_doppler(compress(received.echoes, window, 1), window)
+    received = apply_receiver(empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, seed=3))
+    rd_map = range_doppler(range_process(received.echoes, window, 1), window)
     density = BOLTZMANN * 290 * 10**0.6
     assert received.noise_power_w == pytest.approx(density * waveform.sampling_rate_hz, rel=1e-9)
     # sampled at mid-share, a window over 64 pulses loses slightly more than the continuous one
-    windows = (rd_map.window == "hamming") + (rd_map.doppler_window == "hamming")
+    windows = (rd_map.window == "hamming") + (rd_map.doppler_taper == "hamming")
     expected = density / (integration_s * pulses) * 10 ** (windows * HAMMING_DB / 10)
     cells = rd_map.power.size / (1.36**windows)  # as many independent ones
     # 4 standard errors, and what the closed form leaves out: ripple of the chirp's spectrum
@@ -107,8 +107,8 @@ def test_target_in_noise_has_the_snr_of_the_radar_equation() -> None:
     echoes = synthesizer.result()
     ratios = []
     for seed in range(12):
-        received = receive(echoes, Receiver(noise_figure_db=3.0, seed=seed))
-        power = range_doppler(compress(received.echoes, "none", 1), "none").power
+        received = apply_receiver(echoes, Receiver(noise_figure_db=3.0, seed=seed))
+        power = range_doppler(range_process(received.echoes, "none", 1), "none").power
         column = round(range_m / LFM.sample_spacing_m)
         floor = np.median(power) / math.log(2)
         ratios.append(power[16, column] / floor)
@@ -121,9 +121,10 @@ def test_target_in_noise_has_the_snr_of_the_radar_equation() -> None:
 
 def test_noise_is_the_seeds_and_off_unless_asked_for() -> None:
     echoes = empty_echoes(LFM, 2)
-    assert receive(echoes).echoes is echoes
+    assert apply_receiver(echoes).echoes is echoes
     first, again, other = (
-        receive(echoes, Receiver(noise_figure_db=0.0, seed=s)).echoes.samples for s in (1, 1, 2)
+        apply_receiver(echoes, Receiver(noise_figure_db=0.0, seed=s)).echoes.samples
+        for s in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
     assert (first != other).all()
@@ -131,9 +132,9 @@ def test_noise_is_the_seeds_and_off_unless_asked_for() -> None:
 
 def test_noise_needs_watts() -> None:
     radar = Radar(LFM, Burst(1000.0, 2))
-    echoes = synthesizer_for(radar, (0.0, 100.0), EchoOptions(weighting="paper")).result()
+    echoes = synthesizer_for(radar, (0.0, 100.0), EchoOptions(amplitude_model="paper")).result()
     with pytest.raises(ConfigError, match="'radar-equation'"):
-        receive(echoes, Receiver(noise_figure_db=3.0))
+        apply_receiver(echoes, Receiver(noise_figure_db=3.0))
 
 
 # -- ADC -------------------------------------------------------------------------------------------
@@ -173,7 +174,7 @@ def test_one_bit_is_the_sign() -> None:
 def test_a_real_adc_delivers_real_samples() -> None:
     waveform = FmcwWaveform(77e9, 1e9, 64, 20e6, real_adc=True)
     echoes = empty_echoes(waveform, 4)
-    received = receive(echoes, Receiver(noise_figure_db=0.0, adc_bits=8))
+    received = apply_receiver(echoes, Receiver(noise_figure_db=0.0, adc_bits=8))
     assert not received.echoes.samples.imag.any()
     assert received.echoes.samples.real.any()
 
@@ -257,15 +258,17 @@ def test_phase_of_a_far_echo_has_the_closed_forms_spread(waveform: AnyWaveform) 
     noise = PhaseNoise((300.0, 2e3), (-50.0, -50.0))
     range_m = 3000.0
     radar = Radar(waveform, Burst(4e3, 256))
-    window_m = (2500.0, 3500.0)
+    range_limits_m = (2500.0, 3500.0)
     found = []
     for seed in range(6):
         receiver = Receiver(phase_noise=noise, seed=seed)
         synthesizer = synthesizer_for(
-            radar, window_m, phase_noise=noise, phase_noise_seed=receiver.phase_noise_seed
+            radar, range_limits_m, phase_noise=noise, phase_noise_seed=receiver.phase_noise_seed
         )
         synthesizer.add(unit_paths(radar, [range_m]))
-        values = compress(receive(synthesizer.result(), receiver).echoes, "none", 8).values
+        values = range_process(
+            apply_receiver(synthesizer.result(), receiver).echoes, "none", 8
+        ).values
         column = int(np.argmax(np.abs(values).mean(axis=0)))
         found.append(np.var(np.angle(values[:, column] / values[:, column].mean())))
     f = np.linspace(300, 2e3, 2001)

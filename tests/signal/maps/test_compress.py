@@ -19,7 +19,7 @@ from radarsim_addon.signal import (
     synthesize,
     window_at,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 2))
@@ -51,8 +51,8 @@ def table() -> list[dict[str, str]]:
 @pytest.mark.parametrize("oversample", [1, 2, 8])
 def test_unit_path_peaks_at_one_at_its_range_with_its_phase(window: str, oversample: int) -> None:
     range_m = WINDOW_M[0] + 100 * RADAR.waveform.sample_spacing_m
-    echoes = synthesize(unit_paths(RADAR, [range_m]), RADAR, window_m=WINDOW_M)
-    found = compress(echoes, window, oversample)
+    echoes = synthesize(unit_paths(RADAR, [range_m]), RADAR, range_limits_m=WINDOW_M)
+    found = range_process(echoes, window, oversample)
     column = 100 * oversample
     assert found.range_m[column] == pytest.approx(range_m, abs=1e-9)
     assert int(np.argmax(np.abs(found.values[0]))) == column
@@ -61,7 +61,9 @@ def test_unit_path_peaks_at_one_at_its_range_with_its_phase(window: str, oversam
 
 
 def test_range_axis_covers_the_window() -> None:
-    found = compress(synthesize(unit_paths(RADAR, [900.0]), RADAR, window_m=WINDOW_M), oversample=4)
+    found = range_process(
+        synthesize(unit_paths(RADAR, [900.0]), RADAR, range_limits_m=WINDOW_M), oversample=4
+    )
     steps = np.diff(found.range_m)
     assert found.range_m[0] == WINDOW_M[0]
     assert WINDOW_M[1] - steps[0] < found.range_m[-1] <= WINDOW_M[1]
@@ -81,9 +83,9 @@ def test_response_has_the_tables_width_sidelobes_and_loss(row: dict[str, str]) -
     echoes = synthesize(
         unit_paths(radar, [centre_m]),
         radar,
-        window_m=(centre_m - 45 * cell_m, centre_m + 45 * cell_m),
+        range_limits_m=(centre_m - 45 * cell_m, centre_m + 45 * cell_m),
     )
-    found = compress(echoes, window, oversample)
+    found = range_process(echoes, window, oversample)
     x = (found.range_m - centre_m) / cell_m  # in units of 1/B
     power = np.abs(found.values[0]) ** 2
 
@@ -145,9 +147,9 @@ def test_unknown_windows_are_named(window: str) -> None:
 
 def test_expected_power_of_one_path_is_the_compressed_power() -> None:
     paths = make_paths(3.7, 2 * 1003.21)
-    profile = expected_power_profile(paths, RADAR, window_m=WINDOW_M, oversample=4)
-    echoes = synthesize(paths, RADAR, window_m=WINDOW_M)
-    coherent = compress(echoes, "hamming", 4)
+    profile = expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M, oversample=4)
+    echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
+    coherent = range_process(echoes, "hamming", 4)
     np.testing.assert_array_equal(profile.range_m, coherent.range_m)
     power = np.abs(coherent.values[0]) ** 2
     np.testing.assert_allclose(profile.power, power, atol=1e-5 * power.max())
@@ -157,9 +159,9 @@ def test_expected_power_adds_up_powers_not_amplitudes() -> None:
     """Two paths half a wavelength apart cancel in the echo, and double in the mean power."""
     wavelength_m = RADAR.waveform.wavelength_m
     paths = unit_paths(RADAR, [1000.0, 1000.0 + wavelength_m / 4])
-    profile = expected_power_profile(paths, RADAR, window_m=WINDOW_M, oversample=16)
+    profile = expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M, oversample=16)
     assert profile.power.max() == pytest.approx(2, rel=1e-3)
-    coherent = compress(synthesize(paths, RADAR, window_m=WINDOW_M), oversample=16)
+    coherent = range_process(synthesize(paths, RADAR, range_limits_m=WINDOW_M), oversample=16)
     assert np.abs(coherent.values).max() < 0.02
 
 
@@ -171,10 +173,12 @@ def test_expected_power_is_the_mean_over_speckle() -> None:
     for _ in range(trials):
         jitter_m = rng.uniform(-0.5, 0.5, profile_m.size) * RADAR.waveform.wavelength_m
         paths = unit_paths(RADAR, list(profile_m + jitter_m))
-        values = compress(synthesize(paths, RADAR, window_m=(900.0, 1000.0)), oversample=2).values
+        values = range_process(
+            synthesize(paths, RADAR, range_limits_m=(900.0, 1000.0)), oversample=2
+        ).values
         total = total + np.abs(values[0]) ** 2 / trials
     expected = expected_power_profile(
-        unit_paths(RADAR, list(profile_m)), RADAR, window_m=(900.0, 1000.0), oversample=2
+        unit_paths(RADAR, list(profile_m)), RADAR, range_limits_m=(900.0, 1000.0), oversample=2
     ).power
     inside = slice(15, 60)
     # 200 trials of exponential statistics over some 15 independent cells: 1/sqrt(3000), 5 sigma
@@ -183,20 +187,20 @@ def test_expected_power_is_the_mean_over_speckle() -> None:
 
 def test_expected_power_in_parts_and_nothing() -> None:
     paths = unit_paths(RADAR, list(np.linspace(600, 1400, 50)))
-    whole = expected_power_profile(paths, RADAR, window_m=WINDOW_M)
+    whole = expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M)
     parts = [paths.select(slice(i, i + 7)) for i in range(0, 50, 7)]
-    pieces = expected_power_profile(iter(parts), RADAR, window_m=WINDOW_M)
+    pieces = expected_power_profile(iter(parts), RADAR, range_limits_m=WINDOW_M)
     np.testing.assert_allclose(pieces.power, whole.power, atol=1e-11)
-    nothing = expected_power_profile([], RADAR, window_m=WINDOW_M)
+    nothing = expected_power_profile([], RADAR, range_limits_m=WINDOW_M)
     assert not nothing.power.any()
     assert (whole.power >= 0).all()
 
 
 @pytest.mark.parametrize("oversample", [0, -1, 65, 1.5])
 def test_oversampling_is_checked(oversample: int) -> None:
-    echoes = synthesize(unit_paths(RADAR, [900.0]), RADAR, window_m=WINDOW_M)
+    echoes = synthesize(unit_paths(RADAR, [900.0]), RADAR, range_limits_m=WINDOW_M)
     with pytest.raises(ConfigError, match="Oversampling"):
-        compress(echoes, oversample=oversample)
+        range_process(echoes, oversample=oversample)
     if oversample < 2:
         with pytest.raises(ConfigError, match="at least 2"):
-            expected_power_profile([], RADAR, window_m=WINDOW_M, oversample=oversample)
+            expected_power_profile([], RADAR, range_limits_m=WINDOW_M, oversample=oversample)

@@ -30,7 +30,7 @@ PMCW = PmcwWaveform(5.3e9, 20e-9, 8)
 
 
 @pytest.mark.parametrize(
-    ("waveform", "prf_hz", "window_m", "echoes"),
+    ("waveform", "prf_hz", "range_limits_m", "echoes"),
     [
         (LFM, 50e3, (0.0, 2500.0), 3),  # period 2998 m
         (LFM, 50e3, (500.0, 3300.0), 2),
@@ -42,24 +42,26 @@ PMCW = PmcwWaveform(5.3e9, 20e-9, 8)
     ids=["lfm", "lfm later", "lfm twice", "stepped", "pmcw", "fmcw"],
 )
 def test_expected_power_folds_as_the_profile(
-    tmp_path: Path, waveform: AnyWaveform, prf_hz: float, window_m: tuple, echoes: int
+    tmp_path: Path, waveform: AnyWaveform, prf_hz: float, range_limits_m: tuple, echoes: int
 ) -> None:
     radar = Radar(waveform, Burst(prf_hz, 4))
     # in the middle of a cell, so that both stand at the same place
     step_m = waveform.sample_spacing_m / 2
-    ranges_m = window_m[0] + step_m * np.rint(
-        (np.array([400.0, 3200.0, 6100.0]) - window_m[0]) / step_m
+    ranges_m = range_limits_m[0] + step_m * np.rint(
+        (np.array([400.0, 3200.0, 6100.0]) - range_limits_m[0]) / step_m
     )
     rows = np.zeros(3, dtype=PATH_DTYPE)
     rows["length_m"], rows["power_w"] = 2 * ranges_m, [1e-9, 2e-9, 3e-9]
     rows["solid_angle_sr"], rows["order"], rows["object"] = 1e-6, 1, 1
     here = pr.pose((0, 0, 0))
-    receiver, emitter = pr.camera(here), contract.EmitterRecord(here, 5.0)
-    folder = pr.write_run(tmp_path / "run", rows, ["Plate"], receiver, emitter, window_m=1000.0)
+    receiver, emitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=1000.0
+    )
     frame = open_run(folder).frame(1)
-    found = expected_power(frame, radar, window_m, window="none")
+    found = expected_power(frame, radar, range_limits_m, window="none")
     truth = expected_power_profile(
-        frame_paths(frame), radar, window_m=window_m, window="none", oversample=2
+        frame_paths(frame), radar, range_limits_m=range_limits_m, window="none", oversample=2
     )
     size = min(found.range_m.size, truth.range_m.size)
     np.testing.assert_allclose(found.range_m[:size], truth.range_m[:size])

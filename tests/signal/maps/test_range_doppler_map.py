@@ -11,17 +11,17 @@ from radarsim_addon.signal import (
     Radar,
     RangeDopplerMap,
     Waveform,
-    decibels,
     expected_power_profile,
     find_peaks,
     join_paths,
     leading_edges,
-    level_above,
     make_paths,
+    peak_to_background_db,
+    power_to_db,
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from tests.signal.oracle import unit_paths
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
@@ -34,7 +34,7 @@ def radar_of(pulses: int) -> Radar:
 
 def map_of(radar: Radar, range_m: list[float], rate_mps: list[float] | float) -> RangeDopplerMap:
     paths = unit_paths(radar, range_m, rate_mps)
-    return range_doppler(compress(synthesize(paths, radar, window_m=WINDOW_M)))
+    return range_doppler(range_process(synthesize(paths, radar, range_limits_m=WINDOW_M)))
 
 
 @pytest.mark.parametrize("pulses", [1, 2, 5, 64, 127, 128])
@@ -60,7 +60,7 @@ def test_unit_path_in_a_cell_is_zero_decibels(pulses: int, window: str) -> None:
     middle_m = 500.0 + 200 * WAVEFORM.sample_spacing_m
     start_m = middle_m - rate_mps * (pulses - 1) / 2 / 1000.0
     paths = unit_paths(radar, [start_m], rate_mps)
-    found = range_doppler(compress(synthesize(paths, radar, window_m=WINDOW_M)), window)
+    found = range_doppler(range_process(synthesize(paths, radar, range_limits_m=WINDOW_M)), window)
     peak = divmod(int(np.argmax(found.power)), found.range_m.size)
     assert peak == (row, 400)
     assert found.velocity_mps[row] == pytest.approx(rate_mps)
@@ -79,7 +79,7 @@ def test_peak_is_found_between_the_cells(range_m: float, rate_mps: float) -> Non
     assert peak.range_m == pytest.approx(middle_m, abs=0.005)
     # 1.3 m of migration during the burst lowers the peak by 0.1 dB
     assert peak.level_db == pytest.approx(0, abs=0.12)
-    assert peak.above_db > 40
+    assert peak.peak_to_background_db > 40
 
 
 def test_papers_target_is_on_the_left_at_353_6_hz() -> None:
@@ -89,9 +89,11 @@ def test_papers_target_is_on_the_left_at_353_6_hz() -> None:
 
 def test_velocity_beyond_the_limit_folds() -> None:
     radar = radar_of(64)
-    beyond = radar.max_velocity_mps + 1.0
+    beyond = radar.max_unambiguous_velocity_mps + 1.0
     peak = find_peaks(map_of(radar, [1000.0], beyond), 1)[0]
-    assert peak.velocity_mps == pytest.approx(beyond - 2 * radar.max_velocity_mps, abs=1e-3)
+    assert peak.velocity_mps == pytest.approx(
+        beyond - 2 * radar.max_unambiguous_velocity_mps, abs=1e-3
+    )
 
 
 def test_weak_mover_beside_strong_clutter() -> None:
@@ -100,8 +102,8 @@ def test_weak_mover_beside_strong_clutter() -> None:
     rng = np.random.default_rng(0)
     clutter = make_paths(1 / aperture, 2 * rng.uniform(600, 1400, 3000))
     mover = make_paths(0.01 / aperture, 2 * 1100.0, 6.0)
-    echoes = synthesize(join_paths([clutter, mover]), radar, window_m=WINDOW_M)
-    found = range_doppler(compress(echoes))
+    echoes = synthesize(join_paths([clutter, mover]), radar, range_limits_m=WINDOW_M)
+    found = range_doppler(range_process(echoes))
     assert abs(find_peaks(found, 1)[0].velocity_mps) < 0.3
     peaks = find_peaks(found, 3, min_speed_mps=1.0, min_above_db=20)
     assert peaks[0].velocity_mps == pytest.approx(6.0, abs=1e-3)
@@ -119,7 +121,7 @@ def test_several_peaks_come_strongest_first() -> None:
         np.array([1.0, 4.0, 2.0]) / aperture, 2 * np.array([700.0, 900.0, 1200.0]),
         np.array([2.0, -2.0, 4.0]),
     )  # fmt: skip
-    found = range_doppler(compress(synthesize(paths, radar, window_m=WINDOW_M)))
+    found = range_doppler(range_process(synthesize(paths, radar, range_limits_m=WINDOW_M)))
     peaks = find_peaks(found, 3)
     np.testing.assert_allclose([p.velocity_mps for p in peaks], [-2.0, 4.0, 2.0], atol=0.01)
     np.testing.assert_allclose(
@@ -130,28 +132,28 @@ def test_several_peaks_come_strongest_first() -> None:
 @pytest.mark.filterwarnings("error")
 def test_empty_map_has_the_floor_everywhere_and_no_peaks() -> None:
     radar = radar_of(16)
-    echoes = synthesize([], radar, window_m=WINDOW_M)
-    found = range_doppler(compress(echoes))
+    echoes = synthesize([], radar, range_limits_m=WINDOW_M)
+    found = range_doppler(range_process(echoes))
     assert not found.power.any()
     assert (found.power_db == -300).all()
     assert find_peaks(found, 5) == []
-    assert leading_edges(expected_power_profile([], radar, window_m=WINDOW_M)) == []
+    assert leading_edges(expected_power_profile([], radar, range_limits_m=WINDOW_M)) == []
 
 
 def test_level_above_surroundings() -> None:
     power = np.full((64, 200), 2.0)
     power[10, 50] = 2000.0
     power[9:12, 47:54] = np.maximum(power[9:12, 47:54], 500.0)  # within the guard cells
-    assert level_above(power, 10, 50) == pytest.approx(30.0)
+    assert peak_to_background_db(power, 10, 50) == pytest.approx(30.0)
     power[:] = 0
     power[0, 0] = 1
-    assert level_above(power, 0, 0) == 300
+    assert peak_to_background_db(power, 0, 0) == 300
     with pytest.raises(ConfigError, match="fewer guard cells"):
-        level_above(np.ones((3, 3)), 1, 1)
+        peak_to_background_db(np.ones((3, 3)), 1, 1)
 
 
 def test_decibels() -> None:
-    np.testing.assert_allclose(decibels(np.array([100.0, 1.0, 0.0]), 10.0, -50), [10, -10, -50])
+    np.testing.assert_allclose(power_to_db(np.array([100.0, 1.0, 0.0]), 10.0, -50), [10, -10, -50])
 
 
 def profile_of(power: np.ndarray, step_m: float = 0.5) -> PowerProfile:
@@ -192,6 +194,6 @@ def test_leading_edge_of_a_wide_face_is_at_the_face() -> None:
     radar = radar_of(1)
     paths = unit_paths(radar, list(np.arange(1000.0, 1200.0, 0.05)))
     for window in ("none", "hamming"):
-        profile = expected_power_profile(paths, radar, window_m=WINDOW_M, window=window)
+        profile = expected_power_profile(paths, radar, range_limits_m=WINDOW_M, window=window)
         edge = leading_edges(profile, 1, separation_m=300)[0]
         assert edge.range_m == pytest.approx(1000.0, abs=0.5)

@@ -93,7 +93,7 @@ def test_motion_within_its_bound(name: str) -> None:
     error_m = np.linalg.norm(found - want, axis=-1).max()
     assert error_m < within_m
     # three standard deviations, and what rounding a float32 start of turned arms leaves
-    assert error_m < 1.5 * body.bound_m + 2e-8
+    assert error_m < 1.5 * body.displacement_error_bound_m + 2e-8
     assert len(body.pieces) == 1
     # the velocity is the slope of the motion
     step_s = 1e-6
@@ -123,7 +123,7 @@ def test_rounding_alone_is_no_motion() -> None:
     poses[:, 1, 3] += rng.choice([0, 7.6e-6], 129)
     body = fit_body(np.linspace(0, 1, 129), poses, 1.0, 1.0)
     assert not body.moving
-    assert 3e-6 < body.bound_m < 2e-5
+    assert 3e-6 < body.displacement_error_bound_m < 2e-5
 
 
 @pytest.mark.parametrize("samples", [129, 1025])
@@ -150,7 +150,7 @@ def test_noise_falls_with_samples() -> None:
     motion = MOTIONS["steady"][0]
     few, _, _ = fitted(motion, SPAN_S, 33)
     many, _, _ = fitted(motion, SPAN_S, 4097)
-    assert many.bound_m < few.bound_m / 4
+    assert many.displacement_error_bound_m < few.displacement_error_bound_m / 4
 
 
 def test_vertices_of_a_bending_mesh() -> None:
@@ -161,11 +161,13 @@ def test_vertices_of_a_bending_mesh() -> None:
     def bent(t: np.ndarray) -> np.ndarray:
         return rest + np.sin(3 + 20 * t[:, None, None] * rest[:, :1]) * [0, 0.1, 0]
 
-    series, noise_m, bound_m = fit_vertices(times_s, bent(times_s).astype(np.float32), SPAN_S)
+    series, noise_m, displacement_error_bound_m = fit_vertices(
+        times_s, bent(times_s).astype(np.float32), SPAN_S
+    )
     at = np.array([0.0, 0.01, 0.02, SPAN_S])
     found = series.positions(np.arange(5000, dtype=np.int32), at)
     assert np.abs(found - bent(at)).max() < 3e-7
-    assert noise_m < 5e-8 and bound_m < 2e-7
+    assert noise_m < 5e-8 and displacement_error_bound_m < 2e-7
     rate = (bent(np.array([1e-7])) - bent(np.array([0.0])))[0] / 1e-7
     speeds = series.velocities(np.arange(5000, dtype=np.int32), 0.0)
     np.testing.assert_allclose(speeds, rate, atol=5e-5)

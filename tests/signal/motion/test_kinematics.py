@@ -79,7 +79,7 @@ def rows_of(*paths: tuple[list[tuple[float, float, float]], list[int]], excess: 
         way = [RECEIVER.pose[:3, 3], *map(np.array, points), EMITTER.pose[:3, 3]]
         row["length_m"] = excess + sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
         row["order"] = len(points)
-        row["first_m"], row["last_m"] = points[0], points[-1]
+        row["first_scatterer_m"], row["last_scatterer_m"] = points[0], points[-1]
         row["first_body"], row["body"] = numbers[0], numbers[-1]
         row["direction"] = (way[1] - way[0]) / np.linalg.norm(way[1] - way[0])
     return rows
@@ -168,7 +168,7 @@ def test_orthographic_receivers_measure_from_their_plane() -> None:
     times = np.array([SPAN_S])
     moved = carried(BODIES[1], np.array([5.0, 29.0, 1.0]), SPAN_S)
     still = motion_of_rows(rows, scene(False, True)).lengths_m(times, slice(None))[0, 0]
-    back = [np.linalg.norm(p - EMITTER.pose[:3, 3]) for p in (rows["last_m"][0], moved)]
+    back = [np.linalg.norm(p - EMITTER.pose[:3, 3]) for p in (rows["last_scatterer_m"][0], moved)]
     assert still - rows["length_m"][0] == pytest.approx(-20 * SPAN_S + back[1] - back[0], abs=1e-12)
     turning = motion_of_rows(rows, scene(True, True))
     bore = rotation(np.array([0, 0, 3.0]) * SPAN_S) @ [0, 1, 0]
@@ -191,7 +191,7 @@ def test_what_is_not_known_is_counted() -> None:
         ([(5.0, 29.0, 1.0), (0.0, 20.0, 0.0)], [2, 0]),
         ([(5.0, 29.0, 1.0), (0.0, 20.0, 0.0)], [2, 1]),
     )
-    rows["first_m"][2] = np.nan
+    rows["first_scatterer_m"][2] = np.nan
     motion = motion_of_rows(rows, scene(True))
     assert motion.approximated.tolist() == [True, False, False]
     assert motion.unknown.tolist() == [False, True, True]
@@ -250,10 +250,10 @@ def written(folder: Path) -> str:
         receiver_kind="perspective",
         antennas=[body_record("C", "", RECEIVER, False), body_record("T", "", EMITTER, False)],
         bodies=[body_record(f"B{n}", "", b, n == 1) for n, b in enumerate(BODIES)],
-        bound_m=0.0,
-        bound_wavelengths=0.0,
-        approximated_share=0.0,
-        unknown_share=0.0,
+        displacement_error_bound_m=0.0,
+        displacement_error_bound_wavelengths=0.0,
+        approximated_motion_fraction=0.0,
+        unknown_motion_fraction=0.0,
         tracks_file=path.name,
         tracks_sha256=file_sha256(path),
     )
@@ -272,7 +272,7 @@ def test_tracks_move_with_face_and_body(tmp_path: Path) -> None:
     read = read_motion(tmp_path, 1, written(tmp_path))
     point = BODIES[1].pose[:3, 3] + (0.25, -1.0 - 0.0175, 0.25)
     rows = rows_of(([tuple(point)], [2]))
-    rows["track"] = rows["first_track"] = 1
+    rows["track"] = rows["first_surface_point"] = 1
     motion = motion_of_rows(rows, read)
     assert motion.moving.all()
     lengths = motion.lengths_m(TIMES_S, slice(None))[0]
@@ -293,7 +293,7 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
         read_motion(tmp_path, 2, digest)
     with pytest.raises(SchemaError, match="does not belong"):
         read_motion(tmp_path, 1, "0" * 64)
-    npz = tmp_path / contract.MOTION_TRACKS
+    npz = tmp_path / contract.DEFORMING_SURFACES_FILE
     data = npz.read_bytes()
     npz.write_bytes(data[:-100])
     with pytest.raises(FrameFileError, match="cannot be read as tracks"):
@@ -311,7 +311,7 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
 
 def test_no_pickle_in_tracks(tmp_path: Path) -> None:
     digest = written(tmp_path)
-    path = tmp_path / contract.MOTION_TRACKS
+    path = tmp_path / contract.DEFORMING_SURFACES_FILE
     np.savez(path, track_body=np.array([{}], dtype=object))
     with pytest.raises(FrameFileError, match="objects"):
         read_motion(tmp_path, 1, digest)
@@ -324,6 +324,6 @@ def test_speed_is_of_use() -> None:
     frame = FrameMotion(SPAN_S, still, still, False, [rotor])
     rows = np.zeros(1, dtype=PATH_DTYPE)
     rows["order"], rows["body"] = 1, 1
-    rows["last_m"], rows["length_m"] = (0.5, 10, 0), 2 * math.hypot(0.5, 10)
+    rows["last_scatterer_m"], rows["length_m"] = (0.5, 10, 0), 2 * math.hypot(0.5, 10)
     want = 50 * 10 / math.hypot(0.5, 10)
     assert motion_of_rows(rows, frame).range_rates_mps()[0] == pytest.approx(want, rel=1e-12)

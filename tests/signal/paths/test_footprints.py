@@ -37,7 +37,7 @@ GROUND = pr.Plate("Ground", (0, 600, 0), (2000, 0, 0), (0, 590, 0))
 SHIFTS = 4
 
 
-def view(roll_deg: float) -> contract.CameraRecord:
+def view(roll_deg: float) -> contract.ReceiverRecord:
     """16 degrees, 20 m above the ground, looking 9 degrees down."""
     pose = np.array(pr.pose((0, 0, 20.0), 0, -9))
     a = math.radians(roll_deg)
@@ -45,32 +45,34 @@ def view(roll_deg: float) -> contract.CameraRecord:
     return pr.camera(pose.tolist(), 8.0)
 
 
-def shifted(camera: contract.CameraRecord, u: float, v: float) -> contract.CameraRecord:
+def shifted(camera: contract.ReceiverRecord, u: float, v: float) -> contract.ReceiverRecord:
     return dataclasses.replace(
         camera, left=camera.left + u, right=camera.right + u, bottom=camera.bottom + v,
         top=camera.top + v,
     )  # fmt: skip
 
 
-def rows_of(camera: contract.CameraRecord, size_px: int, shifts: int) -> PathRows:
+def rows_of(camera: contract.ReceiverRecord, size_px: int, replicates: int) -> PathRows:
     """The ground, by the shifts that runs have; one is through the middle of the pixels."""
     pitch = (camera.right - camera.left) / size_px
-    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
+    emitter = contract.TransmitterRecord(camera.matrix_world, 5.0)
     parts = []
-    for shift in range(shifts):
-        u, v = shift_px(shift) if shifts > 1 else (0.0, 0.0)
+    for shift in range(replicates):
+        u, v = shift_px(shift) if replicates > 1 else (0.0, 0.0)
         rows = pr.trace([GROUND], shifted(camera, u * pitch, v * pitch), emitter, size_px)
-        rows["power_w"] /= shifts
-        rows["solid_angle_sr"] /= shifts
+        rows["power_w"] /= replicates
+        rows["solid_angle_sr"] /= replicates
         rows["shift"] = shift
         parts.append(rows)
     return np.concatenate(parts)
 
 
-def expected(folder: Path, rows: PathRows, camera: contract.CameraRecord) -> ExpectedPower:
-    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
-    shifts = int(rows["shift"].max()) + 1
-    pr.write_run(folder, rows, ["Ground"], camera, emitter, window_m=1200.0, shifts=shifts)
+def expected(folder: Path, rows: PathRows, camera: contract.ReceiverRecord) -> ExpectedPower:
+    emitter = contract.TransmitterRecord(camera.matrix_world, 5.0)
+    replicates = int(rows["shift"].max()) + 1
+    pr.write_run(
+        folder, rows, ["Ground"], camera, emitter, range_limits_m=1200.0, replicates=replicates
+    )
     return expected_power(open_run(folder).frame(1), RADAR, WINDOW_M)
 
 
@@ -78,7 +80,7 @@ def relative(error: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2) / np.mean(truth**2)))
 
 
-def integrated(camera: contract.CameraRecord) -> np.ndarray:
+def integrated(camera: contract.ReceiverRecord) -> np.ndarray:
     """The profile of the ground by integration over range and azimuth, without any pixel.
 
     A ring of ground dr wide at the slant range r has the solid angle h dr dphi / r^2; radiance of
@@ -98,7 +100,7 @@ def integrated(camera: contract.CameraRecord) -> np.ndarray:
     solid_sr = np.mean(seen, axis=1) * np.ptp(azimuths) * height_m * step_m / range_m[:, 0] ** 2
     radiance = 5.0 * height_m / range_m[:, 0] / (4 * math.pi**2 * range_m[:, 0] ** 2)
     paths = make_paths(radiance * solid_sr, 2 * range_m[:, 0])
-    return expected_power_profile(paths, RADAR, window_m=WINDOW_M, oversample=2).power
+    return expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M, oversample=2).power
 
 
 @pytest.mark.parametrize("roll_deg", [0.0, 10.0])
@@ -224,10 +226,12 @@ def test_range_rates_are_spread_over_doppler(tmp_path: Path) -> None:
     down = -rows["direction"][:, 1]
     rows["range_rate_mps"] = 8.0 * down  # 8 m/s ahead; a bin is 7.07 m/s
     radar = Radar(RADAR.waveform, Burst(4000.0, 64))  # a bin is 1.77 m/s
-    emitter = contract.EmitterRecord(camera.matrix_world, 5.0)
+    emitter = contract.TransmitterRecord(camera.matrix_world, 5.0)
     folder = tmp_path / "run"
-    pr.write_run(folder, rows, ["Ground"], camera, emitter, window_m=1200.0, shifts=SHIFTS)
-    found = expected_power(open_run(folder).frame(1), radar, WINDOW_M, doppler_window="none")
+    pr.write_run(
+        folder, rows, ["Ground"], camera, emitter, range_limits_m=1200.0, replicates=SHIFTS
+    )
+    found = expected_power(open_run(folder).frame(1), radar, WINDOW_M, doppler_taper="none")
     assert found.map.sum(axis=0) == pytest.approx(found.profile, rel=0.35, abs=1e-9)
     strongest = found.doppler_hz[np.argmax(found.map.sum(axis=1))]
     expected_hz = 2 * 8.0 / RADAR.waveform.wavelength_m

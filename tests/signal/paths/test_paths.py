@@ -12,7 +12,7 @@ from radarsim_addon import sidecar
 from radarsim_addon.errors import ConfigError, SchemaError
 from radarsim_addon.signal import (
     frame_paths,
-    iter_paths,
+    iter_path_chunks,
     join_paths,
     make_paths,
     open_run,
@@ -25,7 +25,7 @@ from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup()
 #: What float32 costs a range rate: four roundings of 3e-8, k/2 each, over 10 ms.
-RATE_SLACK_MPS = 4 * 3e-8 * SETUP.code_length_m / 2 / SETUP.delta_t_s * 1.5
+RATE_SLACK_MPS = 4 * 3e-8 * SETUP.range_encoding_length_m / 2 / SETUP.snapshot_interval_s * 1.5
 
 
 def test_receding_is_positive_approaching_negative_standing_still_exactly_zero(
@@ -61,9 +61,9 @@ def test_echo_that_crossed_into_the_neighbouring_ring(
 def test_neighbour_that_was_there_before_is_not_taken(tmp_path: Path) -> None:
     """The target of ring 1 vanishes; what stands in ring 2 at the same pixel stood there at t."""
 
-    def picture(frame: int, ring: int, pass_index: int) -> tuple[np.ndarray, np.ndarray]:
+    def picture(frame: int, ring: int, snapshot_index: int) -> tuple[np.ndarray, np.ndarray]:
         range_m, radiance = empty(SETUP)
-        if ring == 2 or (ring == 1 and pass_index == 0):
+        if ring == 2 or (ring == 1 and snapshot_index == 0):
             range_m[5, 5], radiance[5, 5] = (499.5 if ring == 1 else 501.0), 1.0
         return range_m, radiance
 
@@ -76,23 +76,23 @@ def test_neighbour_that_was_there_before_is_not_taken(tmp_path: Path) -> None:
 def test_silhouette_counts_as_standing_still_and_is_flagged(tmp_path: Path) -> None:
     """Target at t, ground behind it at t + delta t: 60 m in 10 ms."""
 
-    def picture(frame: int, ring: int, pass_index: int) -> tuple[np.ndarray, np.ndarray]:
+    def picture(frame: int, ring: int, snapshot_index: int) -> tuple[np.ndarray, np.ndarray]:
         range_m, radiance = empty(SETUP)
         if ring == 1:
-            range_m[5, 5], radiance[5, 5] = (400.0, 460.0)[pass_index], 1.0
+            range_m[5, 5], radiance[5, 5] = (400.0, 460.0)[snapshot_index], 1.0
         return range_m, radiance
 
     frame = open_run(write_run(tmp_path, SETUP, picture)).frame(1)
     paths = frame_paths(frame)
     assert paths.flags.tolist() == [PathFlag.RANGE_RATE_REJECTED]
     assert paths.range_rate_mps.tolist() == [0.0]
-    assert paths.counts.too_fast == 1
-    fast = frame_paths(frame, max_speed_mps=7000.0)
+    assert paths.counts.range_rate_rejected == 1
+    fast = frame_paths(frame, max_range_rate_mps=7000.0)
     assert fast.range_rate_mps[0] == pytest.approx(6000.0, rel=1e-5)
 
 
 def test_one_pass_only_knows_no_rate(tmp_path: Path) -> None:
-    setup = Setup(passes=1)
+    setup = Setup(snapshots=1)
     run = open_run(write_run(tmp_path, setup, points(setup, [(1, 1, 300.0, 10.0, 1.0)])))
     paths = frame_paths(run.frame(1))
     assert paths.range_rate_mps.tolist() == [0.0]
@@ -105,10 +105,10 @@ def test_mixed_pixel_is_flagged(tmp_path: Path) -> None:
     run = open_run(
         write_run(tmp_path, SETUP, points(SETUP, [(1, 1, 300.0, 0, 1.0), (2, 2, 300.0, 0, 1.0)]))
     )
-    for pass_index in (0, 1):
-        path = run.frame(1).path / f"ring_001_t{pass_index}.exr"
-        record, channels = run.frame(1).image(1, pass_index)
-        spread = (10.0 / SETUP.code_length_m) ** 2  # 10 m rms of the path's length
+    for snapshot_index in (0, 1):
+        path = run.frame(1).path / f"ring_001_t{snapshot_index}.exr"
+        record, channels = run.frame(1).image(1, snapshot_index)
+        spread = (10.0 / SETUP.range_encoding_length_m) ** 2  # 10 m rms of the path's length
         channels["G"][2, 2] *= 1 + spread
         write_exr(path, channels)
         sidecar.write_record(
@@ -132,7 +132,7 @@ def test_passes_at_times_that_do_not_fit(tmp_path: Path) -> None:
 def test_rings_come_one_by_one_and_join_to_the_whole(tmp_path: Path) -> None:
     echoes = [(r, r, 100.0 + 90 * r, 1.0, 1.0 + r) for r in range(10)]
     run = open_run(write_run(tmp_path, SETUP, points(SETUP, echoes)))
-    parts = list(iter_paths(run.frame(1)))
+    parts = list(iter_path_chunks(run.frame(1)))
     assert [set(part.ring.tolist()) for part in parts] == [{0}, {1}, {2}, {3}]
     whole = join_paths(parts)
     assert len(whole) == 10
@@ -150,7 +150,7 @@ def test_power_of_a_lambert_plate_is_the_radar_equation(tmp_path: Path) -> None:
     cosine = depth_m / slant_m
     radiance = albedo / math.pi * eirp_w / (4 * math.pi * slant_m**2) * cosine
 
-    def picture(frame: int, ring: int, pass_index: int) -> tuple[np.ndarray, np.ndarray]:
+    def picture(frame: int, ring: int, snapshot_index: int) -> tuple[np.ndarray, np.ndarray]:
         return (slant_m, radiance) if ring == 2 else empty(setup)
 
     paths = frame_paths(open_run(write_run(tmp_path, setup, picture)).frame(1))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from radarsim_addon.signal.paths.paths.replicates import shift_variances
 
-from radarsim_addon.contract import CameraRecord
+from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths.paths import PATH_DTYPE, edge_variances, lone_variances, shift_px
 
@@ -17,7 +17,7 @@ PX = 1e-3
 SIZE = 28
 
 
-def camera(kind: str, shift: tuple[float, float] = (0.0, 0.0)) -> CameraRecord:
+def camera(kind: str, shift: tuple[float, float] = (0.0, 0.0)) -> ReceiverRecord:
     """A window of 28 x 28 pixels of 1e-3 that is shifted by a part of a pixel."""
     half = SIZE / 2
     left, right = (-half + shift[0]) * PX, (half + shift[0]) * PX
@@ -25,7 +25,7 @@ def camera(kind: str, shift: tuple[float, float] = (0.0, 0.0)) -> CameraRecord:
     turn = math.radians(30)
     pose = np.eye(4)
     pose[:2, :2] = [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
-    return CameraRecord(kind, pose.tolist(), left, right, bottom, top, 0.0)
+    return ReceiverRecord(kind, pose.tolist(), left, right, bottom, top, 0.0)
 
 
 def estimate(shape: object, kind: str, count: int) -> tuple[float, float, float]:
@@ -43,7 +43,7 @@ def estimate(shape: object, kind: str, count: int) -> tuple[float, float, float]
         rows["solid_angle_sr"] = rays.solid_angle_sr[row, col] / count
         rows["order"] = 1
         if kind == "orthographic":
-            rows["first_m"] = rays.origin_m[row, col] + 5 * rays.direction[row, col]
+            rows["first_scatterer_m"] = rays.origin_m[row, col] + 5 * rays.direction[row, col]
         label = np.ones(row.size, dtype=np.int64)
         found = edge_variances(rows, label, np.ones(row.size), camera(kind), count)
         least += float(found[-1]) / count if row.size else 0.0
@@ -74,10 +74,10 @@ def errors(width: float, height: float, kind: str, count: int) -> np.ndarray:
 def test_variance_of_a_side_by_trial(count: int) -> None:
     """Intervals of any length and place, against the closed form."""
     rng = np.random.default_rng(1)
-    shifts = np.array([shift_px(i) for i in range(count)])
+    replicates = np.array([shift_px(i) for i in range(count)])
     for axis, variance in enumerate(shift_variances(count)):
         start, length = rng.random((2, 200_000, 1))
-        inside = (shifts[:, axis] - start) % 1.0 < length
+        inside = (replicates[:, axis] - start) % 1.0 < length
         trial = np.mean((inside.mean(axis=1) - length[:, 0]) ** 2)
         assert variance == pytest.approx(trial, rel=0.02)
     if count == 1:
@@ -156,7 +156,7 @@ def view_of(labels: np.ndarray, camera_kind: str = "perspective") -> tuple[np.nd
     rows["solid_angle_sr"] = rays.solid_angle_sr[row, col]
     rows["order"] = 1
     if camera_kind == "orthographic":
-        rows["first_m"] = rays.origin_m[row, col] + 5 * rays.direction[row, col]
+        rows["first_scatterer_m"] = rays.origin_m[row, col] + 5 * rays.direction[row, col]
     return rows, labels[row, col]
 
 
@@ -219,6 +219,6 @@ def test_a_smooth_surface_in_one_shift() -> None:
     rows, label = view_of(labels)
     assert lone_variances(rows, label, np.full(1, 3.0), camera("perspective"))[1] >= 9
     rows, label = view_of(labels, "orthographic")
-    rows["first_m"] = np.nan
+    rows["first_scatterer_m"] = np.nan
     assert lone_variances(rows, label, np.full(1, 3.0), camera("orthographic"))[1] == 9
     assert lone_variances(rows[:0], label[:0], np.zeros(0), camera("perspective")) == [0]

@@ -26,7 +26,7 @@ def random_rows(count: int, seed: int = 0) -> PathRows:
             rows[name] = rng.normal(size=column.shape)
         else:
             rows[name] = rng.integers(0, 1000, column.shape)
-    rows["first_m"][::3] = np.nan
+    rows["first_scatterer_m"][::3] = np.nan
     return rows
 
 

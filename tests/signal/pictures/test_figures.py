@@ -22,19 +22,19 @@ from radarsim_addon.signal import (
     RangeDopplerMap,
     Receiver,
     Waveform,
+    apply_receiver,
     detect_targets,
     make_paths,
     map_noise_gain,
     plot_echo,
-    plot_matched_filter,
     plot_range_doppler,
+    plot_range_profile,
     range_doppler,
-    receive,
     synthesize,
 )
 from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, find_edges, target_count
 from radarsim_addon.signal.maps import expected_power_profile
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, decimals_for, fixed
 from radarsim_addon.signal.pictures.cells import cell_axis, strongest
 from radarsim_addon.signal.pictures.labels import Box, Label, label_box, place_labels
@@ -49,13 +49,13 @@ NEGATIVE_ZERO = re.compile(r"[-\N{MINUS SIGN}]0+(\.0+)?(?![\d.])")
 
 def map_of(
     radar: Radar, range_m: list[float], rate_mps: list[float], power: list[float],
-    window_m: tuple[float, float], noise_figure_db: float | None = None,
+    range_limits_m: tuple[float, float], noise_figure_db: float | None = None,
 ) -> tuple[RangeDopplerMap, float]:  # fmt: skip
     """Map of point targets, and the mean noise of its cells."""
     paths = make_paths(np.array(power), 2 * np.array(range_m), np.array(rate_mps))
-    echoes = synthesize(paths, radar, window_m=window_m)
-    reception = receive(echoes, Receiver(noise_figure_db=noise_figure_db))
-    found = range_doppler(compress(reception.echoes))
+    echoes = synthesize(paths, radar, range_limits_m=range_limits_m)
+    reception = apply_receiver(echoes, Receiver(noise_figure_db=noise_figure_db))
+    found = range_doppler(range_process(reception.echoes))
     return found, reception.noise_power_w * map_noise_gain(radar)
 
 
@@ -139,11 +139,11 @@ def test_lines_cross_boxes_where_geometry_says_so() -> None:
 
 def test_edges_of_a_profile_have_labels_apart() -> None:
     paths = make_paths(np.full(4, 1e-9), 2 * np.array([300.0, 312.0, 324.0, 700.0]))
-    echoes = synthesize(paths, RADAR, window_m=(0.0, 900.0))
-    profile = expected_power_profile(paths, RADAR, window_m=(0.0, 900.0))
+    echoes = synthesize(paths, RADAR, range_limits_m=(0.0, 900.0))
+    profile = expected_power_profile(paths, RADAR, range_limits_m=(0.0, 900.0))
     level_db = 10 * np.log10(profile.power.max())
     edges = [LeadingEdge(r - 1.5, r, level_db, 20.0) for r in (300.0, 312.0, 324.0, 700.0)]
-    figure = plot_matched_filter(compress(echoes), profile, edges, unit="dBW")
+    figure = plot_range_profile(range_process(echoes), profile, edges, unit="dBW")
     boxes = boxes_after_drawing(figure)
     assert len(boxes) == 4
     assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
@@ -157,9 +157,9 @@ def test_edges_of_a_profile_have_labels_apart() -> None:
 
 def test_movers_come_first(plain_map: RangeDopplerMap) -> None:
     still = [detection(50.0 * i, 0.0, -60.0) for i in range(1, 17)]
-    movers = [detection(600.0, 5.0, -90.0), detection(200.0, -8.0, -95.0)]
-    chosen = foremost(plain_map, [], [*still, *movers])
-    assert chosen[:2] == movers
+    moving_targets = [detection(600.0, 5.0, -90.0), detection(200.0, -8.0, -95.0)]
+    chosen = foremost(plain_map, [], [*still, *moving_targets])
+    assert chosen[:2] == moving_targets
     assert len(chosen) == 4 and all(abs(item.velocity_mps) < 0.1 for item in chosen[2:])
     texts = [note.get_text() for note in labels(plot_range_doppler(plain_map, targets=chosen))]
     assert texts[0].startswith("600.0 m\n+5.00 m/s\n\N{MINUS SIGN}177 Hz")
@@ -183,11 +183,11 @@ def test_of_targets_side_by_side_the_stronger_is_labelled(plain_map: RangeDopple
 def test_rounding_and_code_sidelobes_are_no_leading_edges() -> None:
     radar = Radar(PhaseCodedPulse(5.3e9, 1e-7, 13), Burst(2000.0, 64))
     paths = make_paths(1.0, 2000.0)
-    profile = expected_power_profile(paths, radar, window_m=(0.0, 8000.0))
+    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, 8000.0))
     edges = find_edges(profile)
     assert [round(edge.peak_range_m) for edge in edges] == [1001]  # nothing of the code's sidelobes
     with_far = make_paths(np.array([1.0, 1e-8]), np.array([2000.0, 12e3]))
-    profile = expected_power_profile(with_far, radar, window_m=(0.0, 8000.0))
+    profile = expected_power_profile(with_far, radar, range_limits_m=(0.0, 8000.0))
     assert sorted(round(edge.peak_range_m / 10) for edge in find_edges(profile)) == [100, 600]
 
 
@@ -295,8 +295,8 @@ def test_scale_shows_the_noise() -> None:
 
 def test_rounding_of_the_adc_counts_as_noise() -> None:
     paths = make_paths(np.array([1e-9, 1e-9]), np.array([600.0, 1300.0]), np.array([3.3, -7.1]))
-    echoes = synthesize(paths, RADAR, window_m=(0.0, 900.0))
-    reception = receive(echoes, Receiver(noise_figure_db=40.0, adc_bits=3))
+    echoes = synthesize(paths, RADAR, range_limits_m=(0.0, 900.0))
+    reception = apply_receiver(echoes, Receiver(noise_figure_db=40.0, adc_bits=3))
     assert reception.step is not None
     assert reception.floor_power_w > 1.1 * reception.noise_power_w  # it matters
     error = reception.echoes.samples - echoes.samples
@@ -330,13 +330,13 @@ def test_a_single_row_is_not_lost_among_thousands() -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_empty_frame_says_so(tmp_path: Path) -> None:
-    echoes = synthesize(make_paths(0.0, 600.0), RADAR, window_m=(0.0, 900.0))
-    compressed = compress(echoes)
+    echoes = synthesize(make_paths(0.0, 600.0), RADAR, range_limits_m=(0.0, 900.0))
+    compressed = range_process(echoes)
     rd_map = range_doppler(compressed)
-    profile = expected_power_profile(make_paths(0.0, 600.0), RADAR, window_m=(0.0, 900.0))
+    profile = expected_power_profile(make_paths(0.0, 600.0), RADAR, range_limits_m=(0.0, 900.0))
     for figure in (
         plot_range_doppler(rd_map, unit="dBW"),
-        plot_matched_filter(compressed, profile, unit="dBW"),
+        plot_range_profile(compressed, profile, unit="dBW"),
         plot_echo(echoes),
     ):
         figure.canvas.draw()
@@ -351,7 +351,7 @@ def test_one_pulse_has_no_doppler_axis() -> None:
     axis = figure.axes[0]
     assert "not resolved" in axis.get_xlabel() and not axis.child_axes
     assert labels(figure)[0].get_text() == "600.0 m"
-    echoes = synthesize(make_paths(1e-9, 1200.0), radar, window_m=(0.0, 900.0))
+    echoes = synthesize(make_paths(1e-9, 1200.0), radar, range_limits_m=(0.0, 900.0))
     assert len(plot_echo(echoes).axes[0].lines) == 1
 
 

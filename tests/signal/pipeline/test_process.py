@@ -50,11 +50,11 @@ def test_run_to_map(folder: Path) -> None:
     assert result.statistics.counts.paths == 11
     assert result.statistics.nearest_m == pytest.approx(300, abs=1e-3)
     assert result.statistics.farthest_m == pytest.approx(600, abs=1e-3)
-    mover = result.movers[0]
+    mover = result.moving_targets[0]
     assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)
     assert mover.doppler_hz < 0  # receding
     assert mover.range_m == pytest.approx(600 + 5 * 63 / 2000, abs=0.02)
-    assert len(result.movers) == 1
+    assert len(result.moving_targets) == 1
     wall = max(result.edges, key=lambda e: e.level_db)
     # one range only: half power is half the response's width before it
     half_m = 1.303 * SETUP.radar.waveform.range_resolution_m / 2
@@ -69,7 +69,7 @@ def test_files_of_a_frame(folder: Path) -> None:
     assert names == sorted(path.name for path in result.files)
     assert names == [
         "frame_0001_amplitude_t0.exr", "frame_0001_amplitude_t1.exr", "frame_0001_echo.png",
-        "frame_0001_map.npz", "frame_0001_matched_filter.png", "frame_0001_profile.npz",
+        "frame_0001_map.npz", "frame_0001_range_profile.png", "frame_0001_profile.npz",
         "frame_0001_range_doppler.png", "frame_0001_range_t0.exr", "frame_0001_range_t1.exr",
         "frame_0001_rings.png", "frame_0001_summary.json",
     ]  # fmt: skip
@@ -80,7 +80,7 @@ def test_files_of_a_frame(folder: Path) -> None:
     with np.load(folder / "products/frame_0001_profile.npz", allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["expected_power"], result.profile.power)
     summary = json.loads((folder / "products/frame_0001_summary.json").read_text("utf-8"))
-    assert summary["movers"][0]["velocity_mps"] == result.movers[0].velocity_mps
+    assert summary["moving_targets"][0]["velocity_mps"] == result.moving_targets[0].velocity_mps
     for path in result.files:
         if path.suffix == ".png":
             assert path.read_bytes().startswith(b"\x89PNG")
@@ -90,9 +90,9 @@ def test_the_four_products(folder: Path) -> None:
     results(folder, ProcessOptions(plots=False))
     channels = [f"ring.{ring:03d}" for ring in range(4)]
     place = folder / "products"
-    for pass_index, target_m in ((0, 600.0), (1, 600.05)):
-        amplitude = read_exr(place / f"frame_0001_amplitude_t{pass_index}.exr", channels)
-        range_m = read_exr(place / f"frame_0001_range_t{pass_index}.exr", channels)
+    for snapshot_index, target_m in ((0, 600.0), (1, 600.05)):
+        amplitude = read_exr(place / f"frame_0001_amplitude_t{snapshot_index}.exr", channels)
+        range_m = read_exr(place / f"frame_0001_range_t{snapshot_index}.exr", channels)
         assert range_m["ring.002"][5, 6] == pytest.approx(target_m, abs=1e-3)
         assert amplitude["ring.002"][5, 6] == pytest.approx(1e-6, rel=1e-6)
         assert range_m["ring.001"][2, 3] == pytest.approx(300, abs=1e-3)
@@ -113,7 +113,10 @@ def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
     assert not result.rd_map.power.any()
     assert result.statistics.nearest_m is None
     assert result.warnings == ["No echo at all: the map is empty."]
-    assert json.loads((folder / "products/frame_0001_summary.json").read_text())["movers"] == []
+    assert (
+        json.loads((folder / "products/frame_0001_summary.json").read_text())["moving_targets"]
+        == []
+    )
 
 
 def test_empty_scene_can_be_drawn(tmp_path: Path) -> None:
@@ -136,15 +139,15 @@ def test_ambiguities_are_warned_about(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "fast", SETUP, points(SETUP, [(1, 1, 300.0, 15.0, 1.0)]))
     (result,) = results(folder)
     assert "faster than the unambiguous 14.14 m/s" in result.warnings[0]
-    assert result.movers[0].velocity_mps == pytest.approx(15 - 2 * 14.141, abs=0.02)
+    assert result.moving_targets[0].velocity_mps == pytest.approx(15 - 2 * 14.141, abs=0.02)
 
 
 def test_echoes_beyond_the_code_and_without_it_are_warned_about(tmp_path: Path) -> None:
-    setup = Setup(code_length_m=10.0)
+    setup = Setup(range_encoding_length_m=10.0)
     folder = write_run(tmp_path / "a", setup, points(setup, [(1, 1, 900.0, 0, 1e-3)]))
     (result,) = results(folder)
     assert any("beyond the range code" in text for text in result.warnings)
-    assert result.statistics.counts.beyond_code == 1
+    assert result.statistics.counts.range_encoding_underflow == 1
 
 
 def test_incomplete_run(folder: Path) -> None:

@@ -46,8 +46,16 @@ def test_levels_are_in_dbw_where_powers_are_watts(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = folder / "products"
-    for weighting, unit in (("radar-equation", "dBW"), ("paper", "dB")):
-        words = ["process", str(folder), "--weighting", weighting, "--cfar", "ca", "--no-plots"]
+    for amplitude_model, unit in (("radar-equation", "dBW"), ("paper", "dB")):
+        words = [
+            "process",
+            str(folder),
+            "--weighting",
+            amplitude_model,
+            "--cfar",
+            "ca",
+            "--no-plots",
+        ]
         assert main(words) == 0
         line = next(x for x in capsys.readouterr().out.splitlines() if "mover" in x)
         assert f" {unit} " in line.split("range rate")[0]
@@ -60,7 +68,7 @@ def test_the_plan_counts_tables_and_images(folder: Path) -> None:
     run = open_run(folder)
     assert run.frame(1).planned == run.renders == 8
     record = dataclasses.replace(
-        run.record, acquisition="paths", rings=1, passes=2, renders_per_burst=3
+        run.record, sampling_mode="paths", rings=1, snapshots=2, visibility_updates=3
     )
     run = dataclasses.replace(run, record=record)
     assert run.frame(1).planned == run.renders == 3
@@ -90,20 +98,20 @@ def test_what_goes_with_a_damaged_record(tmp_path: Path) -> None:
 
 
 _NAMES = [
-    "acquisition",
+    "sampling_mode",
     "rings",
     "auto_rings",
     "ring_step",
     "samples",
     "bounces",
     "order",
-    "shifts",
-    "error_of",
+    "replicates",
+    "error_scope",
     "error",
     "budget",
     "motion",
     "motion_samples",
-    "renders_per_burst",
+    "visibility_updates",
     "code",
     "amplitude",
 ]
@@ -118,8 +126,8 @@ def test_options_of_rings_and_paths_together_are_refused() -> None:
     assert chosen_acquisition(given(rings=3)) == "rings"
     assert chosen_acquisition(given(auto_rings=True)) == "rings"
     assert chosen_acquisition(given(error=0.0)) == "paths"
-    assert chosen_acquisition(given(acquisition="paths", rings=3, error=1.0)) == "paths"
+    assert chosen_acquisition(given(sampling_mode="paths", rings=3, error=1.0)) == "paths"
     with pytest.raises(ConfigError, match="--error is of paths, --rings of rings"):
         chosen_acquisition(given(rings=3, error=1.0))
     with pytest.raises(ConfigError, match="--renders-per-burst is of paths, --rings of rings"):
-        chosen_acquisition(given(rings=2, renders_per_burst=2))
+        chosen_acquisition(given(rings=2, visibility_updates=2))

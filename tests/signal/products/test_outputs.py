@@ -65,9 +65,13 @@ def test_another_waveform_on_a_finished_run(folder: Path, waveform: object) -> N
         coupling_m = 5.0 * waveform.carrier_hz * waveform.step_time_s / waveform.step_hz
     # the wall and the mover, no sidelobe
     assert sorted(round(edge.peak_range_m / 10) for edge in other.edges) == [30, 60]
-    assert other.movers[0].velocity_mps == pytest.approx(5.0, abs=0.02)
-    assert other.movers[0].range_m == pytest.approx(own.movers[0].range_m + coupling_m, abs=0.05)
-    assert other.movers[0].level_db == pytest.approx(own.movers[0].level_db, abs=0.05)
+    assert other.moving_targets[0].velocity_mps == pytest.approx(5.0, abs=0.02)
+    assert other.moving_targets[0].range_m == pytest.approx(
+        own.moving_targets[0].range_m + coupling_m, abs=0.05
+    )
+    assert other.moving_targets[0].level_db == pytest.approx(
+        own.moving_targets[0].level_db, abs=0.05
+    )
 
 
 def test_receiver_and_detector_by_the_command_line(
@@ -104,7 +108,7 @@ def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
     )
     result = result_of(far, noisy)
     assert result.reception is not None and result.reception.noise_power_w > 0
-    assert result.movers == []
+    assert result.moving_targets == []
 
 
 def test_mti_takes_out_the_wall(folder: Path) -> None:

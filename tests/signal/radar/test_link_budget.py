@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import AntennaRecord, RunRecord, SystemRecord
+from radarsim_addon.contract import AntennaRecord, LinkBudget, RunRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.antennas import direction_from_angles, sphere_mean
 from radarsim_addon.sidecar import read_record, write_record
@@ -107,14 +107,14 @@ def test_wrong_antennas_are_named(kind: str, parameters: dict, message: str) -> 
 
 
 def test_system_file_round_trip(tmp_path: Path) -> None:
-    record = SystemRecord(
+    record = LinkBudget(
         transmit_power_w=250.0,
         transmitter=AntennaRecord("gaussian", LOSSLESS["gaussian"]),
         receiver=AntennaRecord("array", LOSSLESS["array"]),
         transmit_loss_db=1.0,
         receive_loss_db=2.0,
         noise_figure_db=4.0,
-        weighting="paper",
+        amplitude_model="paper",
     )
     file = tmp_path / "system.json"
     write_record(file, record)
@@ -162,20 +162,20 @@ def test_wrong_system_files_are_named(tmp_path: Path, text: str, message: str) -
         ({"transmit_power_w": 0.0}, "Transmit power"),
         ({"receive_loss_db": -1.0}, "Receive loss"),
         ({"noise_figure_db": float("nan")}, "Noise figure"),
-        ({"weighting": "mine"}, "Weighting 'mine'"),
+        ({"amplitude_model": "mine"}, "Weighting 'mine'"),
         ({"transmitter": AntennaRecord("x")}, "Transmitter's antenna"),
         ({"receiver": AntennaRecord("x")}, "Receiver's antenna"),
     ],
 )
 def test_wrong_budgets_are_named(changes: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        make_system(SystemRecord(**changes), WAVELENGTH_M)
+        make_system(LinkBudget(**changes), WAVELENGTH_M)
 
 
 def test_run_keeps_its_system(tmp_path: Path) -> None:
     plain = run_record(Setup())
     assert plain.system is None
-    system = SystemRecord(2.0, receiver=AntennaRecord("cosine", {"exponent": 1.5}))
+    system = LinkBudget(2.0, receiver=AntennaRecord("cosine", {"exponent": 1.5}))
     write_record(tmp_path / "run.json", RunRecord(**{**plain.__dict__, "system": system}))
     assert read_record(tmp_path / "run.json", RunRecord).system == system
     assert read_system(tmp_path / "run.json") == system
@@ -214,7 +214,7 @@ def test_antennas_command(
     monkeypatch.chdir(elsewhere)
     file = tmp_path / "system.json"
     antenna = AntennaRecord("aperture", {"width_m": 0.6, "height_m": 0.3})
-    write_record(file, SystemRecord(transmitter=antenna))
+    write_record(file, LinkBudget(transmitter=antenna))
     assert main(["antennas", str(file)]) == 2
     assert "give --carrier-ghz" in capsys.readouterr().err
     out = tmp_path / "out"
@@ -230,7 +230,7 @@ def test_antennas_command(
     setup = Setup()
     run = write_run(tmp_path / "run", setup, points(setup, []))
     plan = run_record(setup)
-    write_record(run / "run.json", dataclasses.replace(plan, system=SystemRecord()))
+    write_record(run / "run.json", dataclasses.replace(plan, system=LinkBudget()))
     assert main(["antennas", str(run)]) == 0
     assert str(run / "products" / "antennas.png") in capsys.readouterr().out
     assert (run / "products" / "antennas.png").is_file()

@@ -19,7 +19,7 @@ from radarsim_addon.signal.radar import (
     Radar,
     SteppedWaveform,
     Waveform,
-    implausible,
+    find_suspicious_parameters,
 )
 from tests.signal.synthetic import Setup, points, write_run
 
@@ -31,7 +31,7 @@ def lfm(**change: float) -> Waveform:
     paper = {
         "carrier_hz": 5.3e9,
         "bandwidth_hz": 50e6,
-        "chirp_length_s": 2.5e-6,
+        "chirp_duration_s": 2.5e-6,
         "sampling_rate_hz": 60e6,
     }
     return Waveform(**{**paper, **change})
@@ -55,7 +55,7 @@ def lfm(**change: float) -> Waveform:
     ],
 )
 def test_a_useless_waveform_is_told_once(waveform: AnyWaveform, message: str) -> None:
-    assert_one(implausible(Radar(waveform, BURST), 5000.0, 10.0), message)
+    assert_one(find_suspicious_parameters(Radar(waveform, BURST), 5000.0, 10.0), message)
 
 
 def assert_one(found: list[str], message: str) -> None:
@@ -68,8 +68,8 @@ def test_a_burst_beyond_the_animation_is_told() -> None:
     slow = Radar(lfm(), Burst(1.0, 128))
     # lambda PRF / 4 = 0.0141 m/s
     words = "1 Hz lasts 128 s, the animation 10 s; range rates beyond 0.0141 m/s"
-    assert_one(implausible(slow, 5000.0, 10.0), words)
-    assert implausible(slow, 5000.0, 200.0) == []
+    assert_one(find_suspicious_parameters(slow, 5000.0, 10.0), words)
+    assert find_suspicious_parameters(slow, 5000.0, 200.0) == []
 
 
 @pytest.mark.parametrize(
@@ -85,13 +85,13 @@ def test_a_burst_beyond_the_animation_is_told() -> None:
     ],
 )
 def test_what_may_be_meant_is_not_told(radar: Radar, reach_m: float) -> None:
-    assert implausible(radar, reach_m, 10.0) == []
+    assert find_suspicious_parameters(radar, reach_m, 10.0) == []
 
 
 def test_a_pulse_between_two_samples_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"1e-11 s holds 0\.0006 samples.*check their units"):
-        lfm(chirp_length_s=1e-11)
-    assert lfm(chirp_length_s=2 / 60e6).sample_count == 2
+        lfm(chirp_duration_s=1e-11)
+    assert lfm(chirp_duration_s=2 / 60e6).sample_count == 2
 
 
 def test_process_warns_of_hertz_for_megahertz(
@@ -100,7 +100,7 @@ def test_process_warns_of_hertz_for_megahertz(
     setup = Setup()
     write_run(tmp_path / "run", setup, points(setup, [(5, 6, 600.0, 0.0, 1e-6)]))
     fields: dict[str, Any] = {"carrier_hz": 5.3e9, "bandwidth_hz": 150.0}
-    fields |= {"chirp_length_s": 2.5e-6, "sampling_rate_hz": 60e6}
+    fields |= {"chirp_duration_s": 2.5e-6, "sampling_rate_hz": 60e6}
     radar = tmp_path / "radar.json"
     radar.write_text(json.dumps({"waveform": fields, "burst": {"prf_hz": 1e3, "pulses": 16}}))
     words = ["process", str(tmp_path / "run"), "--radar", str(radar), "--no-plots"]

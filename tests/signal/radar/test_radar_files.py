@@ -17,7 +17,7 @@ from radarsim_addon.signal import (
     waveform_from_dict,
     waveform_to_dict,
 )
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from radarsim_addon.signal.radar.radar_files import load_samples
 from tests.signal.oracle import unit_paths
@@ -113,6 +113,6 @@ def test_radar_files_that_do_not_fit(tmp_path: Path) -> None:
 
 def test_a_window_beyond_the_waveforms_range_is_named() -> None:
     radar = burst_of(FMCW, 1)
-    echoes = synthesize(unit_paths(radar, [20.0]), radar, window_m=(50.0, 60.0))
+    echoes = synthesize(unit_paths(radar, [20.0]), radar, range_limits_m=(50.0, 60.0))
     with pytest.raises(ConfigError, match="range ends at"):
-        compress(echoes)
+        range_process(echoes)

@@ -22,7 +22,7 @@ from radarsim_addon.signal import (
     waveform_from_dict,
 )
 from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s
-from radarsim_addon.signal.maps import range_compression as compress
+from radarsim_addon.signal.maps import range_compression as range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from radarsim_addon.signal.radar.codes import BARKER, barker, m_sequence
 from tests.signal.oracle import unit_paths
@@ -78,7 +78,7 @@ def test_fmcw_numbers_are_those_of_published_radars(row: dict[str, str]) -> None
         assert waveform.sample_spacing_m == pytest.approx(cell_m, rel=5e-6)
         expected_m = max_m / 2 if real else max_m
         assert waveform.unambiguous_range_m == pytest.approx(expected_m, rel=5e-6)
-        assert radar.max_velocity_mps == pytest.approx(vmax, rel=5e-6)
+        assert radar.max_unambiguous_velocity_mps == pytest.approx(vmax, rel=5e-6)
         assert radar.velocity_resolution_mps == pytest.approx(dv, rel=5e-6)
 
 
@@ -95,10 +95,13 @@ def test_stepped_and_pmcw_ranges() -> None:
 def test_stepped_frequency_repeats_after_c_over_two_steps() -> None:
     radar = burst_of(STEPPED, 1)
     period_m = SPEED_OF_LIGHT_MPS / (2 * STEPPED.step_hz)
-    window_m = (0.0, period_m)
-    near = compress(synthesize(unit_paths(radar, [12.0]), radar, window_m=window_m), "none")
-    far = compress(
-        synthesize(unit_paths(radar, [12.0 + period_m]), radar, window_m=window_m), "none"
+    range_limits_m = (0.0, period_m)
+    near = range_process(
+        synthesize(unit_paths(radar, [12.0]), radar, range_limits_m=range_limits_m), "none"
+    )
+    far = range_process(
+        synthesize(unit_paths(radar, [12.0 + period_m]), radar, range_limits_m=range_limits_m),
+        "none",
     )
     np.testing.assert_allclose(np.abs(far.values), np.abs(near.values), atol=1e-6)
     assert near.range_m[-1] < period_m
@@ -107,14 +110,14 @@ def test_stepped_frequency_repeats_after_c_over_two_steps() -> None:
 def test_stepped_samples_are_the_tones_phases() -> None:
     radar = burst_of(STEPPED, 3)
     rate_mps = 4.0
-    echoes = synthesize(unit_paths(radar, [12.0], [rate_mps]), radar, window_m=(0.0, 70.0))
+    echoes = synthesize(unit_paths(radar, [12.0], [rate_mps]), radar, range_limits_m=(0.0, 70.0))
     steps = np.arange(STEPPED.steps)
     tones_hz = STEPPED.carrier_hz + (steps - (STEPPED.steps - 1) / 2) * STEPPED.step_hz
     times_s = line_times_s(radar)[:, None] + (steps + 0.5) * STEPPED.step_time_s
     truth = np.exp(-4j * np.pi * tones_hz * (12.0 + rate_mps * times_s) / SPEED_OF_LIGHT_MPS)
     # left out: B T v / 2c = 0.011 cycles at the ends
     assert np.abs(echoes.samples - truth).max() < 0.08
-    slow = synthesize(unit_paths(radar, [12.0], [0.004]), radar, window_m=(0.0, 70.0))
+    slow = synthesize(unit_paths(radar, [12.0], [0.004]), radar, range_limits_m=(0.0, 70.0))
     truth = np.exp(-4j * np.pi * tones_hz * (12.0 + 0.004 * times_s) / SPEED_OF_LIGHT_MPS)
     assert np.abs(slow.samples - truth).max() < 8e-5
 
@@ -122,12 +125,12 @@ def test_stepped_samples_are_the_tones_phases() -> None:
 def test_pmcw_sidelobes_are_minus_one_nth() -> None:
     radar = burst_of(PMCW, 2)
     cell_m = PMCW.sample_spacing_m
-    echoes = synthesize(unit_paths(radar, [40 * cell_m]), radar, window_m=(0.0, 38.0))
+    echoes = synthesize(unit_paths(radar, [40 * cell_m]), radar, range_limits_m=(0.0, 38.0))
     assert echoes.samples.shape == (8, 255), "one row a code"
     code = np.roll(np.array(m_sequence(8)), 40)
     carrier = np.exp(-4j * np.pi * 40 * cell_m / PMCW.wavelength_m)
     np.testing.assert_allclose(echoes.samples[0], code * carrier, atol=1e-6)
-    profile = compress(echoes, "hamming", 1)
+    profile = range_process(echoes, "hamming", 1)
     assert profile.window == "none", "a code's sidelobes are its own"
     assert profile.values.shape == (2, 254)
     values = profile.values[0] / carrier
@@ -138,9 +141,9 @@ def test_pmcw_sidelobes_are_minus_one_nth() -> None:
 def test_pmcw_loses_what_doppler_turns_during_the_repeats() -> None:
     waveform = PmcwWaveform(79e9, 1e-9, 10, repeats=64)
     radar = burst_of(waveform, 16)
-    rate_mps = 0.35 * 2 * radar.max_velocity_mps
-    echoes = synthesize(unit_paths(radar, [20.0], [rate_mps]), radar, window_m=(0.0, 50.0))
-    peak = np.abs(compress(echoes, oversample=8).values).max(axis=1)
+    rate_mps = 0.35 * 2 * radar.max_unambiguous_velocity_mps
+    echoes = synthesize(unit_paths(radar, [20.0], [rate_mps]), radar, range_limits_m=(0.0, 50.0))
+    peak = np.abs(range_process(echoes, oversample=8).values).max(axis=1)
     turn = 0.35  # cycles from pulse to pulse
     expected = abs(np.sin(np.pi * turn) / (64 * np.sin(np.pi * turn / 64)))
     # a sixteenth of a cell off the raster: 0.6 %
@@ -151,13 +154,13 @@ def test_barker_pulse_has_sidelobes_of_one_thirteenth() -> None:
     radar = Radar(BARKER13, Burst(1000.0, 1))
     cell_m = BARKER13.sample_spacing_m
     range_m = 300.0
-    echoes = synthesize(unit_paths(radar, [range_m]), radar, window_m=(100.0, 500.0))
-    profile = compress(echoes, "hamming", 1)
+    echoes = synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(100.0, 500.0))
+    profile = range_process(echoes, "hamming", 1)
     assert profile.window == "none"
     # at lags of whole chips, on the samples: shift the path onto one
     range_m = 100.0 + 100 * cell_m
-    profile = compress(
-        synthesize(unit_paths(radar, [range_m]), radar, window_m=(100.0, 500.0)), "none", 1
+    profile = range_process(
+        synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(100.0, 500.0)), "none", 1
     )
     magnitude = np.abs(profile.values[0])
     assert magnitude[100] == pytest.approx(1, abs=1e-6)
@@ -178,8 +181,10 @@ def test_samples_of_a_chirp_give_what_the_chirp_gives(tmp_path: Path) -> None:
     results = []
     for waveform in (chirp, copy):
         radar = Radar(waveform, Burst(1000.0, 2))
-        echoes = synthesize(unit_paths(radar, [700.0], [20.0]), radar, window_m=(500.0, 900.0))
-        results.append((echoes.samples, compress(echoes, "taylor:4:-35").values))
+        echoes = synthesize(
+            unit_paths(radar, [700.0], [20.0]), radar, range_limits_m=(500.0, 900.0)
+        )
+        results.append((echoes.samples, range_process(echoes, "taylor:4:-35").values))
     np.testing.assert_allclose(results[1][0], results[0][0], atol=1e-12)
     np.testing.assert_allclose(results[1][1], results[0][1], atol=1e-12)
 
@@ -192,11 +197,11 @@ def test_a_path_of_power_p_peaks_at_p(waveform: AnyWaveform, window: str) -> Non
     range_m = round(0.3 * top_m / waveform.sample_spacing_m) * waveform.sample_spacing_m
     power = 3.7e-9
     paths = make_paths(power * 4 * math.pi / waveform.wavelength_m**2, 2 * range_m)
-    found = compress(synthesize(paths, radar, window_m=(0.0, top_m)), window, 2)
+    found = range_process(synthesize(paths, radar, range_limits_m=(0.0, top_m)), window, 2)
     column = round(range_m / (waveform.sample_spacing_m / 2))
     assert np.abs(found.values[0, column]) ** 2 == pytest.approx(power, rel=1e-6)
     assert int(np.argmax(np.abs(found.values[0]))) == column
-    profile = expected_power_profile(paths, radar, window_m=(0.0, top_m), window=window)
+    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, top_m), window=window)
     np.testing.assert_allclose(
         profile.power[:: 2], np.abs(found.values[0, : -(-profile.power.size // 2)]) ** 2,
         atol=2e-5 * power,

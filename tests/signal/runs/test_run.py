@@ -41,20 +41,20 @@ def edit(path: Path, **changes: Any) -> None:
 def test_run_gives_plan_radar_and_frames(folder: Path) -> None:
     run = open_run(folder)
     assert run.radar == PAPER_RADAR
-    assert run.window_m == (0.0, 500.0)
+    assert run.range_limits_m == (0.0, 500.0)
     assert run.renders == 16
     assert [frame.number for frame in run.frames()] == [1, 2, 3, 7]
     assert run.frame(7).time_s == pytest.approx(7 / 24)
     assert run.missing() == []
     assert run.frame(1).scene() is None
     record, channels = run.frame(2).image(0, 1)
-    assert (record.frame, record.ring, record.pass_index) == (2, 0, 1)
+    assert (record.frame, record.ring, record.snapshot_index) == (2, 0, 1)
     assert channels["B"][5, 6] == SETUP.metres_per_unit**2
 
 
 def test_scene_record_is_found(folder: Path) -> None:
-    scene = contract.SceneRecord(1, 0.0, [contract.ObjectRecord("Wall", 100.0, 120.0, None)])
-    sidecar.write_record(folder / contract.frame_dir(1) / contract.SCENE_FILE, scene)
+    scene = contract.GroundTruthRecord(1, 0.0, [contract.ObjectRecord("Wall", 100.0, 120.0, None)])
+    sidecar.write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, scene)
     assert open_run(folder).frame(1).scene() == scene
 
 
@@ -62,7 +62,7 @@ def test_missing_renders_are_listed(folder: Path) -> None:
     (folder / "frames/frame_0002/ring_001_t1.exr").unlink()
     (folder / "frames/frame_0003/ring_000_t0.json").unlink()
     gaps = open_run(folder).missing()
-    assert [(g.frame, g.ring, g.pass_index) for g in gaps] == [(2, 1, 1), (3, 0, 0)]
+    assert [(g.frame, g.ring, g.snapshot_index) for g in gaps] == [(2, 1, 1), (3, 0, 0)]
     assert "ring_001_t1.exr" in gaps[0].reason
     assert "sidecar" in gaps[1].reason
 
@@ -109,7 +109,7 @@ def test_exr_of_another_size(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"frame": 2}, {"ring": 1}, {"pass_index": 1}, {"code_length_m": 5.0}, {"width_px": 3},
+    [{"frame": 2}, {"ring": 1}, {"snapshot_index": 1}, {"range_encoding_length_m": 5.0}, {"width_px": 3},
      {"exr_file": "other.exr"}, {"metres_per_unit": 1.0}],
     ids=lambda changes: next(iter(changes)),
 )  # fmt: skip
@@ -133,9 +133,9 @@ def test_negative_radiance(folder: Path) -> None:
         ({"ring_step_m": 0.0}, ConfigError, "ring_step_m is 0.0"),
         ({"rings": 0}, ConfigError, "rings is 0"),
         ({"metres_per_unit": 0.0}, ConfigError, "metres_per_unit"),
-        ({"code_length_m": -1.0}, ConfigError, "code_length_m"),
-        ({"passes": 3}, ConfigError, "passes is 3"),
-        ({"delta_t_s": 0.0}, ConfigError, "delta t is 0.0"),
+        ({"range_encoding_length_m": -1.0}, ConfigError, "range_encoding_length_m"),
+        ({"snapshots": 3}, ConfigError, "passes is 3"),
+        ({"snapshot_interval_s": 0.0}, ConfigError, "delta t is 0.0"),
         ({"frames": []}, FrameFileError, "lists 0 frames"),
         ({"frame_times_s": [0.0]}, FrameFileError, "4 frames and 1 times"),
         ({"burst": {"prf_hz": 1000.0, "pulses": 12.5}}, ConfigError, "pulses is 12.5"),

@@ -37,16 +37,16 @@ WAVELENGTH_M = pr.WAVEFORM.wavelength_m
 
 def one_plate(
     folder: Path, emitter_at: tuple[float, float, float] = (0, 0, 0), tilt_deg: float = 0.0,
-    range_m: float = 1000.0, system: contract.SystemRecord | None = None, shifts: int = 1,
+    range_m: float = 1000.0, system: contract.LinkBudget | None = None, replicates: int = 1,
 ) -> Path:  # fmt: skip
     """A run of a 10 m Lambert plate, finely sampled."""
     target = pr.plate("Plate", (0, range_m, 0), 10.0, tilt_deg, 0.5)
     receiver = pr.camera(pr.pose((0, 0, 0)), math.degrees(8 / range_m))
-    emitter = contract.EmitterRecord(pr.pose(emitter_at), 1e6)
-    rows = pr.trace([target], receiver, emitter, 200, shifts)
+    emitter = contract.TransmitterRecord(pr.pose(emitter_at), 1e6)
+    rows = pr.trace([target], receiver, emitter, 200, replicates)
     return pr.write_run(
-        folder, rows, ["Plate"], receiver, emitter, window_m=2 * range_m, system=system,
-        shifts=shifts,
+        folder, rows, ["Plate"], receiver, emitter, range_limits_m=2 * range_m, system=system,
+        replicates=replicates,
     )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def one_plate(
 @pytest.mark.parametrize("bistatic", [False, True])
 def test_plate_has_its_cross_section(tmp_path: Path, tilt_deg: float, bistatic: bool) -> None:
     at = (-300.0, 200.0, 100.0) if bistatic else (0.0, 0.0, 0.0)
-    run = open_run(one_plate(tmp_path / "run", at, tilt_deg, shifts=4))
+    run = open_run(one_plate(tmp_path / "run", at, tilt_deg, replicates=4))
     (echo,) = object_echoes(run.frame(1), pr.WAVEFORM.carrier_hz)
     normal = np.array([0, -math.cos(math.radians(tilt_deg)), math.sin(math.radians(tilt_deg))])
     to_emitter = np.array(at) - [0, 1000, 0]
@@ -69,7 +69,7 @@ def test_plate_has_its_cross_section(tmp_path: Path, tilt_deg: float, bistatic: 
 
 
 def test_system_scales_to_watts_and_cancels_the_lamp(tmp_path: Path) -> None:
-    system = contract.SystemRecord(
+    system = contract.LinkBudget(
         transmit_power_w=50.0,
         transmitter=contract.AntennaRecord("isotropic", {"gain_dbi": 20.0}),
         receiver=contract.AntennaRecord("isotropic", {"gain_dbi": 10.0}),
@@ -93,11 +93,11 @@ def test_each_antenna_has_its_own_direction(tmp_path: Path) -> None:
     target = pr.plate("Plate", (0, 1000, 0), 1.0)
     receiver = pr.camera(pr.pose((0, 0, 0)), 0.05)
     # from (-1000, 0, 0) the plate is at 45 degrees to the right of +Y
-    emitter = contract.EmitterRecord(pr.pose((-1000, 0, 0), 45 - 7.0), 1e6)
+    emitter = contract.TransmitterRecord(pr.pose((-1000, 0, 0), 45 - 7.0), 1e6)
     rows = pr.trace([target], receiver, emitter, 64)
     folder = pr.write_run(
-        tmp_path / "run", rows, ["Plate"], receiver, emitter, window_m=3000.0,
-        system=contract.SystemRecord(1e6, contract.AntennaRecord("gaussian", wide)),
+        tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=3000.0,
+        system=contract.LinkBudget(1e6, contract.AntennaRecord("gaussian", wide)),
     )  # fmt: skip
     run = open_run(folder)
     budget = FrameBudget(run.frame(1), run.radar, run.record.system)
@@ -111,12 +111,12 @@ def test_each_antenna_has_its_own_direction(tmp_path: Path) -> None:
 def test_swept_beam_draws_its_two_way_pattern() -> None:
     """Both antennas are swept over a point; product of sinc^2 patterns to -40 dB and below."""
     aperture = contract.AntennaRecord("aperture", {"width_m": 1.0, "height_m": 0.5})
-    system = make_system(contract.SystemRecord(1.0, aperture, aperture), WAVELENGTH_M)
+    system = make_system(contract.LinkBudget(1.0, aperture, aperture), WAVELENGTH_M)
     point = np.array([0.0, 500.0, 0.0])
     paths = make_paths(1.0, 1000.0)
     for azimuth_deg in np.linspace(-6, 6, 61):
         matrix = pr.pose((0, 0, 0), azimuth_deg)
-        link = Link(system, pr.camera(matrix), contract.EmitterRecord(matrix, 1.0))
+        link = Link(system, pr.camera(matrix), contract.TransmitterRecord(matrix, 1.0))
         factor = link.factor(paths.length_m, point[None] / 500, point[None])
         one_way = np.sinc(1.0 / WAVELENGTH_M * math.sin(math.radians(azimuth_deg))) ** 2
         boresight = float(system.transmitter.gain((0, 0, -1.0))) ** 2
@@ -145,13 +145,13 @@ def test_rings_know_their_vertices(tmp_path: Path) -> None:
     beam = contract.AntennaRecord(
         "gaussian", {"azimuth_beamwidth_deg": 25.0, "elevation_beamwidth_deg": 25.0}
     )
-    budget = FrameBudget(frame, run.radar, contract.SystemRecord(3.0, receiver=beam))
+    budget = FrameBudget(frame, run.radar, contract.LinkBudget(3.0, receiver=beam))
     paths = budget.apply(frame_paths(frame))
     assert paths.geometry is not None
     receiver_m = budget.link.receiver_m
-    distance = np.linalg.norm(paths.geometry.last_m - receiver_m, axis=1)
+    distance = np.linalg.norm(paths.geometry.last_scatterer_m - receiver_m, axis=1)
     np.testing.assert_allclose(
-        distance + np.linalg.norm(paths.geometry.last_m - budget.link.emitter_m, axis=1),
+        distance + np.linalg.norm(paths.geometry.last_scatterer_m - budget.link.emitter_m, axis=1),
         paths.length_m, rtol=1e-12,
     )  # fmt: skip
     eirp_w = synthetic.render_record(setup, 1, 0, 0).emitter.eirp_w
@@ -162,18 +162,18 @@ def test_rings_know_their_vertices(tmp_path: Path) -> None:
 
 def test_paths_without_directions_are_refused() -> None:
     link = Link(
-        make_system(contract.SystemRecord(), WAVELENGTH_M),
+        make_system(contract.LinkBudget(), WAVELENGTH_M),
         pr.camera(pr.pose((0, 0, 0))),
-        contract.EmitterRecord(pr.pose((0, 0, 0)), 1.0),
+        contract.TransmitterRecord(pr.pose((0, 0, 0)), 1.0),
     )
     with pytest.raises(ConfigError, match="no directions"):
         link.apply(make_paths(1.0, 10.0))
 
 
 def test_a_dark_lamp_is_refused() -> None:
-    system = make_system(contract.SystemRecord(), WAVELENGTH_M)
+    system = make_system(contract.LinkBudget(), WAVELENGTH_M)
     with pytest.raises(ConfigError, match="power is 0 W"):
-        Link(system, pr.camera(pr.pose((0, 0, 0))), contract.EmitterRecord([], 0.0))
+        Link(system, pr.camera(pr.pose((0, 0, 0))), contract.TransmitterRecord([], 0.0))
 
 
 def test_gain_follows_rows() -> None:
@@ -194,18 +194,18 @@ def two_plates(folder: Path) -> Path:
         pr.plate("Far", (25, 900, 0), 8.0, 0, 0.3),
     ]
     receiver = pr.camera(pr.pose((0, 0, 0)), 3.0)
-    emitter = contract.EmitterRecord(pr.pose((0, 0, 0)), 1e6)
+    emitter = contract.TransmitterRecord(pr.pose((0, 0, 0)), 1e6)
     rows = pr.trace(plates, receiver, emitter, 256, 2)
     beam = {"azimuth_beamwidth_deg": 8.0, "elevation_beamwidth_deg": 8.0}
     antenna = contract.AntennaRecord("gaussian", beam)
-    scene = contract.SceneRecord(
+    scene = contract.GroundTruthRecord(
         1, 0.0,
         [contract.ObjectRecord(n, 1.0, 1.0, None, [], ["Plates"]) for n in ("Near", "Far")],
     )  # fmt: skip
-    system = contract.SystemRecord(1e3, antenna, antenna, noise_figure_db=3.0)
+    system = contract.LinkBudget(1e3, antenna, antenna, noise_figure_db=3.0)
     return pr.write_run(
-        folder, rows, ["Near", "Far"], receiver, emitter, window_m=1200.0, system=system,
-        shifts=2, scene=scene,
+        folder, rows, ["Near", "Far"], receiver, emitter, range_limits_m=1200.0, system=system,
+        replicates=2, scene=scene,
     )  # fmt: skip
 
 
@@ -248,26 +248,28 @@ def budget_of(folder: Path, options: ProcessOptions) -> BudgetReport:
 
 def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
-    quick = ProcessOptions(products=False, plots=False, window_m=(0.0, 800.0))
+    quick = ProcessOptions(products=False, plots=False, range_limits_m=(0.0, 800.0))
     report = budget_of(folder, quick)
     assert set(report.snr) == {"Near"}
-    assert report.not_in_map == {"Far": "outside the window"}
+    assert report.excluded_reason == {"Far": "outside the window"}
     assert "outside the window" in report.lines()[2] and "SNR" not in report.lines()[2]
     # 50 MHz over 250 samples: 749 m; the anti-alias filter takes out what is beyond
     fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
-    report = budget_of(folder, dataclasses.replace(quick, window_m=None, radar=fmcw))
-    assert report.not_in_map == {"Far": "beyond the ADC's band"}
+    report = budget_of(folder, dataclasses.replace(quick, range_limits_m=None, radar=fmcw))
+    assert report.excluded_reason == {"Far": "beyond the ADC's band"}
     # echoes of pulses fold: 900 m is heard at 400 m
     folding = Radar(pr.WAVEFORM, Burst(pr.C0_MPS / 2 / 500, 64))
-    report = budget_of(folder, dataclasses.replace(quick, window_m=(300.0, 480.0), radar=folding))
-    assert report.not_in_map == {"Near": "outside the window"}
+    report = budget_of(
+        folder, dataclasses.replace(quick, range_limits_m=(300.0, 480.0), radar=folding)
+    )
+    assert report.excluded_reason == {"Near": "outside the window"}
     assert set(report.snr) == {"Far"}
 
 
 def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     quick = ProcessOptions(products=False, plots=False, mti=2)
-    assert set(budget_of(folder, quick).not_in_map.values()) == {"cancelled by the MTI"}
+    assert set(budget_of(folder, quick).excluded_reason.values()) == {"cancelled by the MTI"}
     table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
     rows = np.array(open_table(table))
     rows["range_rate_mps"][rows["object"] == 2] = 2.0
@@ -278,7 +280,7 @@ def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
     plain = budget_of(folder, dataclasses.replace(quick, mti=0)).snr["Far"]
     for pulses in (2, 3):
         report = budget_of(folder, dataclasses.replace(quick, mti=pulses))
-        assert report.not_in_map == {"Near": "cancelled by the MTI"}
+        assert report.excluded_reason == {"Near": "cancelled by the MTI"}
         # the textbook's response over that of white noise; the burst is a little shorter, too
         sine = math.sin(math.pi * (-2 * 2.0 / WAVELENGTH_M) / 1000.0) ** 2
         gain = {2: 4 * sine / 2, 3: 16 * sine**2 / 6}[pulses] * (65 - pulses) / 64
@@ -328,9 +330,9 @@ def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
     write_record(record_folder / contract.PATHS_FILE, contract.PathsRecord(**changed))
     frame = open_run(folder).frame(1)
     for echo in object_echoes(frame, pr.WAVEFORM.carrier_hz):
-        assert echo.shared_power_w == pytest.approx(rows["power_w"][0])
+        assert echo.multi_object_power_w == pytest.approx(rows["power_w"][0])
     (both,) = object_echoes(frame, pr.WAVEFORM.carrier_hz, None, {"all": ["Near", "Far"]})
-    assert both.shared_power_w == 0
+    assert both.multi_object_power_w == 0
 
 
 def test_a_receiver_gain_beside_a_system_is_refused(tmp_path: Path) -> None:
@@ -345,7 +347,7 @@ def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
     file.write_text('{"transmit_power_w": 1e6, "weighting": "paper"}')
     assert main(["process", str(folder), "--no-plots", "--system", str(file)]) == 0
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
-    assert summary["options"]["weighting"] == "paper"
+    assert summary["options"]["amplitude_model"] == "paper"
     assert summary["options"]["system"]["transmit_power_w"] == 1e6
 
 

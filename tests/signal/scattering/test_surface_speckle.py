@@ -40,15 +40,15 @@ stats = pytest.importorskip("scipy.stats")
 def scene(
     folder: Path, *, at: tuple[float, float, float] = (0, 0, 0), size_px: int = 64,
     range_m: float = 1000.0, side_m: float = 30.0, tilt_deg: float = 0.0,
-    emitter_at: tuple[float, float, float] | None = None, seed: int = 0, shifts: int = 1,
+    emitter_at: tuple[float, float, float] | None = None, seed: int = 0, replicates: int = 1,
 ) -> tuple[contract.PathsRecord, PathRows, Path]:  # fmt: skip
     """A plate and its table, seen by a radar near the origin that looks along +Y."""
     target = pr.plate("Plate", (0, range_m, 0), side_m, tilt_deg)
     receiver = pr.camera(pr.pose(at), math.degrees(0.6 * side_m / range_m))
-    emitter = contract.EmitterRecord(pr.pose(at if emitter_at is None else emitter_at), 1e6)
-    rows = pr.trace([target], receiver, emitter, size_px, shifts, seed)
+    emitter = contract.TransmitterRecord(pr.pose(at if emitter_at is None else emitter_at), 1e6)
+    rows = pr.trace([target], receiver, emitter, size_px, replicates, seed)
     pr.write_run(
-        folder, rows, ["Plate"], receiver, emitter, window_m=2 * range_m, shifts=shifts
+        folder, rows, ["Plate"], receiver, emitter, range_limits_m=2 * range_m, replicates=replicates
     )  # fmt: skip
     frame = folder / contract.frame_dir(1)
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
@@ -172,7 +172,7 @@ def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
     rows = np.array(table)
     turn = np.array(pr.pose((70.0, -30.0, 5.0), 33.0, -12.0)) @ np.linalg.inv(pr.pose((0, 0, 0)))
     moved = rows.copy()
-    for name in ("first_m", "last_m"):
+    for name in ("first_scatterer_m", "last_scatterer_m"):
         moved[name] = rows[name] @ turn[:3, :3].T + turn[:3, 3]
     moved["direction"] = rows["direction"] @ turn[:3, :3].T
     matrix = (turn @ np.array(record.camera.matrix_world)).tolist()
@@ -216,11 +216,11 @@ def test_parts_do_not_matter(tmp_path: Path) -> None:
 def test_too_few_scatterers_are_told(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "few", size_px=5)
     few = speckle(record, table, 0).report()
-    assert few.poor_share == 1.0
+    assert few.undersampled_power_fraction == 1.0
     assert "100 % of the power" in few.warnings[0]
     record, table, _ = scene(tmp_path / "many", size_px=128)
     many = speckle(record, table, 0).report()
-    assert many.poor_share == 0.0
+    assert many.undersampled_power_fraction == 0.0
     assert many.median_scatterers > 100
     assert many.warnings == []
 
@@ -229,12 +229,12 @@ def two_bounces(record: contract.PathsRecord, rows: PathRows) -> PathRows:
     """The same paths, each by way of a second point above the first."""
     rows = rows.copy()
     rows["order"] = 2
-    rows["last_m"] = rows["first_m"] + [0.0, -5.0, 8.0]
+    rows["last_scatterer_m"] = rows["first_scatterer_m"] + [0.0, -5.0, 8.0]
     emitter_m = np.array(record.emitter.matrix_world)[:3, 3]
     rows["length_m"] = (
-        np.linalg.norm(rows["first_m"], axis=1)
-        + np.linalg.norm(rows["last_m"] - rows["first_m"], axis=1)
-        + np.linalg.norm(rows["last_m"] - emitter_m, axis=1)
+        np.linalg.norm(rows["first_scatterer_m"], axis=1)
+        + np.linalg.norm(rows["last_scatterer_m"] - rows["first_scatterer_m"], axis=1)
+        + np.linalg.norm(rows["last_scatterer_m"] - emitter_m, axis=1)
     )
     return rows
 
@@ -252,7 +252,7 @@ def test_three_reflections_have_none(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
     rows = np.array(table)
     rows["order"][::2] = 3
-    rows["last_m"][1] = np.nan
+    rows["last_scatterer_m"][1] = np.nan
     _, known = speckle(record, rows, 0).factors(rows)
     assert not known[::2].any()
     assert not known[1]
@@ -270,8 +270,8 @@ def test_frames_know_the_roughness_of_their_objects(tmp_path: Path) -> None:
     assert rough.phasors is not None
     assert not np.isnan(rough.phasors).any()
     item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=0.0)
-    record = contract.SceneRecord(1, 0.0, [item])
-    write_record(folder / contract.frame_dir(1) / contract.SCENE_FILE, record)
+    record = contract.GroundTruthRecord(1, 0.0, [item])
+    write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, record)
     smooth = FrameSpeckle(frame, radar, 3).apply(frame_paths(frame))
     np.testing.assert_allclose(smooth.phasors, 1.0, atol=1e-12)
     assert FrameSpeckle(frame, radar, None).apply(frame_paths(frame)).phasors is None
@@ -282,8 +282,8 @@ def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, Rada
     _, table, _ = scene(folder, side_m=30.0, size_px=48)
     if rms_height_m is not None:
         item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=rms_height_m)
-        record = contract.SceneRecord(1, 0.0, [item])
-        write_record(folder / contract.frame_dir(1) / contract.SCENE_FILE, record)
+        record = contract.GroundTruthRecord(1, 0.0, [item])
+        write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, record)
     frame = open_run(folder).frame(1)
     pose = np.eye(4)
     pose[:3, 3] = 0, 1000, 0
@@ -340,12 +340,12 @@ def test_cells_without_sense_are_refused(tmp_path: Path, cell_m: float) -> None:
 
 
 def test_surfaces_beyond_the_model_are_named() -> None:
-    def record(*surfaces: tuple[str, float, float]) -> contract.SceneRecord:
+    def record(*surfaces: tuple[str, float, float]) -> contract.GroundTruthRecord:
         items = [
             contract.ObjectRecord(n, 1.0, 1.0, None, rms_height_m=h, correlation_length_m=length)
             for n, h, length in surfaces
         ]
-        return contract.SceneRecord(1, 0.0, items)
+        return contract.GroundTruthRecord(1, 0.0, items)
 
     good = ("Sand", 0.02, 0.4)  # k h = 2.2, slope 0.07
     assert kirchhoff_warnings(record(good), WAVELENGTH_M) == []

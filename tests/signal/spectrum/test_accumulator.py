@@ -12,7 +12,7 @@ from radarsim_addon.errors import ConfigError, MissingDependencyError, PathDataE
 from radarsim_addon.signal.motion import LinearMotion, join_motion
 from radarsim_addon.signal.spectrum import (
     FrequencyGrid,
-    Listening,
+    ReceiveWindow,
     Spectrum,
     SpectrumAccumulator,
     nufft,
@@ -264,9 +264,9 @@ def test_bad_requests(monkeypatch: pytest.MonkeyPatch) -> None:
             SpectrumAccumulator(GRID, np.array(times))
     for window in ((1.0, 1.0), (math.nan, 1.0)):
         with pytest.raises(ConfigError, match="first < last"):
-            Listening(*window)
+            ReceiveWindow(*window)
     with pytest.raises(ConfigError, match="two ends"):
-        Listening(period_s=1e-3)
+        ReceiveWindow(period_s=1e-3)
     with pytest.raises(PathDataError, match="149 amplitudes for 150"):
         sum_up(MOTION, AMPLITUDE[1:])
     monkeypatch.setattr(nufft, "has_finufft", lambda: False)
@@ -275,7 +275,7 @@ def test_bad_requests(monkeypatch: pytest.MonkeyPatch) -> None:
         SpectrumAccumulator(GRID, TIMES_S, backend="finufft")
 
 
-def folded_oracle(listening: Listening, lengths, amplitude, times_s=TIMES_S) -> np.ndarray:
+def folded_oracle(listening: ReceiveWindow, lengths, amplitude, times_s=TIMES_S) -> np.ndarray:
     """Each echo at every place where it is heard, one after the other."""
     result = np.zeros((times_s.size, GRID.count), dtype=complex)
     offset = GRID.frequencies_hz - listening.reference_hz
@@ -294,9 +294,9 @@ def folded_oracle(listening: Listening, lengths, amplitude, times_s=TIMES_S) -> 
 @pytest.mark.parametrize(
     "listening",
     [
-        Listening(30e-9, 90e-9),  # no folding: what is outside is left out
-        Listening(30e-9, 90e-9, 137e-9, 5.3e9),  # gaps between the windows
-        Listening(-10e-9, 150e-9, 50e-9, 5.31e9),  # windows longer than the interval
+        ReceiveWindow(30e-9, 90e-9),  # no folding: what is outside is left out
+        ReceiveWindow(30e-9, 90e-9, 137e-9, 5.3e9),  # gaps between the windows
+        ReceiveWindow(-10e-9, 150e-9, 50e-9, 5.31e9),  # windows longer than the interval
     ],
 )
 def test_window_and_folding(listening, method) -> None:
@@ -315,9 +315,9 @@ def test_window_and_folding(listening, method) -> None:
     if listening.period_s is None:
         heard = (delays > 30e-9) & (delays < 90e-9)
         assert found.report.outside == pytest.approx(30 - heard.sum() / times_s.size)
-        assert found.report.folded_range == 0
+        assert found.report.range_ambiguous_count == 0
     else:
-        assert found.report.folded_range > 0
+        assert found.report.range_ambiguous_count > 0
         assert any("pulse interval" in text for text in found.report.warnings)
 
 
@@ -326,6 +326,6 @@ def test_doppler_folding_is_counted() -> None:
     for factor, count in ((0.9, 0), (1.1, 3)):
         rate = np.full(3, factor * limit)
         spectrum = sum_up(LinearMotion(np.full(3, 20.0), rate), np.ones(3))
-        assert spectrum.report.folded_doppler == count
+        assert spectrum.report.doppler_ambiguous_count == count
         bent = Function(lambda t, v=rate: 20 + 2 * v * t + 0.1 * np.sin(9 * t), rate > 0)
-        assert sum_up(bent, np.ones(3)).report.folded_doppler == count
+        assert sum_up(bent, np.ones(3)).report.doppler_ambiguous_count == count
