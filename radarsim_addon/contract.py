@@ -8,20 +8,20 @@ Pure standard library.
 
 Layout of a run's folder::
 
-    run.json                              the plan: radar, rings, passes, frames   (RunRecord)
-    frames/frame_0001/scene.json          where the objects truly are
-    (GroundTruthRecord) frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
-    frames/frame_0001/ring_000_t0.json    its sidecar                              (RenderRecord)
-    frames/frame_0001/ring_000_t1.exr     ring 0 at t + delta t products/
-    what ``radarsim process`` makes of them
+    run.json                              the plan: radar, rings, snapshots, frames  (RunRecord)
+    frames/frame_0001/ground_truth.json   where the objects truly are        (GroundTruthRecord)
+    frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
+    frames/frame_0001/ring_000_t0.json    its sidecar                             (RenderRecord)
+    frames/frame_0001/ring_000_t1.exr     ring 0 in the second snapshot
+    products/                             what ``radarsim process`` makes of them
 
-and, instead of the rings, for the acquisition "paths"::
+and, instead of the rings, for the sampling mode "paths"::
 
-    frames/frame_0001/paths.npy           one row a path                        (signal.pathtable)
-    frames/frame_0001/paths.json          its sidecar                           (PathsRecord)
-    frames/frame_0001/motion.json         how what echoes moves in the burst    (MotionRecord)
+    frames/frame_0001/paths.npy           one row per path                  (signal.paths.table)
+    frames/frame_0001/paths.json          its sidecar                              (PathsRecord)
+    frames/frame_0001/motion.json         how bodies move in the burst            (MotionRecord)
     frames/frame_0001/burst_001/          the same of a further render of the burst
-    frames/frame_0001/motion_tracks.npz   motion of deforming surfaces      (signal.motionfile)
+    frames/frame_0001/deforming_surfaces.npz                        (signal.motion.motion_file)
 """
 
 from __future__ import annotations
@@ -155,8 +155,8 @@ class RenderRecord:
     metres_per_unit: float
     range_encoding_length_m: float
     extinction_length_m: float
-    camera: ReceiverRecord
-    emitter: TransmitterRecord
+    receiver: ReceiverRecord
+    transmitter: TransmitterRecord
     samples: int
     seed: int
     max_bounces: int
@@ -176,7 +176,7 @@ class PathsRecord:
     truncated_transparency_fraction in gates that were not rendered, mixed_power_fraction in rows
     whose pixel held several paths even so, unranged_power_fraction in rows without a usable range.
     truncated_reflections_stderr is the standard error of truncated_reflections_fraction, which is
-    probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects". reached
+    probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects". stop_reason
     says which limit ended the refinement. small_objects are in view before refinement and have few
     pixels; small_objects_tiled of them got tiles of their own.
     """
@@ -186,23 +186,23 @@ class PathsRecord:
     metres_per_unit: float
     range_encoding_length_m: float
     extinction_length_m: float
-    code: str  # "materials" or "world"
+    range_encoding: str  # "materials" or "world"
     coloured: bool
     amplitude_channel: str
     carrier_hz: float
-    camera: ReceiverRecord
-    emitter: TransmitterRecord
+    receiver: ReceiverRecord
+    transmitter: TransmitterRecord
     width_px: int
     height_px: int
     max_reflections: int
-    residual: float
+    max_unfollowed_fraction: float
     seed: int
     tiles: int
     replicates: int
     finest_refinement_level: int
     renders: int
     render_time_s: float
-    rows: int
+    path_count: int
     objects: list[str]
     total_power_w: float
     truncated_reflections_fraction: float
@@ -213,7 +213,7 @@ class PathsRecord:
     length_sigma_m: float
     length_sigma_wavelengths: float
     relative_error: float
-    reached: str
+    stop_reason: str
     table_file: str
     table_sha256: str
     truncated_reflections_stderr: float = 0.0
@@ -229,15 +229,15 @@ class PathsRecord:
 
 
 @dataclass(frozen=True)
-class PieceRecord:
-    """A piece of a body's motion; see signal.motionmodel.Piece for what the numbers are."""
+class SegmentRecord:
+    """A piece of a body's motion; see signal.motionmodel.Segment for what the numbers are."""
 
     start_s: float
     stop_s: float
-    move: Matrix
-    pivot: list[float]
-    turn: Matrix
-    reference: Matrix
+    translation: Matrix
+    rotation_centre: list[float]
+    rotation: Matrix
+    initial_orientation: Matrix
     linear: Matrix = field(default_factory=list)
 
 
@@ -255,7 +255,7 @@ class BodyRecord:
     instance: str
     pose: Matrix
     deforms: bool
-    pieces: list[PieceRecord]
+    segments: list[SegmentRecord]
     noise_m: float
     displacement_error_bound_m: float
 
@@ -273,7 +273,7 @@ class MotionRecord:
 
     frame: int
     time_s: float
-    span_s: float
+    duration_s: float
     samples: int
     receiver_kind: str
     antennas: list[BodyRecord]
@@ -282,8 +282,8 @@ class MotionRecord:
     displacement_error_bound_wavelengths: float
     approximated_motion_fraction: float
     unknown_motion_fraction: float
-    tracks_file: str
-    tracks_sha256: str
+    deforming_surfaces_file: str
+    deforming_surfaces_sha256: str
     epoch_offset_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
@@ -354,7 +354,7 @@ class RunRecord:
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
-    system: LinkBudget | None = None
+    link_budget: LinkBudget | None = None
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION
 

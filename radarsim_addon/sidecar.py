@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from . import contract
 from .errors import FrameFileError, OutputError, SchemaError
+from .old_names import todays_names
 from .textfile import TextTooLongError, read_text
 
 #: A record of a run with ten thousand frames stays far below this.
@@ -116,6 +117,7 @@ def _build(kind: Any, value: Any, where: str) -> Any:
         if not isinstance(value, dict):
             raise FrameFileError(f"{where} is {value!r:.60}; expected a JSON object.")
         hints = typing.get_type_hints(kind)
+        value = todays_names(value, hints)
         arguments = {}
         for item in dataclasses.fields(kind):
             if item.name in value:

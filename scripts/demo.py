@@ -30,11 +30,12 @@ from radarsim_addon.contract import GROUND_TRUTH_FILE, RUN_FILE, GroundTruthReco
 from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
 from radarsim_addon.sidecar import read_record  # noqa: E402
 from radarsim_addon.signal.maps import power_unit  # noqa: E402
-from radarsim_addon.signal.pictures import figure as plots  # noqa: E402
 from radarsim_addon.signal.pictures import (
     plot_echo,
     plot_range_doppler,
     plot_range_profile,
+    plot_rings,
+    save_figure,
 )
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run  # noqa: E402
 from radarsim_addon.signal.runs import open_run  # noqa: E402
@@ -74,7 +75,7 @@ def run_demo(out: Path) -> dict[str, Any]:
     frame = open_run(run_folder).frame(result.frame)
     unit = power_unit(result.echoes.amplitude_model)
     for name, figure in (
-        ("fig6_rings", plots.plot_rings(frame)),
+        ("fig6_rings", plot_rings(frame)),
         ("fig7_echo", plot_echo(result.echoes)),
         (
             "fig8_matched_filter",
@@ -82,7 +83,7 @@ def run_demo(out: Path) -> dict[str, Any]:
         ),
         ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.moving_targets, unit=unit)),
     ):
-        plots.save(figure, out / f"{name}.png")
+        save_figure(figure, out / f"{name}.png")
     done = time.perf_counter()
 
     summary = summarise(run_folder, result)

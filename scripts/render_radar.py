@@ -68,25 +68,33 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         "--auto-rings", action="store_true", help="as many rings as the scene's extent needs"
     )
     parser.add_argument(
+        "--sampling-mode",
         "--acquisition",
         choices=("rings", "paths"),
         help="rings: the paper's shells; paths: one path per pixel, with standard errors. Left "
         "out: that of the other options given, else the file's own",
     )
-    parser.add_argument("--order", type=int, metavar="N", help="paths: most reflections")
-    parser.add_argument("--shifts", type=int, metavar="N", help="paths: replicates of each tile")
     parser.add_argument(
+        "--max-reflections", "--order", type=int, metavar="N", help="paths: most reflections"
+    )
+    parser.add_argument(
+        "--replicates", "--shifts", type=int, metavar="N", help="paths: replicates of each tile"
+    )
+    parser.add_argument(
+        "--max-standard-error",
         "--error",
         type=finite_number,
         metavar="PERCENT",
         help="paths: refine until this standard error",
     )
     parser.add_argument(
+        "--refine-for",
         "--error-of",
         choices=("both", "ranges", "objects"),
         help="paths: what --error is of; objects: of the power of each object, small ones too",
     )
     parser.add_argument(
+        "--time-limit",
         "--budget",
         type=finite_number,
         metavar="S",
@@ -104,31 +112,42 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="paths: most moments of a burst at which the animation is looked at",
     )
     parser.add_argument(
+        "--visibility-updates",
         "--renders-per-burst",
         type=int,
         metavar="N",
         help="paths: more than one where what is visible changes during a burst",
     )
     parser.add_argument(
+        "--range-encoding",
         "--code",
         choices=("auto", "materials", "world"),
         help="paths: what carries the range code; world: materials of any kind echo",
     )
     parser.add_argument(
+        "--amplitude-channel",
         "--amplitude",
         choices=("mean", "R", "G", "B"),
         help="paths: channel that is the amplitude in coloured scenes",
     )
     parser.add_argument("--ring-step", type=finite_number, metavar="M", help="width of a ring [m]")
-    parser.add_argument("--passes", type=int, choices=(1, 2), help="1: no Doppler")
+    parser.add_argument("--snapshots", "--passes", type=int, choices=(1, 2), help="1: no Doppler")
     parser.add_argument(
-        "--delta-t", type=finite_number, metavar="S", help="time between the passes [s]"
+        "--snapshot-interval",
+        "--delta-t",
+        type=finite_number,
+        metavar="S",
+        help="time between the passes [s]",
     )
     parser.add_argument("--samples", type=int, metavar="N", help="paths a pixel")
     parser.add_argument("--resolution", metavar="WxH", help="pixels, for example 640x360")
     parser.add_argument("--bounces", type=int, metavar="N", help="reflections after the first one")
     parser.add_argument(
-        "--radar", type=Path, metavar="FILE", help="waveform and burst (JSON); else the file's own"
+        "--waveform",
+        "--radar",
+        type=Path,
+        metavar="FILE",
+        help="waveform and burst (JSON); else the file's own",
     )
     parser.add_argument("--carrier-ghz", type=finite_number, metavar="F", help="carrier [GHz]")
     parser.add_argument("--bandwidth-mhz", type=finite_number, metavar="B", help="bandwidth [MHz]")
@@ -145,7 +164,11 @@ def parse_arguments(arguments: list[str], needs_blend: bool) -> argparse.Namespa
         help="of waves that go through physical materials",
     )
     parser.add_argument(
-        "--system", type=Path, metavar="FILE", help="power budget (JSON); else the file's own"
+        "--link-budget",
+        "--system",
+        type=Path,
+        metavar="FILE",
+        help="power budget (JSON); else the file's own",
     )
     parser.add_argument(
         "--overwrite", action="store_true", help="remove another run's frames from the folder"
@@ -240,7 +263,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
             sampling_mode=command_line.chosen_acquisition(arguments),
             overrides=overrides,
             path_overrides=command_line.path_overrides(arguments),
-            system_file=arguments.system,
+            system_file=arguments.link_budget,
         )
         job.file_just_opened = arguments.blend is not None
         with job:
@@ -269,7 +292,7 @@ def render(arguments: argparse.Namespace, inside_blender: bool, stop: StopReques
 
 def print_warnings(warnings: list[str], stream: Any) -> None:
     """One line each; a name in it must not steer the terminal."""
-    from radarsim_addon.printable import printable
+    from radarsim_addon.terminal_text import printable
 
     for warning in warnings:
         print(f"radarsim: warning: {printable(warning)}", file=stream, flush=True)

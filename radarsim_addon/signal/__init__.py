@@ -8,7 +8,7 @@ Five lines make a map::
     echoes = signal.synthesize(
         signal.iter_path_chunks(run.frame(1)), run.radar, range_limits_m=run.range_limits_m,
         speckle_seed=0)
-    rd_map = signal.range_doppler(signal.compress(echoes))
+    rd_map = signal.range_doppler(signal.range_process(echoes))
     signal.plot_range_doppler(rd_map, signal.find_peaks(rd_map, 1, min_speed_mps=1))
 
 Conventions: SI, float64; one-way range is half the path's length; range rate is positive when
@@ -25,29 +25,30 @@ Pixels
 Paths
     iter_path_chunks, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
     path_amplitude;
-    PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED, PathFlag.CROSSED_SHELL
+    PathFlag
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
     replica_spectrum, matched_filter
 Spectra for any waveform
-    SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; Listening,
+    SpectrumAccumulator(FrequencyGrid, times) -> Spectrum, SynthesisReport; ReceiveWindow,
     Ramp
 Receiver
-    receive -> Reception; Receiver (noise figure, ADC bits, phase noise); PhaseNoise,
+    apply_receiver -> ReceivedSignal; Receiver (noise figure, ADC bits, phase noise); PhaseNoise,
     load_phase_noise; range_noise_gain, map_noise_gain: the floor that noise makes
 Compression
-    compress -> Compressed; expected_power_profile -> PowerProfile; window_at, slow_time_window
+    range_process -> RangeProfiles; expected_power_profile -> PowerProfile; window_at,
+    slow_time_window
 Standard errors (acquisition "paths")
     expected_power -> ExpectedPower
 Map
-    range_doppler -> RangeDopplerMap; decibels
+    range_doppler -> RangeDopplerMap; power_to_db
 MTI
     mti_cancel, mti_response
 Detection
     detect_targets -> Detections, Detection; Cfar, cfar_threshold -> CfarResult;
     find_peaks -> Peak; leading_edges -> LeadingEdge; peak_to_background_db
 Products and pictures
-    write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler, save
+    write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler, save_figure
 A whole run
     process_run(path, ProcessOptions(...)) yields Progress and FrameResult;
     frame_statistics -> FrameStatistics
@@ -104,7 +105,7 @@ from .maps import (
     range_process,
 )
 from .paths import PathCounts, PathFlag, Paths, join_paths, make_paths, path_amplitude, path_power_w
-from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save
+from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save_figure
 from .pipeline import FrameResult, ProcessOptions, Progress, process_run
 from .products import write_products
 from .radar import (
@@ -219,7 +220,7 @@ __all__ = [
     "read_exr",
     "replica",
     "replica_spectrum",
-    "save",
+    "save_figure",
     "slow_time_window",
     "synthesize",
     "waveform_from_dict",

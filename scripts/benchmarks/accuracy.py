@@ -70,7 +70,7 @@ def run_accuracy(blend: Path, folder: Path, quick: bool = False) -> dict[str, An
     if quick:
         reference_settings |= {"width_px": 432, "height_px": 243}
     scene.paths(48, 27, replicates=1)  # what Cycles does once is not counted: kernels, shaders
-    reference = scene.paths(replicates=True, **reference_settings)
+    reference = scene.paths(single_rays=True, **reference_settings)
     target_w = exact_target_w(reference)
     measure = _Measure(reference.profile, target_w)
 

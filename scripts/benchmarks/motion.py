@@ -86,7 +86,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     from radarsim_addon import signal
     from radarsim_addon.blender.paths import PathJob
     from radarsim_addon.blender.plan import Measurement, PathOptions
-    from radarsim_addon.blender.run import RenderJob
+    from radarsim_addon.blender.rings import RingJob
     from radarsim_addon.signal.decoding import frame_paths
     from radarsim_addon.signal.radar import Burst, Waveform
 
@@ -106,7 +106,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     layer = scene.view_layers[0]
     job: Any
     if method == "two-pass":
-        job = RenderJob(scene, layer, measurement, folder)
+        job = RingJob(scene, layer, measurement, folder)
     else:
         job = PathJob(scene, layer, measurement, folder, PathOptions(replicates=1))
     with job:
@@ -118,7 +118,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     paths = frame_paths(frame)
     if method == "two-pass":
         record, _ = frame.image(0, 0)
-        pose = np.array(record.camera.matrix_world)
+        pose = np.array(record.receiver.matrix_world)
         u, v = _tangents(record)
         rays = np.stack([u[paths.col], v[paths.row], -np.ones(len(paths))], axis=-1)
         rays /= np.linalg.norm(rays, axis=1)[:, None]
@@ -140,7 +140,7 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
 
 
 def _tangents(record: Any) -> tuple[Real, Real]:
-    camera = record.camera
+    camera = record.receiver
     across = (np.arange(record.width_px) + 0.5) / record.width_px
     down = (np.arange(record.height_px) + 0.5) / record.height_px
     return (

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.array_types import Real
@@ -20,7 +19,9 @@ from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Paths, iter_path_chunks, make_paths, open_run
 from radarsim_addon.signal.decoding import pixel_grid
 from radarsim_addon.signal.maps import expected_power_profile
-from radarsim_addon.signal.paths.paths import path_power_w, spread, steps_of, views_by_shift
+from radarsim_addon.signal.paths import spread, steps_of, views_by_shift
+from radarsim_addon.signal.paths.paths import path_power_w
+from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.radar import Radar
 
 from .clock import Cost, peak_mib, stopwatch
@@ -100,7 +101,7 @@ class PaperScene:
         self, width_px: int, height_px: int, samples: int, count: int | None = None
     ) -> Result:
         """Rings of 250 m, one pass: 21 as in the scene, or so many."""
-        from radarsim_addon.blender.run import RenderJob
+        from radarsim_addon.blender.rings import RingJob
 
         folder = self._fresh("rings")
         measurement = self._read(
@@ -111,7 +112,7 @@ class PaperScene:
             measurement = dataclasses.replace(measurement, rings=count)
         with (
             stopwatch() as acquire,
-            RenderJob(self._scene, self._layer, measurement, folder) as job,
+            RingJob(self._scene, self._layer, measurement, folder) as job,
         ):
             drive(job)
         with stopwatch() as process:
@@ -133,7 +134,7 @@ class PaperScene:
         )
 
     def paths(
-        self, width_px: int, height_px: int, *, replicates: bool = False, **options: Any
+        self, width_px: int, height_px: int, *, single_rays: bool = False, **options: Any
     ) -> Result:
         """Paths with the options of `PathOptions`."""
         from radarsim_addon.blender.paths import PathJob
@@ -156,14 +157,14 @@ class PaperScene:
         wavelength_m = measurement.waveform.wavelength_m
         with stopwatch() as process:
             rows = open_table(frame / record.table_file)
-            if replicates:  # a reference of single rays, which presumes nothing of what is between
+            if single_rays:  # a reference of single rays, which presumes nothing of what is between
                 points = table_paths(rows, wavelength_m)
             else:
                 points = spread_paths(rows, record, measurement.radar)
             profile = range_profile(points, measurement.radar)
             target_w = table_sum(rows, "power_w", number)
         single = []
-        if replicates:
+        if single_rays:
             for shift in range(record.replicates):
                 paths = table_paths(rows, wavelength_m, shift)
                 single.append(record.replicates * range_profile(paths, measurement.radar))
@@ -171,7 +172,7 @@ class PaperScene:
             "tiles": record.tiles,
             "finest_refinement_level": record.finest_refinement_level,
             "relative_error": record.relative_error,
-            "reached": record.reached,
+            "reached": record.stop_reason,
             "truncated_transparency_fraction": record.truncated_transparency_fraction,
             "peak_mib": peak,
             "target_sr": table_sum(rows, "solid_angle_sr", number),
@@ -187,7 +188,7 @@ class PaperScene:
             label,
             acquire,
             process,
-            record.rows,
+            record.path_count,
             record.renders,
             profile,
             target_w,
@@ -226,7 +227,7 @@ class TargetSum:
         """
         for ring, paths in enumerate(iter_path_chunks(frame)):
             record, _ = frame.image(ring, 0)
-            grid = pixel_grid(record.camera, record.width_px, record.height_px)
+            grid = pixel_grid(record.receiver, record.width_px, record.height_px)
             azimuth = -np.arctan(grid.u[paths.col])  # positive to the left, as the scene is built
             elevation = np.arctan(grid.v[paths.row])
             box = np.radians(_TARGET_BOX_DEG)
@@ -243,7 +244,7 @@ def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Ite
     for start in range(0, len(rows), _CHUNK):
         part = rows[start : start + _CHUNK]
         if shift is not None:
-            part = part[part["shift"] == shift]
+            part = part[part["replicate"] == shift]
         yield make_paths(part["power_w"] / area_m2, part["length_m"])
 
 
@@ -252,7 +253,7 @@ def spread_paths(rows: Any, record: contract.PathsRecord, radar: Radar) -> Itera
     area_m2 = effective_area_m2(radar.waveform.wavelength_m)
     for views in views_by_shift(rows, record.replicates):
         for view in views:
-            steps = steps_of(view, record.camera, record.replicates)
+            steps = steps_of(view, record.receiver, record.replicates)
             for part in spread(view, steps, radar.waveform.sample_spacing_m / 2, np.inf):
                 power = view["power_w"][part.row] * part.share
                 yield make_paths(power / area_m2, part.length_m)
@@ -263,7 +264,7 @@ def table_sum(rows: Any, column: str, number: int) -> float:
     total = 0.0
     for start in range(0, len(rows), _CHUNK):
         part = rows[start : start + _CHUNK]
-        total += float(part[column][part["object"] == number].sum())
+        total += float(part[column][part["last_object"] == number].sum())
     return total
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from radarsim_addon.array_types import Real
 from radarsim_addon.signal import Burst, Cfar, FmcwWaveform, Radar, Receiver, cfar_threshold
 from radarsim_addon.signal.detection import CfarKind
-from radarsim_addon.signal.echoes.pulse_synthesis import apply_receiver, synthesizer_for
+from radarsim_addon.signal.echoes import apply_receiver, synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain
 
 from . import targets

@@ -15,8 +15,8 @@ from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import iter_path_chunks, open_run, range_doppler, synthesize
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
-from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, apply_receiver
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.echoes import Receiver, apply_receiver
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.paths.paths import Paths
 from radarsim_addon.signal.radar import Burst
 from radarsim_addon.signal.scattering import FrameSpeckle

@@ -24,7 +24,7 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
 
 #: Of 50 MHz each: cells of 2.5 to 3 m, whatever the kind.

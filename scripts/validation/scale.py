@@ -68,7 +68,7 @@ def scales(bench: Bench) -> list[Check]:
 
 def _first_order(run: Acquired) -> np.ndarray:
     rows = run.rows[(run.rows["order"] == 1) & (run.rows["transparent_depth"] == 0)]
-    order = np.lexsort((*np.round(rows["direction"].T, 9), rows["shift"]))
+    order = np.lexsort((*np.round(rows["direction"].T, 9), rows["replicate"]))
     return np.asarray(rows["length_m"][order])
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.array_types import Real
@@ -25,6 +24,7 @@ from radarsim_addon.blender.scene import setup_rig
 from radarsim_addon.blender.scene.rig import EMITTER_NAME
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.radar import Burst, Waveform
 
 from .case import Bench
@@ -238,7 +238,7 @@ class Acquired:
         rows = self.rows if name is None else self.of(name)
         replicates = self.record.replicates
         each = np.array(
-            [rows["power_w"][rows["shift"] == k].sum() * replicates for k in range(replicates)]
+            [rows["power_w"][rows["replicate"] == k].sum() * replicates for k in range(replicates)]
         )
         mean = float(each.mean())
         if replicates < 2 or mean == 0:
@@ -247,7 +247,7 @@ class Acquired:
 
     def of(self, name: str) -> Any:
         """Rows whose last scatterer is on an object."""
-        return self.rows[self.rows["object"] == self.record.objects.index(name) + 1]
+        return self.rows[self.rows["last_object"] == self.record.objects.index(name) + 1]
 
 
 def acquire(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radarsim_addon.array_types import Real
 from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
@@ -19,6 +18,7 @@ from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.scene.rig import DEFAULT_EIRP_W
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.paths.table import open_table
 from tests.blender import radar_scenes as rs
 
 C0_MPS = 299_792_458.0

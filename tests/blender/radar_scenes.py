@@ -13,7 +13,7 @@ import numpy as np
 from radarsim_addon import signal
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.plan import Measurement
-from radarsim_addon.blender.run import RenderJob
+from radarsim_addon.blender.rings import RingJob
 from radarsim_addon.blender.scene import setup_rig
 from radarsim_addon.blender.scene.isolation import animation_curves
 from radarsim_addon.signal.radar import Burst, Waveform
@@ -80,17 +80,13 @@ def measurement(**changes: Any) -> Measurement:
     return Measurement(**numbers)
 
 
-def job_for(folder: Path, overwrite: bool = False, **changes: Any) -> RenderJob:
+def job_for(folder: Path, overwrite: bool = False, **changes: Any) -> RingJob:
     """A job over the current scene."""
     scene = bpy.context.scene
-    return RenderJob(
-        scene, scene.view_layers[0], measurement(**changes), folder, overwrite=overwrite
-    )
+    return RingJob(scene, scene.view_layers[0], measurement(**changes), folder, overwrite=overwrite)
 
 
-def run(
-    folder: Path, overwrite: bool = False, limit: int | None = None, **changes: Any
-) -> RenderJob:
+def run(folder: Path, overwrite: bool = False, limit: int | None = None, **changes: Any) -> RingJob:
     """Render; stop after `limit` renders if given."""
     with job_for(folder, overwrite, **changes) as job:
         for count, task in enumerate(job.pending()):

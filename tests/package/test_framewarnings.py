@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from radarsim_addon.framewarnings import FrameWarnings, frames_text
-from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, points, write_run
 
 

@@ -1,75 +1,176 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who may import whom: held by walking the imports, not by good will."""
+"""Which module may import which. The test reads the imports of the package and the scripts."""
+
+from __future__ import annotations
 
 import ast
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-PACKAGE = Path(__file__).parents[2] / "radarsim_addon"
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "radarsim_addon"
 
-#: The flow of signal. A stage imports stages before it only.
-FLOW = [
-    "config", "codes", "waveform_pulses", "waveform_lines", "waveform_files", "exrheader", "exr",
-    "files", "frames", "decode", "doppler", "paths", "nufft", "windows", "waveform", "phase",
-    "synthesis", "echoes", "linesynthesis", "linecompress", "compress", "rangedoppler", "detect",
-    "products", "plots", "pipeline", "cli",
-]  # fmt: skip
+#: Rooms in the order of the data's way. A room imports only rooms before it.
+ROOMS = (
+    "", "physics",
+    "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
+    "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
+    "signal.pictures", "signal.products", "signal.pipeline", "signal",
+    "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
+    "blender.settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
+    "blender.paths", "blender.headless", "blender.ui", "blender",
+)  # fmt: skip
+#: Entry points: they stand at the root of the package and join both halves.
+ENTRIES = ("radarsim_addon", "radarsim_addon.__main__")
+#: Rooms of signal that the Blender half may use; the last two only where results are shown.
+FOR_BLENDER = {"radar", "motion", "paths", "decoding", "runs"}
+FOR_WINDOWS = {"pipeline", "detection"}
+BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 
 
-def imports(path: Path) -> set[str]:
-    """Absolute dotted names of all that a module imports, functions included."""
-    package = list(path.relative_to(PACKAGE.parent).with_suffix("").parts[:-1])
-    found: set[str] = set()
+class Import(NamedTuple):
+    """One imported name: who imports it, from which module, and the name."""
+
+    importer: str
+    module: str
+    name: str
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def imports(path: Path, name: str) -> Iterator[Import]:
+    """All imports of a file, those within functions included."""
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found.update(alias.name for alias in node.names)
+            for alias in node.names:
+                yield Import(name, alias.name, "")
         elif isinstance(node, ast.ImportFrom):
-            base = package[: len(package) - node.level + 1] if node.level else []
-            module = ".".join([*base, *([node.module] if node.module else [])])
-            found.add(module)
-            found.update(f"{module}.{alias.name}" for alias in node.names)
-    return found
+            base = package.split(".")[: len(package.split(".")) - node.level + 1]
+            module = ".".join([*(base if node.level else []), *filter(None, [node.module])])
+            for alias in node.names:
+                inner = f"{module}.{alias.name}"
+                yield Import(name, *((inner, "") if inner in MODULES else (module, alias.name)))
 
 
-def modules(folder: str) -> list[Path]:
-    return sorted((PACKAGE / folder).rglob("*.py"))
+def room_of(module: str) -> str:
+    inner = module.removeprefix("radarsim_addon").removeprefix(".")
+    return max((r for r in ROOMS if f"{inner}.".startswith(f"{r}." if r else "")), key=len)
 
 
-def test_the_walk_sees_imports() -> None:
-    assert "radarsim_addon.signal.runs.run" in imports(PACKAGE / "signal" / "cli.py")
-    assert "radarsim_addon.errors" in imports(PACKAGE / "signal" / "exr.py")
-    assert len(modules("signal")) > 15
+ALL = [item for name, path in MODULES.items() for item in imports(path, name)]
+INSIDE = [item for item in ALL if item.module.startswith("radarsim_addon")]
+SCRIPTS = [
+    item
+    for path in sorted((ROOT / "scripts").rglob("*.py"))
+    for item in imports(path, module_name(path))
+    if item.module.startswith("radarsim_addon")
+]
 
 
-@pytest.mark.parametrize("path", [*modules("signal"), *modules("physics")], ids=lambda p: p.name)
-def test_signal_and_physics_know_no_blender(path: Path) -> None:
-    for name in imports(path):
-        top = name.split(".")
-        assert top[0] not in {"bpy", "mathutils", "bmesh", "gpu", "pickle"}, name
-        assert not name.startswith("radarsim_addon.blender"), name
-        if path.parent.name == "physics":
-            assert not name.startswith("radarsim_addon.signal"), name
+def test_the_walk_finds_rooms_and_imports() -> None:
+    assert room_of("radarsim_addon.signal.radar.codes") == "signal.radar"
+    assert room_of("radarsim_addon.errors") == ""
+    assert room_of("radarsim_addon.blender.addon") == "blender"
+    assert (
+        Import("radarsim_addon.signal.runs.run", "radarsim_addon.contract", "RunRecord") in INSIDE
+    )
+    assert len(MODULES) > 200 and len(INSIDE) > 1000 and len(SCRIPTS) > 50
 
 
-@pytest.mark.parametrize("stage", FLOW)
-def test_stages_import_downwards_only(stage: str) -> None:
-    for name in imports(PACKAGE / "signal" / f"{stage}.py"):
-        parts = name.split(".")
-        if parts[:2] == ["radarsim_addon", "signal"] and len(parts) > 2 and parts[2] in FLOW:
-            assert FLOW.index(parts[2]) < FLOW.index(stage), f"{stage} imports {parts[2]}"
+def test_rooms_import_downwards_only() -> None:
+    upward = [
+        item
+        for item in INSIDE
+        if item.importer not in ENTRIES
+        and ROOMS.index(room_of(item.module)) > ROOMS.index(room_of(item.importer))
+    ]
+    assert not upward
 
 
-@pytest.mark.parametrize("path", modules("."), ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_inside_the_package_imports_are_relative(path: Path) -> None:
+def test_blender_uses_few_rooms_of_signal() -> None:
+    for item in INSIDE:
+        here, there = room_of(item.importer), room_of(item.module)
+        if here.startswith("blender") and there.startswith("signal"):
+            shows = here in ("blender.headless", "blender.ui")
+            allowed = FOR_BLENDER | FOR_WINDOWS if shows else FOR_BLENDER
+            assert there.removeprefix("signal.") in allowed, item
+
+
+def test_no_circle_of_modules() -> None:
+    graph: dict[str, set[str]] = defaultdict(set)
+    for item in INSIDE:
+        # A room's __init__ is executed when one of its modules is; it imports them all.
+        if MODULES.get(item.importer, PACKAGE).name != "__init__.py":
+            graph[item.importer].add(item.module)
+    done: set[str] = set()
+
+    def visit(module: str, way: tuple[str, ...]) -> None:
+        assert module not in way, " -> ".join((*way[way.index(module) :], module))
+        if module not in done:
+            for target in graph[module]:
+                visit(target, (*way, module))
+            done.add(module)
+
+    for module in list(graph):
+        visit(module, ())
+
+
+@pytest.mark.parametrize("items", [INSIDE, SCRIPTS], ids=["package", "scripts"])
+def test_private_names_stay_in_their_room(items: list[Import]) -> None:
+    for item in items:
+        private = item.name.startswith("_") and not item.name.startswith("__")
+        same_room = item.importer in MODULES and room_of(item.importer) == room_of(item.module)
+        assert not private or same_room, item
+
+
+def test_signal_and_physics_do_not_import_blender() -> None:
+    for item in ALL:
+        top = item.module.partition(".")[0]
+        assert top != "pickle", item
+        if not room_of(item.importer).startswith("blender"):
+            assert top not in BLENDER_MODULES, item
+
+
+def test_a_function_does_not_share_its_modules_name() -> None:
+    for name, path in MODULES.items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        own = {n.name for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+        assert name.rpartition(".")[2] not in own, name
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if "." in room])
+def test_a_room_says_what_it_is_and_what_others_may_use(room: str) -> None:
+    path = MODULES[f"radarsim_addon.{room}"]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree), room
+    if not room.startswith("blender"):
+        import importlib
+
+        module = importlib.import_module(f"radarsim_addon.{room}")
+        assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_inside_the_package_imports_are_relative() -> None:
     """As an extension the package has another name."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-        if isinstance(node, ast.ImportFrom) and node.level == 0:
-            names.append(node.module or "")
-        assert not any(name.split(".")[0] == "radarsim_addon" for name in names)
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.level == 0:
+                names.append(node.module or "")
+            assert not any(name.split(".")[0] == "radarsim_addon" for name in names), path
 
 
 def test_import_brings_in_numpy_and_nothing_heavy() -> None:
@@ -79,9 +180,7 @@ def test_import_brings_in_numpy_and_nothing_heavy() -> None:
         "heavy = {'bpy', 'scipy', 'matplotlib', 'finufft', 'OpenEXR', 'OpenImageIO'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=PACKAGE.parent, capture_output=True, text=True
-    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 

@@ -33,5 +33,5 @@ def test_every_module_imports_with_numpy_alone() -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
         "True True",
-        "['radarsim_addon.errors', 'radarsim_addon.textfile']",
+        "['radarsim_addon.array_types', 'radarsim_addon.errors', 'radarsim_addon.textfile']",
     ]

@@ -14,7 +14,7 @@ import numpy as np
 from radarsim_addon import contract
 from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths.paths import PATH_DTYPE, PathRows, write_table
+from radarsim_addon.signal.paths import PATH_DTYPE, PathRows, write_table
 from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
@@ -113,8 +113,8 @@ def trace(
         rows["first_scatterer_m"] = rows["last_scatterer_m"] = point
         rows["direction"] = direction[hit]
         rows["solid_angle_sr"] = solid[hit] / replicates
-        rows["object"] = rows["first_object"] = which[hit]
-        rows["shift"] = shift
+        rows["last_object"] = rows["first_object"] = which[hit]
+        rows["replicate"] = shift
         parts.append(rows)
     return np.concatenate(parts)
 
@@ -141,18 +141,18 @@ def write_run(
         snapshots=1, snapshot_interval_s=0.0, width_px=64, height_px=64, samples=1, seed=0, max_bounces=0,
         metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
         waveform=dataclasses.asdict(WAVEFORM), burst=dataclasses.asdict(BURST),
-        blend_file="", fingerprint="", system=system,
+        blend_file="", fingerprint="", link_budget=system,
     )  # fmt: skip
     write_record(folder / contract.RUN_FILE, run)
     record = contract.PathsRecord(
         frame=1, time_s=0.0, metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
-        code="materials", coloured=False, amplitude_channel="mean",
-        carrier_hz=WAVEFORM.carrier_hz, camera=receiver, emitter=emitter, width_px=64,
-        height_px=64, max_reflections=1, residual=0.0, seed=0, tiles=1, replicates=replicates, finest_refinement_level=0,
-        renders=1, render_time_s=0.0, rows=rows.size, objects=names,
+        range_encoding="materials", coloured=False, amplitude_channel="mean",
+        carrier_hz=WAVEFORM.carrier_hz, receiver=receiver, transmitter=emitter, width_px=64,
+        height_px=64, max_reflections=1, max_unfollowed_fraction=0.0, seed=0, tiles=1, replicates=replicates, finest_refinement_level=0,
+        renders=1, render_time_s=0.0, path_count=rows.size, objects=names,
         total_power_w=float(rows["power_w"].sum()), truncated_reflections_fraction=0.0, truncated_transparency_fraction=0.0,
         mixed_power_fraction=0.0, unranged_power_fraction=0.0, mixed_bias_bound_m=0.0, length_sigma_m=0.0,
-        length_sigma_wavelengths=0.0, relative_error=0.0, reached="all tiles",
+        length_sigma_wavelengths=0.0, relative_error=0.0, stop_reason="all tiles",
         table_file=contract.PATHS_TABLE, table_sha256=file_sha256(table),
     )  # fmt: skip
     write_record(frame / contract.PATHS_FILE, record)

@@ -20,7 +20,7 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Runs without a window: command line, jobs, console."""
 
 from .console import ProgressLine, progress_text, quiet_blender
 from .jobs import make_job

@@ -14,10 +14,9 @@ _RINGS = ("auto_rings",)
 _RING_NUMBERS = ("rings", "ring_step", "samples", "bounces")
 #: Options of paths that are called otherwise than what they set.
 _PATH_FLAGS = {
-    "max_reflections": "order",
-    "refine_for": "error_scope",
-    "max_standard_error": "error",
-    "time_limit_s": "budget",
+    "time_limit_s": "time_limit",
+    "amplitude": "amplitude_channel",
+    "code": "range_encoding",
 }
 
 
@@ -26,7 +25,7 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.rings is not None and arguments.auto_rings:
         raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
     of_pulse = (arguments.carrier_ghz, arguments.bandwidth_mhz, arguments.chirp_us)
-    if arguments.radar is not None and any(value is not None for value in of_pulse):
+    if arguments.waveform is not None and any(value is not None for value in of_pulse):
         raise ConfigError("--radar and numbers of a pulse are both given; expected one of them.")
     width_px, height_px = parse_resolution(arguments.resolution)
     return {
@@ -35,7 +34,9 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "ring_mode": "AUTO" if arguments.auto_rings else None,
         "ring_step_m": arguments.ring_step,
         "snapshots": arguments.snapshots,
-        "snapshot_interval_ms": None if arguments.delta_t is None else arguments.delta_t * 1e3,
+        "snapshot_interval_ms": None
+        if arguments.snapshot_interval is None
+        else arguments.snapshot_interval * 1e3,
         "samples": arguments.samples,
         "width_px": width_px,
         "height_px": height_px,
@@ -46,7 +47,7 @@ def command_line_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "sampling_rate_mhz": arguments.sampling_mhz,
         "prf_hz": arguments.prf_hz,
         "pulses": arguments.pulses,
-        "radar_file": arguments.radar,
+        "radar_file": arguments.waveform,
         "seed": arguments.seed,
         "polarisation": arguments.polarisation,
     }
@@ -78,16 +79,18 @@ def chosen_acquisition(arguments: argparse.Namespace) -> str | None:
 def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """Options of the acquisition "paths"; None where not given."""
     return {
-        "max_reflections": arguments.order,
+        "max_reflections": arguments.max_reflections,
         "replicates": arguments.replicates,
-        "refine_for": arguments.error_scope,
-        "max_standard_error": None if arguments.error is None else arguments.error / 100,
-        "time_limit_s": arguments.budget,
+        "refine_for": arguments.refine_for,
+        "max_standard_error": None
+        if arguments.max_standard_error is None
+        else arguments.max_standard_error / 100,
+        "time_limit_s": arguments.time_limit,
         "motion": arguments.motion,
         "motion_samples": arguments.motion_samples,
         "visibility_updates": arguments.visibility_updates,
-        "code": arguments.code,
-        "amplitude": arguments.amplitude,
+        "code": arguments.range_encoding,
+        "amplitude": arguments.amplitude_channel,
     }
 
 

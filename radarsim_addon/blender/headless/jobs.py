@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..paths import PathJob
-from ..run import RenderJob
+from ..rings import RingJob
+from ..run import MeasurementJob
 from ..settings import radar as properties
 from ..settings import read_path_options, read_system_settings
 
@@ -23,7 +24,7 @@ def make_job(
     overrides: dict[str, Any] | None = None,
     path_overrides: dict[str, Any] | None = None,
     system_file: Path | None = None,
-) -> RenderJob:
+) -> MeasurementJob:
     """Make the job, unprepared.
 
     Parameters
@@ -57,4 +58,4 @@ def make_job(
         return PathJob(
             scene, view_layer, measurement, folder, options, overwrite=overwrite, **antennas
         )
-    return RenderJob(scene, view_layer, measurement, folder, overwrite=overwrite, **antennas)
+    return RingJob(scene, view_layer, measurement, folder, overwrite=overwrite, **antennas)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Which material is where, and what it is at the carrier.
+
+In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
+"""
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .layers import beyond_float32, is_entered, set_layer_normals

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..nodes import attributes
-from ..nodes.find_group import group_input, group_node
+from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import EXTINCTION, KIND
 from ..state import SettingsRestorer

@@ -32,7 +32,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE, material_model
 from ...physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
 from ...physics.rough_transmission import transmission_factors
-from ..nodes.find_group import find_group, group_input, group_node, holds_group
+from ..nodes.group_search import find_group, group_input, group_node, holds_group
 from ..nodes.groups import KIND_PROPERTY, ensure_group
 from ..nodes.materials import is_conductor, link_group
 from ..nodes.physical_material import (

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Motion of bodies, sampled in Blender and fitted.
+
+In: the animation. Out: motion records and deforming surfaces in metres and seconds.
+"""
 
 from .burst_motion import BurstMotion
 from .samples import SamplingPlan

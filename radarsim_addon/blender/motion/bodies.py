@@ -79,10 +79,10 @@ class Bodies:
 
     def label(self, rows: PathRows) -> None:
         """Fill in bodies, and objects where they are unknown and the vertex is known."""
-        self._label_end(rows, "last_scatterer_m", "object", "body", np.arange(rows.size))
+        self._label_end(rows, "last_scatterer_m", "last_object", "last_body", np.arange(rows.size))
         one = rows["order"] == 1
-        rows["first_object"][one] = rows["object"][one]
-        rows["first_body"][one] = rows["body"][one]
+        rows["first_object"][one] = rows["last_object"][one]
+        rows["first_body"][one] = rows["last_body"][one]
         self._label_end(
             rows, "first_scatterer_m", "first_object", "first_body", np.flatnonzero(~one)
         )

@@ -144,7 +144,7 @@ class BurstMotion:
 
     def collect(self, rows: PathRows) -> None:
         """Note what labelled rows touch; for all rows before `sample`."""
-        for column in ("body", "first_body"):
+        for column in ("last_body", "first_body"):
             self._seen.update(np.unique(rows[column]).tolist())
         if self._deformations.any:
             self._deformations.attach(rows, self.bodies.parts)
@@ -157,7 +157,7 @@ class BurstMotion:
         assert self._scene is not None
         if self._deformations.any:
             self._deformations.number(rows, self.bodies.parts)
-        for column in ("body", "first_body"):
+        for column in ("last_body", "first_body"):
             rows[column] = self._file_number[rows[column]]
         motion: KinematicMotion = motion_of_rows(rows, self._scene)
         rows["range_rate_mps"] = motion.range_rates_mps()
@@ -296,7 +296,7 @@ class BurstMotion:
         record = contract.MotionRecord(
             frame=self._plan.frame,
             time_s=time_s,
-            span_s=self._plan.span_s,
+            duration_s=self._plan.span_s,
             samples=self._samples,
             receiver_kind=self._kind,
             antennas=antennas,
@@ -305,8 +305,8 @@ class BurstMotion:
             displacement_error_bound_wavelengths=wavelengths,
             approximated_motion_fraction=self._approximated_w / total,
             unknown_motion_fraction=self._unknown_w / total,
-            tracks_file=tracks_file,
-            tracks_sha256=digest,
+            deforming_surfaces_file=tracks_file,
+            deforming_surfaces_sha256=digest,
             epoch_offset_s=self._plan.shown[0],
             warnings=list(self.warnings),
             versions=versions,

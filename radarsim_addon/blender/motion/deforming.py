@@ -22,7 +22,7 @@ _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
 
 #: By the column of points: those of their bodies and tracks.
 _COLUMNS = {
-    "last_scatterer_m": ("body", "track"),
+    "last_scatterer_m": ("last_body", "last_surface_point"),
     "first_scatterer_m": ("first_body", "first_surface_point"),
 }
 
@@ -160,7 +160,7 @@ class Deformations:
             rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
             self._numbered += mine.size
         one = rows["order"] == 1
-        rows["first_surface_point"][one] = rows["track"][one]
+        rows["first_surface_point"][one] = rows["last_surface_point"][one]
 
     def _ends(
         self, rows: PathRows, bodies: Sequence[Part]

@@ -11,8 +11,8 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
-from .find_group import group_input, group_node
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
+from .group_search import group_input, group_node
 from .groups import ensure_group
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 

@@ -38,7 +38,7 @@ from .interface import excess, interface_power, wave_inside
 from .layer import internal_echoes, layer_cosine
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior, wavelength
 from .radar_material import EXTINCTION, INDEX, ROUGHNESS, camera_lobes
-from .range_code import inverse_code_length, range_code, ray_length
+from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "radar_physical"
 

@@ -23,7 +23,7 @@ from . import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
 from .fresnel import cos_incidence, reflectance, transmittance
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior
-from .range_code import inverse_code_length, range_code, ray_length
+from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "radar_material"
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from . import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder
-from .range_code import inverse_code_length, range_code, ray_length
+from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "ring_emitter"
 

@@ -22,7 +22,7 @@ from .fresnel import cos_incidence
 from .interface import Wave, excess, polarisation, wave_inside
 from .outputs import SURFACE, wavelength
 from .radar_material import EXTINCTION, INDEX, camera_lobes
-from .range_code import inverse_code_length, range_code, ray_length
+from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "radar_sheet"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""The Ring Emitter on a Point light: the transmitter."""
 
 from __future__ import annotations
 

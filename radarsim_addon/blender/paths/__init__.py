@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Path sampling, one path per pixel: tiles, error estimate, table.
+
+In: a plan and the scene. Out: the path table of each frame with its sidecar.
+"""
 
 from .path_job import PathJob
 

@@ -81,12 +81,12 @@ class CellGrid:
         size = self.first_object
         power = rows["power_w"] * count
         by_bin = self._by_bin(rows, count, camera) if self.ranges else np.zeros(1)
-        by_object = np.bincount(rows["object"], power, minlength=1)
+        by_object = np.bincount(rows["last_object"], power, minlength=1)
         bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
-        hits = np.bincount(rows["object"], minlength=1) / count
+        hits = np.bincount(rows["last_object"], minlength=1) / count
         edges = np.zeros(hits.size)
         if camera is not None:
-            number = rows["object"].astype(np.int64)
+            number = rows["last_object"].astype(np.int64)
             if count > 1:
                 edges = edge_variances(rows, number, power, camera, count) / count
             else:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Acquisition "paths": one path per pixel, tile by tile, until the error or the time is reached.
 
-Driven like :class:`.render_job.RenderJob`: ``pending`` yields renders, each goes through
+Driven like :class:`.run.MeasurementJob`: ``pending`` yields renders, each goes through
 ``start``, ``render`` and ``finish``. Which render comes next depends on the last one.
 """
 
@@ -27,7 +27,7 @@ from ..materials import SURFACE_TYPES, assigned_materials
 from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
-from ..run import MeasurementSettings, RenderJob, output_folder
+from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import evaluated_depsgraph, receiver_record, transmitter_record
 from ..views import (
     Gate,
@@ -50,8 +50,8 @@ from .tiles import Tile
 _RANGE_MARGIN = 1.25
 
 
-class PathJob(RenderJob):
-    """A run that measures paths. Parameters as `RenderJob`, and how paths are followed."""
+class PathJob(MeasurementJob):
+    """A run that measures paths. Parameters as `MeasurementJob`, and how paths are followed."""
 
     unit = "tiles"
     any_projection = True
@@ -108,8 +108,11 @@ class PathJob(RenderJob):
             self._scene, self._view_layer, self.rig, self.plan, any_material=self.code_world
         )
 
+    def _plan_renders(self) -> None:
+        self.total = self.done = 0  # `prepare` counts the tiles once the scene is known
+
     def prepare(self) -> None:
-        """As `RenderJob.prepare`, and the scene set for one path per pixel."""
+        """As `MeasurementJob.prepare`, and the scene set for one path per pixel."""
         super().prepare()
         try:
             self.path_scene = PathScene(
@@ -161,7 +164,7 @@ class PathJob(RenderJob):
                 file_sha256(folder / record.table_file) == record.table_sha256
                 and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256
                 # a longer burst than before is sampled anew
-                and motion.span_s >= self._span_s * (1 - 1e-9)
+                and motion.duration_s >= self._span_s * (1 - 1e-9)
             )
         except (RadarSimError, SchemaError, OSError):
             return False

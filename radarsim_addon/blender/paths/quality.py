@@ -48,7 +48,7 @@ class QualitySums:
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
         power = rows["power_w"]
-        for name in ("object", "first_object"):
+        for name in ("last_object", "first_object"):
             self.echoing.update(np.unique(rows[name]).tolist())
         flags = rows["flags"]
         mixed = flags & PathFlag.MIXED != 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""One render of a path job, as the drivers of a job see it."""
 
 from __future__ import annotations
 

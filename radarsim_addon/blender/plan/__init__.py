@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import derive, warnings_for
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames, shortest_decimal

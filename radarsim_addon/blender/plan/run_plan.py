@@ -296,5 +296,5 @@ def run_record(
         fingerprint=fingerprint(plan, scene_digest, versions),
         warnings=warnings,
         versions=versions,
-        system=measurement.system,
+        link_budget=measurement.system,
     )

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Ring sampling, the acquisition of the paper: render results as EXR files, checked."""
 
-from .exr_check import verify_exr
-from .render_result import save_render
+from .ring_job import RingJob
 
-__all__ = [
-    "save_render",
-    "verify_exr",
-]
+__all__ = ["RingJob"]

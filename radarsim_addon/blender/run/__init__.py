@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""A run: job, output folder, lock, the scene's settings for a measurement."""
 
-from .run_job import RenderJob
+from .run_job import MeasurementJob
 from .scene_state import MeasurementSettings
 
 __all__ = [
+    "MeasurementJob",
     "MeasurementSettings",
-    "RenderJob",
 ]

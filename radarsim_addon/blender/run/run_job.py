@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run as a plain object that is driven from outside: by a loop headless, by a timer in the UI.
 
-::
+`MeasurementJob` keeps what both sampling modes share; `rings.RingJob` and `paths.PathJob` render::
 
-    with RenderJob(scene, view_layer, measurement, folder) as job:
+    with RingJob(scene, view_layer, measurement, folder) as job:
         for task in job.pending():
             job.start(task)
             job.render(task)
             job.finish(task)
-
-Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
-moment a run is killed at, a file with a sidecar is whole, and the next run goes on from there.
 """
 
 from __future__ import annotations
@@ -26,9 +23,7 @@ from typing import Any
 import bpy
 
 from ... import __version__, contract
-from ...errors import RadarSimError, RenderError
 from ...framewarnings import FrameWarnings
-from ...sidecar import write_record
 from ..materials import is_physical
 from ..nodes import refresh_groups
 from ..plan import (
@@ -36,7 +31,6 @@ from ..plan import (
     Instant,
     Measurement,
     Plan,
-    Task,
     check_frame_rate,
     check_unit_scale,
     fingerprint,
@@ -45,8 +39,14 @@ from ..plan import (
     shortest_decimal,
     warnings_for,
 )
-from ..rings import save_render, verify_exr
-from ..scene import Rig, find_rig, receiver_record, show_what_renders, transmitter_record
+from ..scene import (
+    Rig,
+    evaluated_depsgraph,
+    find_rig,
+    receiver_record,
+    show_what_renders,
+    transmitter_record,
+)
 from ..scene import ground_truth as ground_truth
 from ..state import SettingsRestorer
 from . import output_folder, run_files
@@ -54,7 +54,7 @@ from .folder_lock import FolderLock
 from .scene_state import MeasurementSettings
 
 
-class RenderJob:
+class MeasurementJob:
     """One run of a scene.
 
     Class attributes say how it is driven: `unit` is what `done` and `total` count, and renders of
@@ -100,12 +100,11 @@ class RenderJob:
         self._settings: MeasurementSettings | None = None
         self._shown_for_run = SettingsRestorer()
         self._lock = FolderLock(folder)
-        self._scene_written: int | None = None
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
         self._shown: Instant | None = None
         self._started_s = 0.0
         self._rendered = 0
-        self._pending: list[Task] = []
+        self.total = self.done = 0
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
@@ -118,7 +117,7 @@ class RenderJob:
             "radarsim": __version__,
         }
 
-    def __enter__(self) -> RenderJob:
+    def __enter__(self) -> MeasurementJob:
         self.prepare()
         return self
 
@@ -179,12 +178,12 @@ class RenderJob:
         self._settings = self._make_settings()
         self._settings.apply()
         self._write_plan(digests)
-        self._pending = [
-            task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
-        ]
-        self.total = self.plan.total
-        self.done = self.total - len(self._pending)
+        self._plan_renders()
         self._started_s = time.monotonic()
+
+    def _plan_renders(self) -> None:
+        """Set `total` and `done`; the folder is open and the scene is in its measuring state."""
+        raise NotImplementedError
 
     def _make_plan(self, extent: Extent) -> Plan:
         return make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
@@ -256,27 +255,21 @@ class RenderJob:
 
     # -- renders -----------------------------------------------------------------------------------
 
-    def pending(self) -> Iterator[Task]:
+    def pending(self) -> Iterator[Any]:
         """Renders that are still to be made, in order."""
-        yield from self._pending
+        raise NotImplementedError
 
-    def start(self, task: Task) -> None:
-        """Set time and ring for a render, and note where the antennas are.
+    def start(self, task: Any) -> None:
+        """Set the scene for a render."""
+        raise NotImplementedError
 
-        Raises
-        ------
-        OutputError, SceneError
-            The frame's folder cannot be written; an antenna is scaled at this time.
-        """
-        assert self._settings is not None
-        if self._scene_written != task.frame:
-            output_folder.make_frame_folder(self.folder, task.frame)
-            self._write_scene(task.frame)
-            self._scene_written = task.frame
-        if self._records is None or not self._shows(task.instant):
-            depsgraph = self._show(task.instant)
-            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
-        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+    def render(self, task: Any) -> None:
+        """Render and wait for the end (not for use in the UI)."""
+        raise NotImplementedError
+
+    def finish(self, task: Any) -> None:
+        """Read or write what was rendered."""
+        raise NotImplementedError
 
     def _antenna_records(
         self, depsgraph: Any, metres_per_unit: float
@@ -288,50 +281,6 @@ class RenderJob:
             transmitter_record(self.rig, depsgraph, metres_per_unit),
         )
 
-    def render(self, task: Task) -> None:
-        """Render and wait for the end (not for use in the UI).
-
-        Raises
-        ------
-        RenderError
-            Cycles failed.
-        """
-        try:
-            result = bpy.ops.render.render(scene=self._scene.name)
-        except RuntimeError as error:
-            raise RenderError(
-                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
-                "Render an ordinary image of this scene with Cycles to see whether that works."
-            ) from error
-        if "FINISHED" not in result:
-            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
-
-    def finish(self, task: Task) -> None:
-        """Write, check and rename the EXR that was rendered; then its sidecar.
-
-        Raises
-        ------
-        OutputError, RenderError
-            The file could not be written whole; nothing half-written is left.
-        """
-        assert self._records is not None
-        final = self.folder / task.exr_path
-        temporary = final.with_name(final.name + ".part")
-        # Blender would make the folder anew, without the rest of the run.
-        output_folder.check_there(self.folder, task.frame)
-        try:
-            save_render(self._scene, temporary)
-            verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
-            output_folder.replace_file(temporary, final)
-            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
-            write_record(self.folder / task.sidecar_path, record)
-        except RadarSimError:
-            output_folder.check_there(self.folder, task.frame)
-            temporary.unlink(missing_ok=True)
-            raise
-        self._rendered += 1
-        self.done += 1
-
     def _write_scene(self, frame: int) -> None:
         run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
 
@@ -342,7 +291,7 @@ class RenderJob:
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None
-        return ground_truth.evaluated_depsgraph(self._view_layer)
+        return evaluated_depsgraph(self._view_layer)
 
     def _shows(self, instant: Instant) -> bool:
         # The user may have scrubbed the timeline since.

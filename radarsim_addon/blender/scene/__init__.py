@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""What the scene holds: radar rig, instances, visibility, projections, checks, ground truth.
+
+In: the evaluated scene in Blender units. Out: records in metres.
+"""
 
 from .depsgraph import evaluated_depsgraph
 from .finite_checks import check_pose, check_vertices

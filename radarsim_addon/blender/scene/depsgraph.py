@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""The evaluated scene of a view layer."""
 
 from __future__ import annotations
 

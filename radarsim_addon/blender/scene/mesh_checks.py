@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from ..nodes.find_group import group_node
+from ..nodes.group_search import group_node
 
 Whole = NDArray[Any]
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""The user's settings as Blender properties, and their way into plan records.
+
+In: panel values in GHz, MHz, us, ms. Out: checked records in SI, float64.
+"""
 
 from .link_budget import ANTENNA_SETTINGS, read_system_settings
 from .material import MATERIAL_PROPERTY, carrier_hz, choose_medium

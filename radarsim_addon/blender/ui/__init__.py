@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Panels and operators: they draw and report, nothing else."""
 
 __all__ = []

@@ -15,7 +15,7 @@ import bpy
 
 from ...errors import RenderError
 from ..plan import Task
-from ..run import RenderJob
+from ..run import MeasurementJob
 from ..state import SettingsRestorer
 
 #: Timer ticks after which a render that neither ended nor runs is given up.
@@ -25,7 +25,7 @@ _BLOCKING_S = 0.2
 
 
 class InteractiveRender:
-    """A prepared `RenderJob`, one render after the other.
+    """A prepared `MeasurementJob`, one render after the other.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class InteractiveRender:
         Render windows are kept shut meanwhile.
     """
 
-    def __init__(self, job: RenderJob, preferences: Any) -> None:
+    def __init__(self, job: MeasurementJob, preferences: Any) -> None:
         self.job = job
         self.closed = False
         self.stop_reason = ""

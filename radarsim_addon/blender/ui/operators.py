@@ -10,7 +10,7 @@ import bpy
 from ...errors import RadarSimError
 from ..headless import ProgressLine, make_job, progress_text, quiet_blender
 from ..nodes import assign_radar_material
-from ..run import RenderJob
+from ..run import MeasurementJob
 from ..scene import setup_rig
 from ..settings import PROGRESS_PROPERTY, SCENE_PROPERTY
 from ..settings import radar as properties
@@ -334,7 +334,7 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def job_of(context: Any) -> RenderJob:
+def job_of(context: Any) -> MeasurementJob:
     """The job that a scene's settings ask for.
 
     Raises

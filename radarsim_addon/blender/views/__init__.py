@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""One render: path classes, passes, rows of pixels.
+
+In: a window of the receiver's image. Out: rows of the path table.
+"""
 
 from .path_classes import TracedView, TraceLimits, trace_view
 from .requests import Gate, RenderRequest, View

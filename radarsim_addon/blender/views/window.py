@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""The part of the receiver's image that one render shows, and its seed. Does not import bpy."""
 
 from __future__ import annotations
 

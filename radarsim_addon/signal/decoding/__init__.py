@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""From pixels to paths: camera models, range encoding, path classes, two-snapshot range rates.
+
+In: the colour channels of renders. Out: path lengths [m], range rates [m/s], `Paths`.
+"""
 
 from .cameras import PixelRays, pixel_rays
-from .frame_paths import frame_paths, iter_path_chunks
 from .path_class_pixels import GatePixels, Geometry, assemble_rows, log_code_ratio
-from .ring_geometry import single_vertex_m
+from .paths_of_frame import frame_paths, iter_path_chunks
 from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
+from .shell_geometry import single_vertex_m
 from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
 
 __all__ = [

@@ -193,8 +193,8 @@ def assemble_rows(
     rows["first_scatterer_m"], rows["last_scatterer_m"] = first, last
     rows["direction"] = direction
     rows["solid_angle_sr"] = solid
-    rows["object"], rows["first_object"] = pixels.object, pixels.first_object
-    rows["tile"], rows["shift"] = tile, shift
+    rows["last_object"], rows["first_object"] = pixels.object, pixels.first_object
+    rows["tile"], rows["replicate"] = tile, shift
     rows["flags"] = flags
     return rows
 

@@ -132,7 +132,7 @@ def decode(
         for name in (RANGE_CHANNEL, CHECK_CHANNEL, AMPLITUDE_CHANNEL)
     )
     height, width = blue.shape
-    grid = grid or pixel_grid(record.camera, width, height)
+    grid = grid or pixel_grid(record.receiver, width, height)
     echo = blue > 0
     reached = red >= _SMALLEST_NORMAL
     coded = red <= blue * (1 + _ROUNDING)
@@ -145,7 +145,7 @@ def decode(
     length *= -record.range_encoding_length_m
     np.maximum(length, 0.0, out=length)
     cosine_inverse = np.sqrt(1 + grid.u[None, :] ** 2 + grid.v[:, None] ** 2)
-    length += record.camera.near_clip_m * cosine_inverse
+    length += record.receiver.near_clip_m * cosine_inverse
     length[~mask] = 0.0
 
     check = mask & (green >= _SMALLEST_NORMAL)

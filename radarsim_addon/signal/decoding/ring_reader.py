@@ -37,11 +37,11 @@ class RingReader:
                     f"other rings of the pass at {time_s} s. Render this frame again."
                 )
             if snapshot_index == 0:
-                self._antennas = record.camera, record.emitter
-            view = repr(record.camera)
+                self._antennas = record.receiver, record.transmitter
+            view = repr(record.receiver)
             if view not in self._grids:
                 self._grids.clear()
-                self._grids[view] = pixel_grid(record.camera, record.width_px, record.height_px)
+                self._grids[view] = pixel_grid(record.receiver, record.width_px, record.height_px)
             self._kept[key] = decode(record, channels, self._grids[view])
         return self._kept[key]
 

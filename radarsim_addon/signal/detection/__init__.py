@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""From maps to peaks, CFAR detections, moving targets, objects and their link budget.
+
+In: range-Doppler maps and the tables of a run. Out: records of what was found, in SI.
+"""
 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, detect_targets, target_count

@@ -9,7 +9,7 @@ TSP 44, 281, 1996), on a map that extends to where echoes are in the samples at 
 
 1. what stands still is taken out, exactly: W(f) / W(0) of the 0 Hz row;
 2. the strongest peak that nothing explains is taken as an echo, its exact response
-   (:mod:`.maps.point_response`) subtracted, and what stands still estimated again;
+   (:mod:`.maps.single_echo`) subtracted, and what stands still estimated again;
 3. a residual is explained where it is below a quarter of the envelope of what was subtracted
    there, or not above what scatterers slower than 1.25 cells may show at that Doppler.
 """
@@ -169,8 +169,8 @@ def find_moving_targets(
         inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
         if inside and speed >= slowest_cells:
             col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
-            peak_to_background_db = peak_to_background_db(rd_map.power, target.row, col)
-            found.append(dataclasses.replace(peak, peak_to_background_db=peak_to_background_db))
+            above_db = peak_to_background_db(rd_map.power, target.row, col)
+            found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
     return sorted(found, key=lambda peak: -peak.level_db)[:_MOST_MOVERS]
 
 

@@ -76,17 +76,17 @@ class ObjectEcho:
 
 def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     """Each row's share of the cross section of what it hit, (n,) [m^2]."""
-    receiver_m = np.asarray(record.camera.matrix_world)[:3, 3]
-    emitter_m = np.asarray(record.emitter.matrix_world)[:3, 3]
+    receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
+    emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
     there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
     back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
     # Without vertices the mean range has to do.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
-    if record.camera.kind == "orthographic":
+    if record.receiver.kind == "orthographic":
         back = np.ones_like(back)  # its pixels stand for areas: no 1/R^2 was in them
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
-    scale = (4 * np.pi) ** 3 / (record.emitter.eirp_w * wavelength_m**2)
+    scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
     return np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
 
 
@@ -147,7 +147,7 @@ def object_echoes(
         groups = {name: [name] for name in record.objects}
     member = _membership(record.objects, groups)
     names = list(groups)
-    sums = _Sums(len(names), record.replicates, record.camera)
+    sums = _Sums(len(names), record.replicates, record.receiver)
     for start, stop in _tile_edges(table):
         rows = np.array(table[start:stop])
         rows = rows[usable(rows)]
@@ -178,7 +178,7 @@ class _Sums:
         self._shared = np.zeros(groups)
 
     def add_tile(self, rows: PathRows, power: Real, rcs: Real, member: NDArray[np.bool_]) -> None:
-        last, first = rows["object"], rows["first_object"]
+        last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # where only the last vertex is known
         for group in np.flatnonzero(member[:, np.unique([*last, *first])].any(axis=1)):
             touched_last, touched_first = member[group][last], member[group][first]
@@ -194,7 +194,7 @@ class _Sums:
             least = self._least_relative(rows[mine], power[mine])
             for place, value in enumerate((power, rcs)):
                 by_shift = self._shifts * np.bincount(
-                    rows["shift"][mine], value[mine], minlength=self._shifts
+                    rows["replicate"][mine], value[mine], minlength=self._shifts
                 )
                 self._mean[place, group] += by_shift.mean()
                 scatter = by_shift.var(ddof=1) / self._shifts
@@ -214,7 +214,7 @@ class _Sums:
             return 0.0
         variance = 0.0
         for shift in range(self._shifts):
-            own = rows["shift"] == shift
+            own = rows["replicate"] == shift
             label = np.ones(np.count_nonzero(own), dtype=np.int64)
             value = self._shifts * power[own] / total
             found = edge_variances(rows[own], label, value, self._camera, self._shifts)

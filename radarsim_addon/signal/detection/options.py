@@ -115,7 +115,7 @@ class ProcessOptions:
             raise ConfigError(f"MTI canceller of {self.mti!r} pulses; expected 0, 2 or 3.")
         if not 1e-13 <= self.tolerance <= 1e-2:
             raise ConfigError(f"Tolerance is {self.tolerance:g}; expected 1e-13 to 1e-2.")
-        system = self.system or run.record.system
+        system = self.system or run.record.link_budget
         if system is not None and self.receiver_gain != 1:
             raise ConfigError(
                 f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "

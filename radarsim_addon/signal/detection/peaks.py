@@ -93,11 +93,11 @@ def find_peaks(
             break
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
-        peak_to_background_db = peak_to_background_db(power, row, col, guard, reach)
-        if peak_to_background_db >= min_above_db:
+        above_db = peak_to_background_db(power, row, col, guard, reach)
+        if above_db >= min_above_db:
             if spectrum is None:
                 spectrum = pulse_spectra(rd_map)
-            peaks.append(refine_peak(rd_map, spectrum, row, col, peak_to_background_db))
+            peaks.append(refine_peak(rd_map, spectrum, row, col, above_db))
     return peaks
 
 

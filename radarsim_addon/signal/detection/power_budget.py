@@ -10,7 +10,7 @@ from typing import Any
 
 from ...contract import LinkBudget
 from ...physics.noise import SnrPrediction, predict_snr
-from ...printable import printable
+from ...terminal_text import printable
 from ..maps import coherent_samples, map_noise_gain, mti_response
 from ..paths import Paths, read_paths_record
 from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
@@ -234,7 +234,7 @@ def projection_warnings(frame: RadarFrame) -> list[str]:
     """
     if frame.sampling_mode != "paths":
         return []
-    if read_paths_record(frame.path, frame.number).camera.kind != "orthographic":
+    if read_paths_record(frame.path, frame.number).receiver.kind != "orthographic":
         return []
     text = (
         "The receiver is orthographic: its powers are not received watts, but R^2 times as much "

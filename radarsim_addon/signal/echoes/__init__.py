@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""From paths and a waveform to the complex samples that the receiver records.
+
+In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impairments where asked.
+"""
 
 from .burst_interpolation import interpolate_renders, render_times_s
 from .echoes import MAX_SAMPLES, Echoes, EchoOptions, check_window

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Samples of a burst, the options of their synthesis, and their time axes."""
 
 from __future__ import annotations
 

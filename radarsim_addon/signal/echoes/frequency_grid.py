@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Frequency-sampled waveforms: pulses, grid and ramp that their synthesis needs."""
 
 from __future__ import annotations
 

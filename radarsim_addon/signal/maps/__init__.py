@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""From samples to range profiles, range-Doppler maps, noise floors and expected power.
+
+In: `Echoes` or `Paths`. Out: complex profiles and maps; power in W or relative to a unit amplitude.
+"""
 
 from .compress_frequencies import line_weights
 from .dynamics import dynamics_db
 from .expected_power_map import ExpectedPower, expected_power
 from .mti import mti_cancel, mti_response
 from .noise_floor import coherent_samples, map_noise_gain, range_noise_gain
-from .point_response import PointResponse, Recording, cut_range_m, point_response
 from .range_compression import (
     PowerProfile,
     ProfileAccumulator,
@@ -15,6 +17,7 @@ from .range_compression import (
     range_process,
 )
 from .range_doppler_map import RangeDopplerMap, level_unit, power_to_db, power_unit, range_doppler
+from .single_echo import PointResponse, Recording, cut_range_m, point_response
 
 __all__ = [
     "ExpectedPower",

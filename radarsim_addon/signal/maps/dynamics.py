@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""How far below its strongest echo a map is to be trusted."""
 
 from __future__ import annotations
 

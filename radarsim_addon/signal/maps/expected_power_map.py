@@ -143,7 +143,7 @@ def expected_power(
                 gain = link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
             power = scale * gain * rows["power_w"]
             radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-            steps = steps_of(rows, record.camera, record.replicates)
+            steps = steps_of(rows, record.receiver, record.replicates)
             gaps.add(rows, steps)
             for part in spread(rows, steps, cells.step_m, cells.step_mps):
                 cells.add(grid, part, record.replicates * power)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Where every body and path is at every moment of a burst.
+
+In: sampled poses and the motion files of a run. Out: fits with an error bound, path lengths [m] and
+range rates [m/s] at any time [s].
+"""
 
 from .body_motion import BodyMotion
 from .fit import fit_body, fit_vertices

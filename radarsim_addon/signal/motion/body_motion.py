@@ -7,7 +7,7 @@ time t = 0, is later:
     P(t) = P + [T(t) - T(0)] + [F(t) - 1] (P - T(0)),      F(t) = A(t) A(0)^-1
 
 so P(0) = P exactly. Pieces of time hold Chebyshev series of T and of either a rotation vector
-(F = exp(phi) reference: a steady rotor is linear in it) or the nine numbers of F.
+(F = exp(phi) initial_orientation: a steady rotor is linear in it) or the nine numbers of F.
 """
 
 from __future__ import annotations
@@ -99,30 +99,30 @@ def left_jacobian(vectors: Real) -> Real:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Segment:
     """Motion in start_s <= t < stop_s; x runs from -1 to 1 over it.
 
     Attributes
     ----------
-    move
-        Chebyshev coefficients of c(t), (degrees, 3) [m]; T(t) = c(t) + G(t) pivot.
-    pivot
+    translation
+        Chebyshev coefficients of c(t), (degrees, 3) [m]; T(t) = c(t) + G(t) rotation_centre.
+    rotation_centre
         The body's origin from the centre it turns about, (3,) [m]; 0 where there is none.
-    turn
+    rotation
         Coefficients k >= 1 of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad];
-        G(t) = exp(phi(t)) reference.
-    reference
+        G(t) = exp(phi(t)) initial_orientation.
+    initial_orientation
         G at start_s, (3, 3); relative to the pose at t = 0.
     linear
-        Instead of turn and reference: coefficients of the nine numbers of G, (degrees, 9).
+        Instead of rotation and initial_orientation: coefficients of the nine numbers of G, (degrees, 9).
     """
 
     start_s: float
     stop_s: float
-    move: Real
-    pivot: Real
-    turn: Real
-    reference: Real
+    translation: Real
+    rotation_centre: Real
+    rotation: Real
+    initial_orientation: Real
     linear: Real | None = None
 
     def _x(self, times_s: Real) -> Real:
@@ -130,9 +130,9 @@ class Piece:
 
     def vector(self, times_s: Real) -> Real:
         """phi(t), (times, 3)."""
-        if not len(self.turn):
+        if not len(self.rotation):
             return np.zeros((times_s.size, 3))
-        series = np.concatenate([np.zeros((1, 3)), self.turn])
+        series = np.concatenate([np.zeros((1, 3)), self.rotation])
         start = chebyshev.chebval(-1.0, series)
         return np.asarray(chebyshev.chebval(self._x(times_s), series).T - start)
 
@@ -141,17 +141,17 @@ class Piece:
         if self.linear is not None:
             numbers = np.asarray(chebyshev.chebval(self._x(times_s), self.linear), np.float64)
             return numbers.T.reshape(-1, 3, 3)
-        return np.asarray(rotation(self.vector(times_s)) @ self.reference)
+        return np.asarray(rotation(self.vector(times_s)) @ self.initial_orientation)
 
     def centre(self, times_s: Real) -> Real:
         """c(t), (times, 3)."""
-        return np.asarray(chebyshev.chebval(self._x(times_s), self.move).T)
+        return np.asarray(chebyshev.chebval(self._x(times_s), self.translation).T)
 
     def origin(self, times_s: Real) -> Real:
         """T(t), (times, 3)."""
         centre = self.centre(times_s)
-        if self.pivot.any():
-            centre = centre + self.orientation(times_s) @ self.pivot
+        if self.rotation_centre.any():
+            centre = centre + self.orientation(times_s) @ self.rotation_centre
         return centre
 
     def rates(self, time_s: float) -> tuple[Real, Real]:
@@ -159,29 +159,29 @@ class Piece:
         per_s = 2 / (self.stop_s - self.start_s)
         at = np.array([time_s])
         x = self._x(at)[0]
-        rate = chebyshev.chebval(x, chebyshev.chebder(self.move)) * per_s
+        rate = chebyshev.chebval(x, chebyshev.chebder(self.translation)) * per_s
         if self.linear is not None:
             flat = chebyshev.chebval(x, chebyshev.chebder(self.linear)) * per_s
             turning = np.asarray(flat).reshape(3, 3)
         else:
             spin = np.zeros(3)
-            if len(self.turn):
-                series = np.concatenate([np.zeros((1, 3)), self.turn])
+            if len(self.rotation):
+                series = np.concatenate([np.zeros((1, 3)), self.rotation])
                 grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
                 spin = left_jacobian(self.vector(at))[0] @ grows
             turning = cross_matrix(spin) @ self.orientation(at)[0]
-        return rate + turning @ self.pivot, turning
+        return rate + turning @ self.rotation_centre, turning
 
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Motion of one body over a burst; without pieces it stands still.
+    """Motion of one body over a burst; without segments it stands still.
 
     Attributes
     ----------
     pose
         Pose at t = 0 as Blender gave it, (4, 4), translation in metres.
-    pieces
+    segments
         One behind the other from t = 0 on.
     noise_m
         rms of what the samples scatter about the fit, at the body's farthest point [m].
@@ -193,7 +193,7 @@ class BodyMotion:
     """
 
     pose: Real
-    pieces: tuple[Piece, ...] = ()
+    segments: tuple[Segment, ...] = ()
     noise_m: float = 0.0
     displacement_error_bound_m: float = 0.0
     epoch_offset_s: float = 0.0
@@ -202,53 +202,53 @@ class BodyMotion:
     @property
     def moving(self) -> bool:
         """Whether it moves at all."""
-        return bool(self.pieces)
+        return bool(self.segments)
 
     @property
     def _first(self) -> int:
-        """The piece that the reference lies in."""
-        starts = [piece.start_s for piece in self.pieces[1:]]
+        """The segment that the reference lies in."""
+        starts = [segment.start_s for segment in self.segments[1:]]
         return int(np.searchsorted(starts, self.epoch_offset_s, side="right"))
 
     def _origin_and_inverse(self) -> tuple[Real, Real]:
         """T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
-            at, piece = np.array([self.epoch_offset_s]), self.pieces[self._first]
-            self._start.append(piece.origin(at)[0])
-            self._start.append(np.linalg.inv(piece.orientation(at)[0]))
+            at, segment = np.array([self.epoch_offset_s]), self.segments[self._first]
+            self._start.append(segment.origin(at)[0])
+            self._start.append(np.linalg.inv(segment.orientation(at)[0]))
         return self._start[0], self._start[1]
 
     @property
     def origin_m(self) -> Real:
         """Where the fit has the origin at t = 0, (3,) [m]."""
-        return self._origin_and_inverse()[0] if self.pieces else self.pose[:3, 3]
+        return self._origin_and_inverse()[0] if self.segments else self.pose[:3, 3]
 
     def change(self, times_s: Real) -> tuple[Real, Real]:
         """F(t) - 1, (times, 3, 3), and T(t) - T(0), (times, 3) [m]."""
         times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         turned = np.zeros((times_s.size, 3, 3))
         moved = np.zeros((times_s.size, 3))
-        if not self.pieces:
+        if not self.segments:
             return turned, moved
         origin, inverse = self._origin_and_inverse()
-        starts = [piece.start_s for piece in self.pieces[1:]]
+        starts = [segment.start_s for segment in self.segments[1:]]
         which = np.searchsorted(starts, times_s, side="right")
-        for number, piece in enumerate(self.pieces):
+        for number, segment in enumerate(self.segments):
             rows = np.flatnonzero(which == number)
             if not rows.size:
                 continue
-            moved[rows] = piece.origin(times_s[rows]) - origin
-            if number == 0 and piece.linear is None and self.epoch_offset_s == 0:
-                turned[rows] = rotation_minus_one(piece.vector(times_s[rows]))
+            moved[rows] = segment.origin(times_s[rows]) - origin
+            if number == 0 and segment.linear is None and self.epoch_offset_s == 0:
+                turned[rows] = rotation_minus_one(segment.vector(times_s[rows]))
             else:
-                turned[rows] = piece.orientation(times_s[rows]) @ inverse - np.eye(3)
+                turned[rows] = segment.orientation(times_s[rows]) @ inverse - np.eye(3)
         return turned, moved
 
     def rates(self) -> tuple[Real, Real]:
         """d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
-        if not self.pieces:
+        if not self.segments:
             return np.zeros((3, 3)), np.zeros(3)
-        moved, turned = self.pieces[self._first].rates(self.epoch_offset_s)
+        moved, turned = self.segments[self._first].rates(self.epoch_offset_s)
         return turned @ self._origin_and_inverse()[1], moved
 
     def displacement(self, points_m: Real, times_s: Real) -> Real:

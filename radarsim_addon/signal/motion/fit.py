@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from .body_motion import BodyMotion, Piece, left_jacobian, rotation, rotation_vector
-from .fit_segments import FittedPiece, quality_of, split_pieces
-from .fit_series import (
+from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
+from .fit_segments import FittedSegment, quality_of, split_segments
+from .motion_file import VertexSeries
+from .series_fit import (
     Series,
     criterion_of,
     degrees_for,
@@ -28,7 +29,6 @@ from .fit_series import (
     slow_noise,
     spread_of,
 )
-from .motion_file import VertexSeries
 
 #: How far relative axes may be from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-5
@@ -55,7 +55,7 @@ class _Samples:
             relative = left @ right
         self.relative = relative
 
-    def fit(self, first: int, stop: int, stop_s: float) -> FittedPiece:
+    def fit(self, first: int, stop: int, stop_s: float) -> FittedSegment:
         rows = slice(first, stop)
         times_s = self.times_s[rows]
         start_s = float(times_s[0])
@@ -63,7 +63,7 @@ class _Samples:
             flat = self.relative[rows].reshape(-1, 9)
             axes = fit_series(times_s, flat, start_s, stop_s, self.floor_turn)
             move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
-            piece = Piece(
+            segment = Segment(
                 start_s,
                 stop_s,
                 move.coefficients,
@@ -72,8 +72,8 @@ class _Samples:
                 np.eye(3),
                 axes.coefficients,
             )
-            return FittedPiece(
-                piece,
+            return FittedSegment(
+                segment,
                 axes.criterion + move.criterion,
                 move.residual,
                 axes.residual,
@@ -85,15 +85,15 @@ class _Samples:
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
         spread = spread_of(design_matrix(times_s, start_s, stop_s, len(turn))) if len(turn) else 0.0
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
-        bare = Piece(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
+        bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
         pivot = np.zeros(3)
         if len(turn) and np.linalg.norm(bare.vector(times_s), axis=-1).max() > _TURN_WITH_CENTRE:
             move, pivot = self._fit_centre(rows, start_s, stop_s, turned, move)
-        piece = Piece(start_s, stop_s, move.coefficients, pivot, turn, reference)
-        return FittedPiece(
-            piece,
+        segment = Segment(start_s, stop_s, move.coefficients, pivot, turn, reference)
+        return FittedSegment(
+            segment,
             criterion + move.criterion,
             move.residual,
             residual,
@@ -220,20 +220,20 @@ def fit_body(
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
     floor_turn = _rounding(poses[:, :3, :3]) / size
     samples = _Samples(times_s, poses, floor_m, floor_turn)
-    # indices at which a piece may begin
+    # indices at which a segment may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = split_pieces(samples.fit, times_s, 0, len(times_s), span_s, marks, 0)
-    still = len(fitted) == 1 and _stands_still(fitted[0].piece)
+    fitted = split_segments(samples.fit, times_s, 0, len(times_s), span_s, marks, 0)
+    still = len(fitted) == 1 and _stands_still(fitted[0].segment)
     noise, bound = quality_of(fitted, reach_m, still)
     if not still and noise < 0.8 * floor_m:
         # steps of the rounding that go with the samples: a bias that no scatter tells of
-        bound += 10 * floor_m if any(len(part.piece.move) > 1 for part in fitted) else 0.0
+        bound += 10 * floor_m if any(len(part.segment.translation) > 1 for part in fitted) else 0.0
     if still:
         return BodyMotion(pose, (), noise, bound, at_s)
-    return BodyMotion(pose, tuple(part.piece for part in fitted), noise, bound, at_s)
+    return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, at_s)
 
 
-#: Vertices that decide on degree and pieces of all.
+#: Vertices that decide on degree and segments of all.
 _DECIDING = 400
 
 
@@ -258,7 +258,7 @@ def fit_vertices(
     Returns
     -------
     series
-        One degree and the same pieces for all vertices.
+        One degree and the same segments for all vertices.
     noise_m, displacement_error_bound_m
         As of `BodyMotion`.
     """
@@ -269,13 +269,15 @@ def fit_vertices(
     chosen = np.concatenate([order[: _DECIDING // 2], order[_DECIDING // 2 :: 1 + vertices // 200]])
     some = positions[:, chosen].astype(np.float64).reshape(count, -1)
 
-    def fit(first: int, stop: int, stop_s: float) -> FittedPiece:
+    def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
         start_s = float(times_s[first])
         found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m)
-        piece = Piece(start_s, stop_s, found.coefficients, np.zeros(3), np.empty((0, 3)), np.eye(3))
+        segment = Segment(
+            start_s, stop_s, found.coefficients, np.zeros(3), np.empty((0, 3)), np.eye(3)
+        )
         nothing = np.zeros((1, 3))
-        return FittedPiece(
-            piece,
+        return FittedSegment(
+            segment,
             found.criterion,
             found.residual,
             nothing,
@@ -286,22 +288,22 @@ def fit_vertices(
         )
 
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = split_pieces(fit, times_s, 0, count, span_s, marks, 0)
-    degrees = max(len(part.piece.move) for part in fitted)
+    fitted = split_segments(fit, times_s, 0, count, span_s, marks, 0)
+    degrees = max(len(part.segment.translation) for part in fitted)
     series = np.zeros((len(fitted), degrees, vertices, 3))
     for number, part in enumerate(fitted):
-        piece, own = part.piece, len(part.piece.move)
-        first = int(np.searchsorted(times_s, piece.start_s))
+        segment, own = part.segment, len(part.segment.translation)
+        first = int(np.searchsorted(times_s, segment.start_s))
         stop = count
         if number + 1 < len(fitted):
-            stop = int(np.searchsorted(times_s, piece.stop_s))
-        design = design_matrix(times_s[first:stop], piece.start_s, piece.stop_s, own - 1)
+            stop = int(np.searchsorted(times_s, segment.stop_s))
+        design = design_matrix(times_s[first:stop], segment.start_s, segment.stop_s, own - 1)
         solver = np.linalg.pinv(design)
         for begin in range(0, vertices, 4096):
             part_m = positions[first:stop, begin : begin + 4096].astype(np.float64)
             series[number, :own, begin : begin + 4096] = np.tensordot(solver, part_m, axes=1)
     noise, bound = quality_of(fitted, 0.0, False)
-    edges = np.array([part.piece.start_s for part in fitted] + [span_s])
+    edges = np.array([part.segment.start_s for part in fitted] + [span_s])
     return VertexSeries(edges, series), noise, bound
 
 
@@ -311,7 +313,7 @@ def _rounding(values: NDArray[Any]) -> float:
     return 0.1 * float(np.spacing(max(largest, np.float32(1e-30))))
 
 
-def _stands_still(piece: Piece) -> bool:
-    if piece.linear is not None:
-        return len(piece.linear) == 1 and len(piece.move) == 1
-    return len(piece.turn) == 0 and len(piece.move) == 1
+def _stands_still(segment: Segment) -> bool:
+    if segment.linear is not None:
+        return len(segment.linear) == 1 and len(segment.translation) == 1
+    return len(segment.rotation) == 0 and len(segment.translation) == 1

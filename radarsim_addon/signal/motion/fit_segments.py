@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fitted pieces of a burst: split where two fit better than one, and how well they are known."""
+"""Fitted segments of a burst: split where two fit better than one, and how well they are known."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Real
-from .body_motion import Piece
+from .body_motion import Segment
 
-#: Fewest samples that a piece of its own may have.
+#: Fewest samples that a segment of its own may have.
 _LEAST_SAMPLES = 6
 _MAX_DEPTH = 7
-#: How much better two pieces must be than one, in units of the criterion.
+#: How much better two segments must be than one, in units of the criterion.
 _SPLIT_GAIN = 20.0
 #: Standard deviations in a bound.
 _SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
-class FittedPiece:
-    """A piece of motion, what it leaves over and how well it is known; see
-    :mod:`.motion.fit_series`."""
+class FittedSegment:
+    """A segment of motion, what it leaves over and how well it is known; see
+    :mod:`.motion.series_fit`."""
 
-    piece: Piece
+    segment: Segment
     criterion: float
     move_residual: Real  # (samples, 3) m
     turn_residual: Real  # (samples, 3) rad, or (samples, 9)
@@ -35,16 +35,16 @@ class FittedPiece:
     turn_slow: float
 
 
-def split_pieces(
-    fit: Callable[[int, int, float], FittedPiece],
+def split_segments(
+    fit: Callable[[int, int, float], FittedSegment],
     times_s: Real,
     first: int,
     stop: int,
     stop_s: float,
     marks: list[int],
     depth: int,
-) -> list[FittedPiece]:
-    """One piece, or several where those fit better."""
+) -> list[FittedSegment]:
+    """One segment, or several where those fit better."""
     whole = fit(first, stop, stop_s)
     if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
         return [whole]
@@ -69,7 +69,7 @@ def split_pieces(
     assert best is not None
     at = best[1]
     at_s = float(times_s[at])
-    parts = split_pieces(fit, times_s, first, at, at_s, marks, depth + 1) + split_pieces(
+    parts = split_segments(fit, times_s, first, at, at_s, marks, depth + 1) + split_segments(
         fit, times_s, at, stop, stop_s, marks, depth + 1
     )
     if sum(part.criterion for part in parts) + _SPLIT_GAIN < whole.criterion:
@@ -77,7 +77,7 @@ def split_pieces(
     return [whole]
 
 
-def _is_noise(fitted: FittedPiece) -> bool:
+def _is_noise(fitted: FittedSegment) -> bool:
     """Whether what is left over looks like rounding: no slow part, no peaks."""
     for residual, slow in (
         (fitted.move_residual, fitted.move_slow),
@@ -89,7 +89,7 @@ def _is_noise(fitted: FittedPiece) -> bool:
     return True
 
 
-def quality_of(fitted: Sequence[FittedPiece], reach_m: float, still: bool) -> tuple[float, float]:
+def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> tuple[float, float]:
     """rms noise and bound of a displacement at the body's farthest point [m]."""
     noise = bound = 0.0
     for part in fitted:

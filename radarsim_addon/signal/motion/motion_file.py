@@ -4,7 +4,7 @@
 ``motion_tracks.npz`` holds plain arrays. Points on surfaces that deform are tracks, numbered from
 1: ``track_body`` (n,) numbers the body, ``track_vertices`` (n, 3) and ``track_weights`` (n, 3) name
 three vertices of its mesh and their barycentric weights. For each such body b,
-``edges_s_b`` (pieces + 1,) and ``series_b`` (pieces, degrees, vertices, 3) are Chebyshev series of
+``edges_s_b`` (segments + 1,) and ``series_b`` (segments, degrees, vertices, 3) are Chebyshev series of
 the vertices' positions in the body's own axes [m].
 """
 
@@ -22,10 +22,16 @@ from numpy.polynomial import chebyshev
 
 from ...array_types import Int32, Real
 from ...atomic_files import write_arrays
-from ...contract import DEFORMING_SURFACES_FILE, MOTION_FILE, BodyRecord, MotionRecord, PieceRecord
+from ...contract import (
+    DEFORMING_SURFACES_FILE,
+    MOTION_FILE,
+    BodyRecord,
+    MotionRecord,
+    SegmentRecord,
+)
 from ...errors import FrameFileError, SchemaError
 from ...sidecar import file_sha256, read_record
-from .body_motion import BodyMotion, Piece
+from .body_motion import BodyMotion, Segment
 
 #: Refuse files of tracks that claim more than this.
 MAX_TRACK_BYTES = 1 << 34
@@ -33,14 +39,14 @@ MAX_TRACK_BYTES = 1 << 34
 
 @dataclass(frozen=True)
 class VertexSeries:
-    """Positions of vertices in a body's own axes [m], as Chebyshev series in pieces of time.
+    """Positions of vertices in a body's own axes [m], as Chebyshev series in segments of time.
 
     Attributes
     ----------
     edges_s
-        (pieces + 1,) [s].
+        (segments + 1,) [s].
     series
-        (pieces, degrees, vertices, 3) [m].
+        (segments, degrees, vertices, 3) [m].
     """
 
     edges_s: Real
@@ -101,17 +107,17 @@ def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> 
         instance=instance,
         pose=motion.pose.tolist(),
         deforms=deforms,
-        pieces=[
-            PieceRecord(
-                start_s=piece.start_s,
-                stop_s=piece.stop_s,
-                move=piece.move.tolist(),
-                pivot=piece.pivot.tolist(),
-                turn=piece.turn.tolist(),
-                reference=piece.reference.tolist(),
-                linear=[] if piece.linear is None else piece.linear.tolist(),
+        segments=[
+            SegmentRecord(
+                start_s=segment.start_s,
+                stop_s=segment.stop_s,
+                translation=segment.translation.tolist(),
+                rotation_centre=segment.rotation_centre.tolist(),
+                rotation=segment.rotation.tolist(),
+                initial_orientation=segment.initial_orientation.tolist(),
+                linear=[] if segment.linear is None else segment.linear.tolist(),
             )
-            for piece in motion.pieces
+            for segment in motion.segments
         ],
         noise_m=motion.noise_m,
         displacement_error_bound_m=motion.displacement_error_bound_m,
@@ -135,33 +141,33 @@ def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
 
 
 def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
-    pieces = []
-    for number, piece in enumerate(record.pieces):
-        here = f"{where}, piece {number}"
-        starts_late = number > 0 and piece.start_s < record.pieces[number - 1].stop_s
-        if not piece.stop_s > piece.start_s or starts_late:
+    segments = []
+    for number, segment in enumerate(record.segments):
+        here = f"{where}, segment {number}"
+        starts_late = number > 0 and segment.start_s < record.segments[number - 1].stop_s
+        if not segment.stop_s > segment.start_s or starts_late:
             raise FrameFileError(
-                f"{here} runs from {piece.start_s!r} to {piece.stop_s!r} s; expected pieces in "
+                f"{here} runs from {segment.start_s!r} to {segment.stop_s!r} s; expected segments in "
                 "order of time. Render the frame again."
             )
-        move = _array(piece.move, (None, 3), here)
-        linear = _array(piece.linear, (None, 9), here) if piece.linear else None
+        move = _array(segment.translation, (None, 3), here)
+        linear = _array(segment.linear, (None, 9), here) if segment.linear else None
         if not len(move):
             raise FrameFileError(f"{here} has no translation. Render the frame again.")
-        pieces.append(
-            Piece(
-                piece.start_s,
-                piece.stop_s,
+        segments.append(
+            Segment(
+                segment.start_s,
+                segment.stop_s,
                 move,
-                _array(piece.pivot, (3,), here),
-                _array(piece.turn, (None, 3), here),
-                _array(piece.reference, (3, 3), here),
+                _array(segment.rotation_centre, (3,), here),
+                _array(segment.rotation, (None, 3), here),
+                _array(segment.initial_orientation, (3, 3), here),
                 linear,
             )
         )
     pose = _array(record.pose, (4, 4), where)
     return BodyMotion(
-        pose, tuple(pieces), record.noise_m, record.displacement_error_bound_m, epoch_offset_s
+        pose, tuple(segments), record.noise_m, record.displacement_error_bound_m, epoch_offset_s
     )
 
 
@@ -262,25 +268,25 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
             f"{path} does not belong to the table beside it. Remove paths.json there and render "
             "the run again."
         )
-    if len(record.antennas) != 2 or not record.span_s >= 0:
+    if len(record.antennas) != 2 or not record.duration_s >= 0:
         raise SchemaError(
-            f"{path} has {len(record.antennas)} antennas over {record.span_s!r} s; expected "
+            f"{path} has {len(record.antennas)} antennas over {record.duration_s!r} s; expected "
             "receiver and emitter, over a time from 0. Render the frame again."
         )
     tracks = None
-    if record.tracks_file:
-        if record.tracks_file != DEFORMING_SURFACES_FILE:
+    if record.deforming_surfaces_file:
+        if record.deforming_surfaces_file != DEFORMING_SURFACES_FILE:
             raise SchemaError(
-                f"{path} names tracks {record.tracks_file!r}; not {DEFORMING_SURFACES_FILE!r}."
+                f"{path} names tracks {record.deforming_surfaces_file!r}; not {DEFORMING_SURFACES_FILE!r}."
             )
         place = folder / DEFORMING_SURFACES_FILE
         tracks = read_tracks(place, len(record.bodies))
-        if file_sha256(place) != record.tracks_sha256:
+        if file_sha256(place) != record.deforming_surfaces_sha256:
             raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
     at_s = record.epoch_offset_s
     receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
     return FrameMotion(
-        span_s=record.span_s,
+        span_s=record.duration_s,
         receiver=receiver,
         emitter=emitter,
         orthographic=record.receiver_kind == "orthographic",

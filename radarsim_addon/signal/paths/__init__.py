@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""The path table: columns, flags, selection, geometry, pixel footprints.
+
+In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path lengths [m],
+radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
+"""
 
 from .flags import Flags, PathFlag
 from .footprints import Points, Steps, spread, steps_of, views_by_shift

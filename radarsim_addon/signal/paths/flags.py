@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
-import enum
-
 import numpy as np
 from numpy.typing import NDArray
 
 Flags = NDArray[np.uint8]
 
 
-class PathFlag(enum.IntFlag):
-    """Bits of the column ``flags`` of the path table and of `Paths.flags`."""
+class PathFlag:
+    """Bits of the column ``flags`` of the path table and of `Paths.flags`.
+
+    Plain integers and not an `enum.IntFlag`, whose members numpy would promote to int64.
+    """
 
     ENCODED_LENGTH = 1
     """The length is that of the range encoding in float32: a vertex of the path is unknown."""
@@ -21,7 +22,7 @@ class PathFlag(enum.IntFlag):
     """The scatterer nearest to the receiver is unknown (more than two reflections)."""
 
     MIXED = 4
-    """Several ranges in the pixel (|G B/R^2 - 1| above the tolerance): its range is their mixture."""
+    """Several ranges in the pixel (|G B/R^2 - 1| above a tolerance): its range is their mixture."""
 
     NO_RANGE = 8
     """Light without range encoding, or beyond its reach: the length is 0 and no map contains it."""

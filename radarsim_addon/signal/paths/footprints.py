@@ -87,12 +87,12 @@ def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
         Number of shifts of the tile.
     """
     found = Steps(*np.zeros((3, rows.size, 2, 2)))
-    kept = np.flatnonzero((rows["order"] == 1) & (rows["object"] > 0) & placed(rows, camera))
+    kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, camera))
     if kept.size < 2:
         return found
     mine = rows if kept.size == rows.size else rows[kept]
     col, row = grid_places(mine, camera, count)
-    owner = mine["object"].astype(np.int64) << 32 | mine["body"]
+    owner = mine["last_object"].astype(np.int64) << 32 | mine["last_body"]
     depth, power = mine["transparent_depth"], mine["power_w"]
     moving = bool(np.any(mine["range_rate_mps"]))
     names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
@@ -216,7 +216,7 @@ def _points(rows: PathRows, steps: Steps, along: Indices, start: int) -> Points:
 
 def views_by_shift(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
     """For each shift of the grid the rows with a length of each tile, one after the other."""
-    tile, shift = np.asarray(table["tile"]), np.asarray(table["shift"])
+    tile, shift = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(shift) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size]
     stops = np.concatenate([cuts, [table.size]])[: starts.size]

@@ -114,7 +114,7 @@ class Paths:
         )
         return Paths(
             *rows,
-            counts=_count_flags(rows[-1]),
+            counts=count_flags(rows[-1]),
             geometry=None if self.geometry is None else self.geometry.select(keep),
             motion=None if self.motion is None else self.motion.select(keep),
             gain=None if self.gain is None else self.gain[keep],
@@ -122,7 +122,7 @@ class Paths:
         )
 
 
-def _count_flags(
+def count_flags(
     flags: Flags, range_encoding_underflow: int = 0, no_range_encoding: int = 0
 ) -> PathCounts:
     def number(flag: int) -> int:
@@ -155,7 +155,7 @@ def make_paths(
     radiance_, solid, length, rate = (np.array(column) for column in columns)
     zeros = np.zeros(radiance_.size, dtype=np.int32)
     flags = np.zeros(radiance_.size, dtype=np.uint8)
-    return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, _count_flags(flags))
+    return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, count_flags(flags))
 
 
 def join_paths(parts: Iterable[Paths]) -> Paths:

@@ -17,6 +17,7 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from ...errors import FrameFileError, OutputError
+from ...old_names import todays_name
 
 PathRows = NDArray[np.void]
 
@@ -42,17 +43,17 @@ PATH_DTYPE = np.dtype(
         # share of the solid angle that the path stands for [sr]
         ("solid_angle_sr", "<f8"),
         # numbers of the objects at the last and first scatterer in the sidecar's list; 0: unknown
-        ("object", "<i4"),
+        ("last_object", "<i4"),
         ("first_object", "<i4"),
         # numbers of the bodies (objects or instances) there in the frame's motion file, and of the
         # tracks of points on surfaces that deform; 0: unknown, and none
-        ("body", "<i4"),
+        ("last_body", "<i4"),
         ("first_body", "<i4"),
-        ("track", "<i4"),
+        ("last_surface_point", "<i4"),
         ("first_surface_point", "<i4"),
         # view (tile) and sub-pixel shift: shifts of one tile are replicates of one another
         ("tile", "<i4"),
-        ("shift", "<i4"),
+        ("replicate", "<i4"),
         ("flags", "<u2"),
     ]
 )
@@ -148,7 +149,7 @@ def open_table(path: Path) -> PathRows:
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
             "again: it goes on where files are missing."
         ) from error
-    if dtype != PATH_DTYPE or fortran or len(shape) != 1 or shape[0] > MAX_ROWS:
+    if _todays(dtype) != PATH_DTYPE or fortran or len(shape) != 1 or shape[0] > MAX_ROWS:
         raise FrameFileError(
             f"{path} holds an array of shape {shape} with other columns than a table of paths. "
             "It was not written by this version of radarsim: render the run again."
@@ -163,6 +164,12 @@ def open_table(path: Path) -> PathRows:
     if shape[0] == 0:
         return np.empty(0, dtype=PATH_DTYPE)
     return np.memmap(path, dtype=PATH_DTYPE, mode="r", offset=start, shape=shape)
+
+
+def _todays(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Columns of an older table by the names of today."""
+    names = [todays_name(name, PATH_DTYPE.names or ()) for name in dtype.names or ()]
+    return np.dtype([(name, dtype[i]) for i, name in enumerate(names)])
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:

@@ -47,9 +47,9 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
     """
     record = read_paths_record(folder, frame)
     table = open_table(folder / PATHS_TABLE)
-    if table.size != record.rows:
+    if table.size != record.path_count:
         raise SchemaError(
-            f"{folder / PATHS_TABLE} has {table.size} rows, its sidecar says {record.rows}. "
+            f"{folder / PATHS_TABLE} has {table.size} rows, its sidecar says {record.path_count}. "
             "Remove both and render the run again."
         )
     digest = file_sha256(folder / PATHS_TABLE)
@@ -97,7 +97,7 @@ def geometry_of(rows: PathRows) -> PathGeometry:
         last_scatterer_m=np.array(rows["last_scatterer_m"]),
         direction=np.array(rows["direction"]),
         first_object=np.array(rows["first_object"]),
-        last_object=np.array(rows["object"]),
+        last_object=np.array(rows["last_object"]),
     )
 
 
@@ -131,14 +131,20 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
     one = np.asarray(rows["order"] == 1)
     last = np.array(rows["last_scatterer_m"])
     first = np.where(one[:, None], last, rows["first_scatterer_m"])
-    bodies = np.stack([np.where(one, rows["body"], rows["first_body"]), rows["body"]], axis=-1)
+    bodies = np.stack(
+        [np.where(one, rows["last_body"], rows["first_body"]), rows["last_body"]], axis=-1
+    )
     tracks = np.stack(
-        [np.where(one, rows["track"], rows["first_surface_point"]), rows["track"]], axis=-1
+        [
+            np.where(one, rows["last_surface_point"], rows["first_surface_point"]),
+            rows["last_surface_point"],
+        ],
+        axis=-1,
     )
     most_tracks = 0 if scene.tracks is None else scene.tracks.body.size
     for what, numbers, most in (
-        ("body", bodies, len(scene.bodies)),
-        ("track", tracks, most_tracks),
+        ("last_body", bodies, len(scene.bodies)),
+        ("last_surface_point", tracks, most_tracks),
     ):
         if numbers.size and not 0 <= numbers.min() <= numbers.max() <= most:
             raise ConfigError(

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""Figures of echoes, profiles, maps and antennas. Imports matplotlib when it draws.
+
+In: results of earlier rooms. Out: matplotlib figures and PNG or GIF files.
+"""
 
 from .animation import MapFile, animate_maps
 from .antennas import ANTENNA_PICTURE, plot_antennas
 from .echo import plot_echo
-from .figure import save
+from .figure import has_matplotlib, new_figure, save_figure
 from .frame_pictures import draw_results
 from .map import plot_range_doppler
 from .numbers import cell_width, decimals_for, fixed
@@ -19,10 +22,12 @@ __all__ = [
     "decimals_for",
     "draw_results",
     "fixed",
+    "has_matplotlib",
+    "new_figure",
     "plot_antennas",
     "plot_echo",
     "plot_range_doppler",
     "plot_range_profile",
     "plot_rings",
-    "save",
+    "save_figure",
 ]

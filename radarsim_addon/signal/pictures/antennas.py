@@ -11,7 +11,7 @@ import numpy as np
 from ...physics.antennas import angles_from_direction
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..radar import RadarSystem, cut_dbi, half_power_width_rad, peak_direction
-from . import figure as plots
+from .figure import new_figure
 from .numbers import fixed, with_minus
 
 ANTENNA_PICTURE = "antennas.png"
@@ -25,7 +25,7 @@ _BEAMWIDTHS = 12.0
 
 def plot_antennas(system: RadarSystem) -> Any:
     """Cuts of both antennas, in a frame that fits the beam and all round, as a Figure."""
-    figure = plots.new_figure(11, 8)
+    figure = new_figure(11, 8)
     for row, (title, antenna) in enumerate(
         (("Transmitter", system.transmitter), ("Receiver", system.receiver))
     ):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of the results. matplotlib is imported when the first one is made, and never pyplot.
 
-Each function returns a matplotlib Figure: a notebook shows it, :func:`save` writes it.
+Each function returns a matplotlib Figure: a notebook shows it, :func:`save_figure` writes it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _figure_class() -> Any:
     return type("Figure", (base,), {"_repr_png_": as_png})
 
 
-def save(figure: Any, path: str | Path, dpi: int = 120) -> Path:
+def save_figure(figure: Any, path: str | Path, dpi: int = 120) -> Path:
     """Write a figure as PNG under a temporary name, then rename."""
     path = Path(path)
     with replaced(path) as temporary:

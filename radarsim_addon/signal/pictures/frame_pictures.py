@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""The pictures of a frame."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from pathlib import Path
 from ..detection import FrameResult, ProcessOptions
 from ..maps import power_unit
 from ..runs import RadarFrame
-from . import figure as plots
 from .echo import plot_echo
+from .figure import save_figure
 from .map import plot_range_doppler
 from .profile import plot_range_profile
+from .rings import plot_rings
 
 
 def draw_results(
@@ -29,11 +30,11 @@ def draw_results(
     mti = f"{options.mti}-pulse MTI, " if options.mti else ""
     rings = []
     if frame.sampling_mode == "rings":
-        rings.append(plots.save(plots.plot_rings(frame), name("rings")))
+        rings.append(save_figure(plot_rings(frame), name("rings")))
     return [
         *rings,
-        plots.save(plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
-        plots.save(
+        save_figure(plot_echo(result.echoes, f"Raw echo, {title}"), name("echo")),
+        save_figure(
             plot_range_profile(
                 result.compressed,
                 result.profile,
@@ -45,7 +46,7 @@ def draw_results(
             ),
             name("range_profile"),
         ),
-        plots.save(
+        save_figure(
             plot_range_doppler(
                 result.rd_map,
                 result.moving_targets,

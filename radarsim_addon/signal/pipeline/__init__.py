@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""A run folder to all its products, and the `radarsim` command.
+
+In: a run folder and options. Out: results frame by frame, files, text on the console.
+"""
 
 from .cli import main
 from .process import FrameResult, ProcessOptions, Progress, process_run

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""``radarsim antennas``: gains, beamwidths and a picture of two antennas."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from ...atomic_files import make_folder
 from ...contract import PRODUCTS_DIR, LinkBudget
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..pictures import ANTENNA_PICTURE, plot_antennas
-from ..pictures import figure as plots
+from ..pictures import ANTENNA_PICTURE, plot_antennas, save_figure
 from ..radar import half_power_width_rad, make_system, read_system
 from ..runs import open_run
 
@@ -51,7 +50,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
     record: LinkBudget | None
     if path.is_dir():
         run = open_run(path)
-        record, wavelength_m = run.record.system, run.radar.waveform.wavelength_m
+        record, wavelength_m = run.record.link_budget, run.radar.waveform.wavelength_m
         place, name = path / PRODUCTS_DIR, ANTENNA_PICTURE
         if record is None:
             raise ConfigError(f"{path} is a run without a system; give a system file instead.")
@@ -65,7 +64,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
         raise ConfigError(f"{given}: a system file holds none, give --carrier-ghz, above 0.")
     system = make_system(record, wavelength_m)
     folder = make_folder(place if out is None else Path(out))
-    target = plots.save(plot_antennas(system), folder / name)
+    target = save_figure(plot_antennas(system), folder / name)
     for end, antenna in (("transmitter", system.transmitter), ("receiver", system.receiver)):
         widths = [math.degrees(half_power_width_rad(antenna, p)) for p in ("azimuth", "elevation")]
         print(

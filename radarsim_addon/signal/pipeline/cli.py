@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from ... import __version__
 from ...errors import RadarSimError
 from ...framewarnings import FrameWarnings
-from ...printable import printable
+from ...terminal_text import printable
 from ..detection import target_count
 from ..maps import level_unit
 from .antennas_command import add_antennas_parser, print_antennas
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if chosen.command == "antennas":
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "rcs":
-            return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.system)
+            return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
         return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
     except RadarSimError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""``radarsim info``: what a run is, and whether it is complete."""
 
 from __future__ import annotations
 
-from ...printable import printable
+from ...terminal_text import printable
 from ..detection import frame_statistics, statistics_warnings
 from ..paths import read_paths_record
 from ..runs import RadarFrame, Run, open_run
@@ -98,13 +98,15 @@ def _print_quality(frame: RadarFrame) -> None:
             f"  small objects    {record.small_objects} in view, {record.small_objects_tiled} with "
             "tiles of their own"
         )
-    print(f"  ended by         {record.reached}")
+    print(f"  ended by         {record.stop_reason}")
     over = {"ranges": "range bins", "objects": "objects"}
-    known = f"{100 * record.relative_error:.2g} %" if record.rows else "unknown"
+    known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
     print(
         f"  standard error   {known} (over {over.get(record.error_scope, 'range bins and objects')})"
     )
-    print(f"  range code       in {record.code}{', coloured scene' if record.coloured else ''}")
+    print(
+        f"  range code       in {record.range_encoding}{', coloured scene' if record.coloured else ''}"
+    )
     print(
         f"  lengths known to {record.length_sigma_m:.2g} m, "
         f"{record.length_sigma_wavelengths:.2g} wavelengths"

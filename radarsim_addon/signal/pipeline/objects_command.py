@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...errors import FrameFileError
-from ...printable import printable
+from ...terminal_text import printable
 from ..detection import (
     BudgetReport,
     FrameBudget,
@@ -31,7 +31,9 @@ def add_rcs_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> 
         "[each object by itself]",
     )
     rcs.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
-    rcs.add_argument("--system", metavar="FILE", help="power budget (JSON) [the run's own]")
+    rcs.add_argument(
+        "--link-budget", "--system", metavar="FILE", help="power budget (JSON) [the run's own]"
+    )
 
 
 def print_rcs(
@@ -45,7 +47,7 @@ def print_rcs(
         No such run, frame or object; a run of rings.
     """
     run = open_run(folder)
-    system = run.record.system if system_file is None else read_system(system_file)
+    system = run.record.link_budget if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     warnings: dict[str, None] = {}
     for frame in chosen:

@@ -51,8 +51,15 @@ from ..maps import (
     range_doppler,
     range_process,
 )
-from ..pictures import ANTENNA_PICTURE, MapFile, animate_maps, draw_results, plot_antennas
-from ..pictures import figure as plots
+from ..pictures import (
+    ANTENNA_PICTURE,
+    MapFile,
+    animate_maps,
+    draw_results,
+    has_matplotlib,
+    plot_antennas,
+    save_figure,
+)
 from ..products import remove_stale, write_products, write_results
 from ..radar import Radar, find_suspicious_parameters, make_system
 from ..runs import RadarFrame, Run, open_run
@@ -129,11 +136,11 @@ def _process_frames(
     options: ProcessOptions,
     allow_incomplete: bool,
 ) -> Iterator[Progress | FrameResult]:
-    draws = plots.has_matplotlib() if options.plots is None else options.plots
+    draws = has_matplotlib() if options.plots is None else options.plots
     if options.system is not None and draws:
         wavelength_m = (options.radar or run.radar).waveform.wavelength_m
         system = make_system(options.system, wavelength_m)
-        plots.save(plot_antennas(system), folder / ANTENNA_PICTURE)
+        save_figure(plot_antennas(system), folder / ANTENNA_PICTURE)
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
     maps: list[MapFile] = []
@@ -292,7 +299,7 @@ def _process_frame(
     if options.products and frame.sampling_mode == "rings":
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
-    if plots.has_matplotlib() if options.plots is None else options.plots:
+    if has_matplotlib() if options.plots is None else options.plots:
         result.files.extend(draw_results(frame, result, folder, options))
     yield f"frame {frame.number}: pictures"
     yield result

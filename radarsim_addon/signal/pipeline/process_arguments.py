@@ -73,31 +73,63 @@ def add_process_parser(commands: Any) -> None:
     process.add_argument("--out", metavar="DIR", help="folder for the results [DIR/products]")
     process.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
     process.add_argument(
-        "--range", type=range_window, metavar="A:B", help="range window in metres [all rings]"
+        "--range-limits",
+        "--range",
+        type=range_window,
+        metavar="A:B",
+        help="range window in metres [all rings]",
     )
     process.add_argument(
-        "--weighting", choices=get_args(AmplitudeModel), help="[the system's, else radar-equation]"
+        "--amplitude-model",
+        "--weighting",
+        choices=get_args(AmplitudeModel),
+        help="[the system's, else radar-equation]",
     )
     process.add_argument(
-        "--system", metavar="FILE", help="power budget (JSON, see docs/system.md) [the run's own]"
+        "--link-budget",
+        "--system",
+        metavar="FILE",
+        help="power budget (JSON, see docs/system.md) [the run's own]",
     )
-    process.add_argument("--receiver-gain-db", type=finite, default=0.0, help="G_r in dBi")
     process.add_argument(
-        "--window", default="hamming", help=f"over the band: {', '.join(WINDOW_NAMES)}"
+        "--receive-antenna-gain-dbi",
+        "--receiver-gain-db",
+        type=finite,
+        default=0.0,
+        help="G_r in dBi",
     )
-    process.add_argument("--doppler-window", default="hamming", help="over the pulses: the same")
     process.add_argument(
+        "--range-taper",
+        "--window",
+        default="hamming",
+        help=f"over the band: {', '.join(WINDOW_NAMES)}",
+    )
+    process.add_argument(
+        "--doppler-taper", "--doppler-window", default="hamming", help="over the pulses: the same"
+    )
+    process.add_argument(
+        "--max-range-rate",
         "--max-speed",
         type=finite,
         default=MAX_RANGE_RATE_MPS,
         help="limit of a believable speed, m/s",
     )
-    process.add_argument("--method", choices=get_args(Backend), default="auto", help="NUFFT engine")
+    process.add_argument(
+        "--nufft-backend",
+        "--method",
+        choices=get_args(Backend),
+        default="auto",
+        help="NUFFT engine",
+    )
     process.add_argument(
         "--tolerance", type=finite, default=TOLERANCE, help="relative error of the echoes"
     )
     process.add_argument(
-        "--synthesis", choices=get_args(Method), default="auto", help="way of moving paths"
+        "--slow-time-transform",
+        "--synthesis",
+        choices=get_args(Method),
+        default="auto",
+        help="way of moving paths",
     )
     process.add_argument(
         "--speckle-seed",
@@ -107,6 +139,7 @@ def add_process_parser(commands: Any) -> None:
         help="random phases of rough scatterers, a whole number or 'none'",
     )
     process.add_argument(
+        "--speckle-cell-size",
         "--speckle-cell",
         type=finite,
         metavar="M",
@@ -120,9 +153,14 @@ def add_process_parser(commands: Any) -> None:
 def _add_radar_group(process: argparse.ArgumentParser) -> None:
     group = process.add_argument_group("radar and receiver (docs/waveforms.md, docs/receiver.md)")
     group.add_argument(
-        "--radar", metavar="FILE", help="another waveform and burst (JSON) [the run's own]"
+        "--waveform",
+        "--radar",
+        metavar="FILE",
+        help="another waveform and burst (JSON) [the run's own]",
     )
-    group.add_argument("--noise", action="store_true", help="thermal noise of the run's system")
+    group.add_argument(
+        "--thermal-noise", "--noise", action="store_true", help="thermal noise of the run's system"
+    )
     group.add_argument(
         "--noise-figure-db", type=finite, metavar="DB", help="thermal noise of this figure [none]"
     )
@@ -185,20 +223,22 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     return ProcessOptions(
         amplitude_model=chosen.amplitude_model,
         receiver_gain=10 ** (chosen.receive_antenna_gain_dbi / 10),
-        window=chosen.window,
+        window=chosen.range_taper,
         doppler_taper=chosen.doppler_taper,
-        range_limits_m=chosen.range,
-        max_range_rate_mps=chosen.max_speed,
-        method=chosen.method,
+        range_limits_m=chosen.range_limits,
+        max_range_rate_mps=chosen.max_range_rate,
+        method=chosen.nufft_backend,
         tolerance=chosen.tolerance,
-        synthesis=chosen.synthesis,
+        synthesis=chosen.slow_time_transform,
         speckle_seed=chosen.speckle_seed,
-        speckle_cell_size_m=chosen.speckle_cell,
+        speckle_cell_size_m=chosen.speckle_cell_size,
         products=not chosen.no_products,
         plots=False if chosen.no_plots else None,
         animate=chosen.animate,
-        system=None if chosen.system is None else read_system(chosen.system),
-        radar=None if chosen.radar is None else load_radar(chosen.radar, own_burst(chosen.folder)),
+        system=None if chosen.link_budget is None else read_system(chosen.link_budget),
+        radar=None
+        if chosen.waveform is None
+        else load_radar(chosen.waveform, own_burst(chosen.folder)),
         receiver=Receiver(
             noise_figure_db=chosen.noise_figure_db,
             antenna_temperature_k=chosen.antenna_temperature,
@@ -207,7 +247,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
             phase_noise=None if noise is None else load_phase_noise(noise),
             seed=chosen.noise_seed,
         ),
-        system_noise=chosen.noise,
+        system_noise=chosen.thermal_noise,
         mti=chosen.mti,
         cfar=_cfar(chosen),
         hdf5=chosen.hdf5,

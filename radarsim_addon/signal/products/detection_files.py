@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Detections as CSV and JSON."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
         grid: PixelGrid | None = None
         for ring in range(frame.rings):
             record, channels = frame.image(ring, snapshot_index)
-            grid = grid or pixel_grid(record.camera, record.width_px, record.height_px)
+            grid = grid or pixel_grid(record.receiver, record.width_px, record.height_px)
             decoded = decode(record, channels, grid)
             amplitude[ring_channel(ring)] = decoded.radiance.astype(np.float32)
             range_m[ring_channel(ring)] = decoded.range_m.astype(np.float32)

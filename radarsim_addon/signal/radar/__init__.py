@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""What the radar is: waveforms, bursts, range tapers, codes, antennas, link budget.
+
+In: numbers in SI, or radar and link-budget files. Out: frozen, checked records and the spectra of
+their pulses. Gains are linear, angles in radians.
+"""
 
 from .antennas import self_contained
 from .config import Burst, Radar

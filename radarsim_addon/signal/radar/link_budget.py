@@ -19,6 +19,7 @@ from typing import Any, cast, get_args
 
 from ...contract import AmplitudeModel, AntennaRecord, LinkBudget
 from ...errors import ConfigError
+from ...old_names import todays_names
 from ...physics.checks import real_array
 from ...physics.noise import noise_power_w
 from ...physics.radar_equation import from_db
@@ -123,7 +124,7 @@ def read_system(path: str | Path) -> LinkBudget:
     except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"System file {path} cannot be read as JSON ({error}).") from error
     if isinstance(data, dict) and data.get("schema") == "radarsim/run":
-        data = data.get("system")
+        data = todays_names(data, ()).get("link_budget")
         if data is None:
             raise ConfigError(f"{path} is a run without a system; expected one with a system.")
     record: LinkBudget = _from_json(LinkBudget, data, str(path))
@@ -138,6 +139,7 @@ def _from_json(kind: Any, data: Any, where: str) -> Any:
     if not isinstance(data, dict):
         raise ConfigError(f"{where} holds {data!r:.60}; expected a JSON object.")
     fields = {item.name: item for item in dataclasses.fields(kind)}
+    data = todays_names(data, fields)
     for name in data:
         if name not in fields:
             known = ", ".join(key for key in fields if key not in _RECORD_ONLY)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Peak, principal cuts and half-power widths of an antenna pattern."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError, FrameFileError
+from ...old_names import todays_names
 from ...textfile import TextTooLongError, read_text
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, PmcwWaveform, SteppedWaveform
@@ -87,6 +88,7 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
         given["samples"] = _given_samples(given, folder)
         given.setdefault("source", "")
     known = {item.name: item for item in dataclasses.fields(kind)}
+    given = todays_names(given, known)
     needed = {
         n
         for n, item in known.items()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""What all waveforms share: their numbers and the checks of them."""
 
 from __future__ import annotations
 

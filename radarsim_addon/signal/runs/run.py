@@ -30,6 +30,7 @@ from ...contract import (
     render_stem,
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
+from ...old_names import GROUND_TRUTH_FILE_0_1
 from ...sidecar import file_sha256, read_record
 from ..radar import Radar, burst_from_dict, waveform_from_dict
 from .exr import read_exr
@@ -132,7 +133,10 @@ class RadarFrame:
 
     def scene(self) -> GroundTruthRecord | None:
         """Where the objects truly are, or None where the run holds no such record."""
-        path = self.run_path / frame_dir(self.number) / GROUND_TRUTH_FILE
+        folder = self.run_path / frame_dir(self.number)
+        path = folder / GROUND_TRUTH_FILE
+        if not path.exists() and (folder / GROUND_TRUTH_FILE_0_1).exists():
+            path = folder / GROUND_TRUTH_FILE_0_1
         return read_record(path, GroundTruthRecord) if path.is_file() else None
 
     def image(self, ring: int, snapshot_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""The complex amplitude of a path: antenna gains, speckle.
+
+In: `Paths` and the radar. Out: `Paths` with gains and phasors. Nothing else decides amplitudes.
+"""
 
 from .antenna_gains import Link, frame_antennas
 from .frame_speckle import FrameSpeckle

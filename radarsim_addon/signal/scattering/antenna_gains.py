@@ -128,6 +128,6 @@ def frame_antennas(
     """
     if sampling_mode == "paths":
         record = read_paths_record(folder, frame)
-        return record.camera, record.emitter
+        return record.receiver, record.transmitter
     render = read_record(folder / f"{render_stem(0, 0)}.json", RenderRecord)
-    return render.camera, render.emitter
+    return render.receiver, render.transmitter

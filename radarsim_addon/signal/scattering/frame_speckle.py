@@ -97,7 +97,10 @@ class FrameSpeckle:
         length_m = scattered.length_m + found.longer_m[moving]
         leaders = self._table[found.leader[moving]]
         one = scattered.motion.order == 1
-        tracks = (np.where(one, leaders["track"], leaders["first_surface_point"]), leaders["track"])
+        tracks = (
+            np.where(one, leaders["last_surface_point"], leaders["first_surface_point"]),
+            leaders["last_surface_point"],
+        )
         over = dataclasses.replace(
             scattered.motion,
             length_m=length_m,
@@ -127,13 +130,13 @@ def _bodies(folder: Path, record: PathsRecord) -> tuple[dict[int, Body], tuple[s
     """
     if not record.motion_file:
         bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(record.objects, start=1)}
-        return bodies, ("first_object", "object")
+        return bodies, ("first_object", "last_object")
     motion = read_record(folder / MOTION_FILE, MotionRecord)
     bodies = {
         number: Body(f"{body.object}\0{body.instance}", np.array(body.pose, dtype=np.float64))
         for number, body in enumerate(motion.bodies, start=1)
     }
-    return bodies, ("first_body", "body")
+    return bodies, ("first_body", "last_body")
 
 
 def kirchhoff_warnings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[str]:

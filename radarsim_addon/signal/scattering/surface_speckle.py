@@ -172,9 +172,9 @@ class SurfaceSpeckle:
         self._table, self._bodies, self._columns = table, dict(bodies), body_columns
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
         self._seed = np.uint64(seed % 2**64)
-        self._receiver_m = np.asarray(record.camera.matrix_world, dtype=np.float64)[:3, 3]
-        self._emitter_m = np.asarray(record.emitter.matrix_world, dtype=np.float64)[:3, 3]
-        self._orthographic = record.camera.kind == "orthographic"
+        self._receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
+        self._emitter_m = np.asarray(record.transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        self._orthographic = record.receiver.kind == "orthographic"
         self._resolution_m = resolution_m
         self._heights = np.full(len(record.objects) + 1, np.nan)
         self._lengths = np.zeros(len(record.objects) + 1)
@@ -218,7 +218,7 @@ class SurfaceSpeckle:
         """Hash, scatterer (n, 3) [m] and unit Gaussian height of the cells of a vertex."""
         points = rows["first_scatterer_m"] if first else rows["last_scatterer_m"]
         numbers = rows[self._columns[0] if first else self._columns[1]]
-        objects = rows["first_object"] if first else rows["object"]
+        objects = rows["first_object"] if first else rows["last_object"]
         state = np.zeros(rows.size, dtype=np.uint64)
         scatterer = np.array(points)
         edge = np.maximum(self.cell_m, self._lengths[objects])
@@ -363,7 +363,7 @@ class SurfaceSpeckle:
         )
         place = np.searchsorted(self._keys, self._path_keys(rows, first, last))
         share = np.sqrt(rows["power_w"] / self._powers[place])
-        heights = [self._heights[rows["first_object"]], self._heights[rows["object"]]]
+        heights = [self._heights[rows["first_object"]], self._heights[rows["last_object"]]]
         turns = self._turns(rows)
         exponent, phase = np.zeros(rows.size), np.zeros(rows.size)
         for rms_m, turn, unit in zip(heights, turns, (first_height, last_height), strict=True):

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ROOM."""
+"""From scatterers to their spectrum: non-uniform FFT, moving scatterers, error report.
+
+In: path lengths [m], complex amplitudes and a frequency grid [Hz]. Out: complex spectra, one for
+each pulse, with an estimate of their numerical error.
+"""
 
 from .accumulator import (
     TOLERANCE,

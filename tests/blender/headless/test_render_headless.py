@@ -80,7 +80,7 @@ def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None
         assert run.sampling_mode == "paths"
         record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
         assert record.replicates == (4 if number == 0 else 2)
-        assert record.rows > 0
+        assert record.path_count > 0
         table = folder / "frames/frame_0001/paths.npy"
         written = table.stat().st_mtime_ns
         assert (folder / "products" / "frame_0001_expected.npz").is_file()

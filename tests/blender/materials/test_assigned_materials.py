@@ -19,7 +19,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender.materials import assigned_materials, set_layer_normals
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes import attributes, groups
-from radarsim_addon.blender.nodes.find_group import find_group, group_input
+from radarsim_addon.blender.nodes.group_search import find_group, group_input
 from radarsim_addon.blender.scene import check_meshes
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import ConfigError
@@ -368,7 +368,7 @@ def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: P
     plate = rs.add_plate(20.0)
     geometry_nodes(plate, rh.lambert(0.5, "grey"))
     run = ph.run_paths(tmp_path / "run", options={"max_reflections": 1}, width_px=16, height_px=16)
-    assert run.record().code == "world"
+    assert run.record().range_encoding == "world"
     assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
 
 

@@ -14,7 +14,7 @@ from radarsim_addon import contract, signal
 from radarsim_addon.blender.run.output_folder import clear_run
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.echoes.pulse_synthesis import render_times_s
+from radarsim_addon.signal.echoes import render_times_s
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
@@ -161,7 +161,7 @@ def test_a_longer_burst_is_sampled_anew(tmp_path: Path) -> None:
     motion = read_record(
         tmp_path / contract.frame_dir(1) / contract.MOTION_FILE, contract.MotionRecord
     )
-    assert motion.span_s == pytest.approx(512 / 5000)
+    assert motion.duration_s == pytest.approx(512 / 5000)
     assert (
         frame_paths(signal.open_run(tmp_path).frame(1))
         .lengths.lengths_m(np.array([0.1]), slice(None))

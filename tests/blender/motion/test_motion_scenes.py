@@ -58,7 +58,7 @@ def test_radar_that_flies_over_flat_ground(tmp_path: Path) -> None:
     assert error < WITHIN, error
     bin_mps = 299_792_458.0 / CARRIER_HZ * BURST.prf_hz / (2 * BURST.pulses)
     assert np.abs(rows["range_rate_mps"] + rows["direction"] @ velocity).max() < 1e-3 * bin_mps
-    assert [b.pieces for b in motion_record(run).bodies] == [[]], "the ground stands still"
+    assert [b.segments for b in motion_record(run).bodies] == [[]], "the ground stands still"
 
 
 def test_parent_and_constraint(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_instances_move_each_their_own_way(tmp_path: Path) -> None:
     assert len(bodies) == 3
     assert [body.instance.split("/")[0] for body in bodies] == [f"Instance {n}" for n in range(3)]
     for number in range(3):
-        assert set(rows["body"][which == number]) == {number + 1}
+        assert set(rows["last_body"][which == number]) == {number + 1}
 
     def motion(points: np.ndarray, times_s: np.ndarray) -> np.ndarray:
         return points[:, None] + times_s[:, None] * velocities[which][:, None]
@@ -157,7 +157,7 @@ def test_turning_child_of_a_stretched_parent(tmp_path: Path) -> None:
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, motion)
     assert np.abs(rows["range_rate_mps"]).max() > 1
     assert error < WITHIN, error
-    assert motion_record(run).bodies[0].pieces[0].linear
+    assert motion_record(run).bodies[0].segments[0].linear
 
 
 @pytest.mark.parametrize("kind", ["shape keys", "armature", "simple deform"])
@@ -170,7 +170,7 @@ def test_deforming_meshes(tmp_path: Path, kind: str) -> None:
     before = _snapshot()
     rows, paths, run = mh.measured(tmp_path, CARRIER_HZ, BURST, frame=3, width_px=24, height_px=24)
     assert _snapshot() == before
-    assert rows.size > 200 and (rows["track"] > 0).all()
+    assert rows.size > 200 and (rows["last_surface_point"] > 0).all()
     assert np.ptp(rows["range_rate_mps"]) > 0.3
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, motion)
     assert error < WITHIN, error

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths.paths import PathFlag
+from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
 
@@ -58,7 +58,7 @@ def test_grazing_plane(tmp_path: Path, code: str) -> None:
     ahead = np.array([0.0, math.cos(tilt), -math.sin(tilt)])
     upward = np.array([0.0, math.sin(tilt), math.cos(tilt)])
     for shift in (0, 1):
-        mine = rows["shift"] == shift
+        mine = rows["replicate"] == shift
         direction = rows["direction"][mine]
         # A shift moves the whole view by a part of a pixel, which at this angle is percents.
         middle = np.mean(direction @ upward / (direction @ ahead))
@@ -133,7 +133,7 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     np.testing.assert_allclose(two["first_scatterer_m"], first, atol=1e-5)
     names = run.record().objects
     assert {names[number - 1] for number in two["first_object"]} == {"Floor"}
-    assert {names[number - 1] for number in two["object"]} == {"Wall"}
+    assert {names[number - 1] for number in two["last_object"]} == {"Wall"}
     # Without looking at the Position pass, from direction, length and last vertex alone:
     found, conditioning = first_vertex_order_2(
         np.broadcast_to(camera, direction.shape),
@@ -152,7 +152,7 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     plate = ph.plate_at(10, 40, ph.mirror())
     run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_reflections": 3})
     record = run.record()
-    assert (record.rows, record.total_power_w) == (0, 0.0)
+    assert (record.path_count, record.total_power_w) == (0, 0.0)
     assert any("mirror that faces the radar" in text for text in record.warnings)
     # Beside something that echoes it must not go unsaid either.
     plate.name = "Looking-glass"
@@ -172,6 +172,6 @@ def test_nothing_in_sight(tmp_path: Path) -> None:
     rs.new_scene()
     run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"max_reflections": 2})
     record = run.record()
-    assert (record.rows, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
+    assert (record.path_count, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
     assert run.table().size == 0
     assert any("Nothing echoes" in text for text in record.warnings)

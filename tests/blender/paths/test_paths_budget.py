@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths.paths import PathFlag
+from radarsim_addon.signal import PathFlag
 
 pytest.importorskip("bpy")
 
@@ -18,7 +18,7 @@ from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths.paths import PATH_DTYPE, shift_px
+from radarsim_addon.signal.paths import PATH_DTYPE, shift_px
 
 
 def test_shifts_fill_the_pixel() -> None:
@@ -39,7 +39,7 @@ def test_shifts_fill_the_pixel() -> None:
 
 def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
     rows = np.zeros(len(lengths), dtype=PATH_DTYPE)
-    rows["length_m"], rows["power_w"], rows["object"] = lengths, powers, objects
+    rows["length_m"], rows["power_w"], rows["last_object"] = lengths, powers, objects
     return rows
 
 
@@ -153,7 +153,7 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
     rows = np.zeros((10, 10), dtype=PATH_DTYPE)
     rows["direction"] = rays.direction[5:15, 5:15]
     rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15]
-    rows["order"], rows["object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
+    rows["order"], rows["last_object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
     grid = CellGrid(bin_m=1.0, bins=10)
     powers = grid.powers([grid.shift_powers(rows.ravel(), 1, seen)])
     place = powers.cells.tolist().index(grid.first_object + 1)

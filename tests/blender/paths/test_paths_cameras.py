@@ -125,7 +125,7 @@ def test_edges_along_the_grid_are_known_to_be_uncertain(tmp_path: Path) -> None:
         paths = measure(scene, folder)
         (echo,) = object_echoes(open_run(folder).frame(1), 5.3e9)
         true = paths["solid_angle_sr"].sum() / 2.01**2 - 1
-        by_shift = [2 * paths["solid_angle_sr"][paths["shift"] == k].sum() for k in (0, 1)]
+        by_shift = [2 * paths["solid_angle_sr"][paths["replicate"] == k].sum() for k in (0, 1)]
         missed += abs(true) > 3 * np.std(by_shift, ddof=1) / math.sqrt(2) / 2.01**2
         assert abs(true) < 3 * echo.power_error_w / echo.power_w
         assert echo.power_error_w < 0.05 * echo.power_w

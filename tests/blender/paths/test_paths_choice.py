@@ -139,12 +139,12 @@ def test_tiles_go_to_the_small_in_sight(
     per_metre = 1.0 if kind == "ORTHO" else 1 / DISTANCE
     for i, half in enumerate(visible):
         number = record.objects.index(f"seen {i}") + 1
-        found = rows[rows["object"] == number]
+        found = rows[rows["last_object"] == number]
         expected = (2 * half * per_metre / pixel[kind]) ** 2 * 2  # rays of two shifts, untiled
         if i < 6:
             assert len(found) > 20 * expected, i
     assert not any(
-        name.startswith("hidden") for name in np.array(record.objects)[rows["object"] - 1]
+        name.startswith("hidden") for name in np.array(record.objects)[rows["last_object"] - 1]
     )
 
 

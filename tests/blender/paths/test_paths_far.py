@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths.paths import PathFlag
+from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
 
@@ -52,7 +52,7 @@ def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
         record.renders,
         record.relative_error,
     )
-    target = rows[rows["object"] == record.objects.index("Target") + 1]
+    target = rows[rows["last_object"] == record.objects.index("Target") + 1]
     assert abs(float(to_db(target["power_w"].sum() / power))) < 0.2
     seen = target["last_scatterer_m"] / np.linalg.norm(
         target["last_scatterer_m"], axis=1, keepdims=True
@@ -62,7 +62,7 @@ def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
     half = math.tan(math.radians(20))
     frame_sr = 4 * math.atan(half * half / math.sqrt(1 + 2 * half * half))
     for shift in range(4):
-        mine = rows[rows["shift"] == shift]
+        mine = rows[rows["replicate"] == shift]
         # A shift moves the frame by up to half a pixel of the coarsest: by 1 % of the cosines.
         assert 4 * mine["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-3)
     assert rows["solid_angle_sr"].sum() == pytest.approx(frame_sr, rel=2e-4)
@@ -119,7 +119,7 @@ def test_plate_from_10_m_to_10_km(tmp_path: Path, code: str) -> None:
         point, normal = plane_of(plate)
         off_plane = np.abs((rows["last_scatterer_m"] - point) @ normal)
         assert off_plane.max() < 1e-6  # 39e-6 is a hundredth of the wavelength
-        radar = np.array(run.record().camera.matrix_world)[:3, 3]
+        radar = np.array(run.record().receiver.matrix_world)[:3, 3]
         exact = 2 * np.linalg.norm(rows["last_scatterer_m"] - radar, axis=1)
         np.testing.assert_allclose(rows["length_m"], exact, rtol=0, atol=1e-9 + 4e-16 * range_m)
         assert not np.any(rows["flags"] & PathFlag.ENCODED_LENGTH)

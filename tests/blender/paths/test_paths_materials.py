@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths.paths import PathFlag
+from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
 
@@ -45,12 +45,16 @@ def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
         np.testing.assert_allclose(radiance[here], want, rtol=1e-6)
         np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=3e-7)
         np.testing.assert_allclose(rows["last_scatterer_m"][here][:, 1], y, atol=2e-6)
-        assert {record.objects[n - 1] for n in rows["object"][here]} == {
+        assert {record.objects[n - 1] for n in rows["last_object"][here]} == {
             "Plate" if t == 0 else f"Plate.{t:03d}"
         }
     assert rows.size == 8 * 16 * 16
     assert not np.any(rows["flags"])
-    assert (record.code, record.mixed_power_fraction, record.truncated_transparency_fraction) == (
+    assert (
+        record.range_encoding,
+        record.mixed_power_fraction,
+        record.truncated_transparency_fraction,
+    ) == (
         "materials",
         0.0,
         0.0,
@@ -100,7 +104,7 @@ def test_eight_foreign_sheets_are_unbiased(tmp_path: Path) -> None:
         ph.plate_at(y, 40, material)
     run = ph.run_paths(tmp_path, width_px=size, height_px=size, options={"replicates": replicates})
     rows, record = run.table(), run.record()
-    assert record.code == "world"
+    assert record.range_encoding == "world"
     radiance = ph.radiance(rows)
     counts = np.zeros((replicates, len(SHEETS_M)))
     for t, y in enumerate(SHEETS_M):
@@ -109,7 +113,7 @@ def test_eight_foreign_sheets_are_unbiased(tmp_path: Path) -> None:
         want = (1 - passed) * passed**t / np.pi * cosine * ph.irradiance(y / cosine)
         np.testing.assert_allclose(radiance[here], want, rtol=2e-6)
         np.testing.assert_allclose(rows["length_m"][here], 2 * y / cosine, rtol=1e-6)
-        counts[:, t] = np.bincount(rows["shift"][here], minlength=replicates) / size**2
+        counts[:, t] = np.bincount(rows["replicate"][here], minlength=replicates) / size**2
     share = passed ** np.arange(len(SHEETS_M))
     sigma = np.sqrt(share * (1 - share) / size**2)
     assert np.all(np.abs(counts - share) <= 5 * sigma)
@@ -230,7 +234,11 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
     finally:
         path_job.rows_of_view = original
     rows, record = run.table(), run.record()
-    assert (record.code, record.coloured, record.unranged_power_fraction) == ("world", True, 0.0)
+    assert (record.range_encoding, record.coloured, record.unranged_power_fraction) == (
+        "world",
+        True,
+        0.0,
+    )
     for order in (1, 2):
         mine = rows[rows["order"] == order]
         assert mine.size > 150
@@ -241,7 +249,7 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
         coded = np.concatenate([values for number, values in logs if number == order])
         np.testing.assert_allclose(coded, length, rtol=1e-5)
         np.testing.assert_allclose(mine["length_m"], length, rtol=1e-5)
-    assert set(rows["object"][rows["order"] == 1]) == {1, 2, 3, 4, 5}
+    assert set(rows["last_object"][rows["order"] == 1]) == {1, 2, 3, 4, 5}
 
 
 @pytest.mark.parametrize("colour", [(0.9, 0, 0), (0, 0.9, 0), (0, 0, 0.9)], ids="RGB")
@@ -264,8 +272,10 @@ def test_one_channel_is_enough(tmp_path: Path, colour: tuple[float, float, float
         two["length_m"] >= 2 * np.linalg.norm(two["first_scatterer_m"], axis=1) * (1 - 1e-6)
     )
     one = rows[rows["order"] == 1]
-    cosine = np.abs(np.where(one["object"] == 1, one["direction"][:, 2], one["direction"][:, 1]))
-    reach = np.where(one["object"] == 1, 1.0, 12.0) / cosine
+    cosine = np.abs(
+        np.where(one["last_object"] == 1, one["direction"][:, 2], one["direction"][:, 1])
+    )
+    reach = np.where(one["last_object"] == 1, 1.0, 12.0) / cosine
     # A ray's direction is known to 1e-5 px; towards the horizon that is worth more of length.
     slack = 1e-6 + 1e-5 * np.radians(40) / 16 / cosine
     assert np.all(np.abs(one["length_m"] / (2 * reach) - 1) < slack)

@@ -28,7 +28,7 @@ def test_animated_radar_frames(tmp_path: Path) -> None:
     run = ph.run_paths(tmp_path, frames=(1, 11), width_px=8, height_px=8)
     for frame, travelled in ((1, 0.0), (11, 2.4 * 10 / 24)):
         rows, record = run.table(frame), run.record(frame)
-        assert record.camera.matrix_world[1][3] == pytest.approx(travelled, abs=1e-6)
+        assert record.receiver.matrix_world[1][3] == pytest.approx(travelled, abs=1e-6)
         want = 2 * (30 - travelled) / rows["direction"][:, 1]
         np.testing.assert_allclose(rows["length_m"], want, rtol=3e-7)
     assert bpy.context.scene.frame_current == 1
@@ -44,7 +44,7 @@ def test_moving_plate(tmp_path: Path, velocity: tuple[float, float, float]) -> N
     rs.move_steadily(plate, velocity)
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, snapshots=2)
     rows, names = run.table(), run.record().objects
-    moving = rows["object"] == names.index("Plate") + 1
+    moving = rows["last_object"] == names.index("Plate") + 1
     assert moving.sum() > 20
     want = rows["direction"][moving] @ np.array(velocity)
     # Float32 of the poses over 10 ms.

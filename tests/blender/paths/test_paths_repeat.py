@@ -140,4 +140,4 @@ def test_overwriting_keeps_nothing_of_the_other_run(tmp_path: Path) -> None:
     ph.run_paths(tmp_path)
     run = ph.run_paths(tmp_path, overwrite=True, options={"replicates": 3})
     assert run.record().replicates == 3
-    assert set(run.table()["shift"]) == {0, 1, 2}
+    assert set(run.table()["replicate"]) == {0, 1, 2}

@@ -43,7 +43,7 @@ def test_collection_instances(tmp_path: Path) -> None:
     run = ph.run_paths(tmp_path, width_px=48, height_px=48)
     rows = run.table()
     assert_plates_seen(rows, ps.PLACES)
-    assert {run.record().objects[n - 1] for n in rows["object"]} == {"Plate"}
+    assert {run.record().objects[n - 1] for n in rows["last_object"]} == {"Plate"}
 
 
 def test_instances_of_geometry_nodes(tmp_path: Path) -> None:
@@ -106,8 +106,8 @@ def test_linked_library(tmp_path: Path) -> None:
         assert after.get(name) == before.get(name), name
     rows, record = run.table(), run.record()
     assert_plates_seen(rows, ps.PLACES)
-    assert record.code == "world"
-    assert {record.objects[n - 1] for n in rows["object"]} == {"Plate", "Foreign plate"}
+    assert record.range_encoding == "world"
+    assert {record.objects[n - 1] for n in rows["last_object"]} == {"Plate", "Foreign plate"}
 
 
 # -- scales ----------------------------------------------------------------------------------------

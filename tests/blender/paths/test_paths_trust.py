@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths.paths import PathFlag
+from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
 

@@ -119,11 +119,11 @@ def test_small_target_in_a_room(
     assert_power(run, power_w(half_m))
     rows, record = run.table(), run.record()
     assert (record.small_objects, record.small_objects_tiled) == (1, 1)
-    assert record.reached == "error target"
+    assert record.stop_reason == "error target"
     assert len(rows) < 40 * 4 * SIZE["width_px"] * SIZE["height_px"]
     # The midpoint rule makes each pixel too small by (5.6 degrees)^2/24.
     assert rows["solid_angle_sr"].sum() == pytest.approx(SPHERE, rel=1e-3)
-    target = rows[rows["object"] == record.objects.index("Target") + 1]
+    target = rows[rows["last_object"] == record.objects.index("Target") + 1]
     seen = target["last_scatterer_m"] / np.linalg.norm(
         target["last_scatterer_m"], axis=1, keepdims=True
     )
@@ -141,7 +141,7 @@ def test_refinement_quarters_tiles_of_a_sphere(tmp_path: Path) -> None:
     record = run.record()
     assert record.small_objects == 0
     assert record.finest_refinement_level >= 2
-    assert record.reached == "error target"
+    assert record.stop_reason == "error target"
     assert run.table()["solid_angle_sr"].sum() == pytest.approx(SPHERE, rel=1e-3)
     coarse = ph.run_paths(tmp_path / "coarse", options={"replicates": 4, "tile_px": 16}, **SIZE)
     assert echo_of(run).power_error_w < 0.5 * echo_of(coarse).power_error_w
@@ -159,7 +159,7 @@ def test_target_on_the_borders_of_tiles(tmp_path: Path) -> None:
     expected = 2.0 * (math.sin(0.8) + math.sin(0.6))
     assert run.table()["solid_angle_sr"].sum() == pytest.approx(expected, rel=5e-4)
     rows = run.table()
-    target = rows[rows["object"] == run.record().objects.index("Target") + 1]
+    target = rows[rows["last_object"] == run.record().objects.index("Target") + 1]
     assert len(set(target["tile"])) >= 4
 
 
@@ -224,11 +224,11 @@ def test_animated_camera(tmp_path: Path) -> None:
     ahead = []
     for frame in (1, 2, 3):
         rows, record = run.table(frame), run.record(frame)
-        target = rows[rows["object"] == record.objects.index(plates[0].name) + 1]
+        target = rows[rows["last_object"] == record.objects.index(plates[0].name) + 1]
         found = target["power_w"].sum()
         assert abs(10 * math.log10(found / power_w(0.02))) < 0.2, frame
         assert record.small_objects_tiled == 1
-        ahead.append(np.array(record.camera.matrix_world)[:3, :3].T @ target["direction"][0])
+        ahead.append(np.array(record.receiver.matrix_world)[:3, :3].T @ target["direction"][0])
     turned = np.degrees(np.arccos([ahead[0] @ ahead[1], ahead[0] @ ahead[2]]))
     assert np.all(turned > 30), turned
 

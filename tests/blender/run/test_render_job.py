@@ -18,8 +18,8 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
 from radarsim_addon.blender.nodes import attributes, groups
+from radarsim_addon.blender.rings import ring_job
 from radarsim_addon.blender.run import output_folder
-from radarsim_addon.blender.run import run_job as render_job
 from radarsim_addon.errors import OutputError, RenderError, SceneError
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
@@ -271,14 +271,14 @@ def test_failed_write_leaves_nothing_half(
 ) -> None:
     """Blender writes half a file and says nothing: told, removed, and rendered the next time."""
     with rs.job_for(tmp_path) as job:
-        save = render_job.save_render
+        save = ring_job.save_render
 
         def half(scene: Any, path: Path) -> None:
             save(scene, path)
             data = path.read_bytes()
             path.write_bytes(data[: len(data) // 2])
 
-        monkeypatch.setattr(render_job, "save_render", half)
+        monkeypatch.setattr(ring_job, "save_render", half)
         task = next(job.pending())
         job.start(task)
         job.render(task)

@@ -92,6 +92,6 @@ def test_labels_are_what_is_rendered(how: str, tmp_path: Path) -> None:
     assert labels["Far"].nearest_range_m == pytest.approx(20, rel=1e-6)
     assert labels["Far"].range_rate_mps == pytest.approx(3, rel=1e-4)
     assert mine.size > 100
-    assert np.all(mine["object"] == run.record().objects.index("Far") + 1)
+    assert np.all(mine["last_object"] == run.record().objects.index("Far") + 1)
     radial = 3 * mine["direction"][:, 1]
     np.testing.assert_allclose(mine["range_rate_mps"], radial, rtol=1e-3)

@@ -60,7 +60,7 @@ def test_settings_reach_the_run(scene: Any, tmp_path: Path) -> None:
     job = make_job(scene, scene.view_layers[0], tmp_path / "run")
     with job:
         pass
-    system = open_run(tmp_path / "run").record.system
+    system = open_run(tmp_path / "run").record.link_budget
     assert system is not None
     assert (system.transmit_power_w, system.noise_figure_db) == (0.1, 4.7)  # as typed
     assert system.transmitter == AntennaRecord("gaussian", GAUSSIAN)
@@ -70,7 +70,7 @@ def test_settings_reach_the_run(scene: Any, tmp_path: Path) -> None:
     settings.use_system = False
     with make_job(scene, scene.view_layers[0], tmp_path / "run"):
         pass
-    assert open_run(tmp_path / "run").record.system is None
+    assert open_run(tmp_path / "run").record.link_budget is None
 
 
 def test_every_kind_of_antenna_can_be_set(scene: Any, tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ def test_plate_through_cycles_from_10_m_to_10_km(bpy: Any, tmp_path: Path, tilt_
         sigma, _ = sigma_plate(range_m, tilt_deg)
         assert 10 * math.log10(echo.rcs_m2 / sigma) == pytest.approx(0, abs=0.05)
         power = float(
-            bistatic_power_w(record.emitter.eirp_w, sigma, range_m, range_m, WAVELENGTH_M)
+            bistatic_power_w(record.transmitter.eirp_w, sigma, range_m, range_m, WAVELENGTH_M)
         )
         assert 10 * math.log10(echo.power_w / power) == pytest.approx(0, abs=0.05)
         powers.append(echo.power_w)
@@ -229,11 +229,11 @@ def test_plate_through_cycles_from_10_m_to_10_km(bpy: Any, tmp_path: Path, tilt_
 def test_bistatic_plate_through_cycles(bpy: Any, tmp_path: Path) -> None:
     at = (-60.0, 40.0, 25.0)
     record = rendered_plate(tmp_path / "run", 100.0, 20.0, at)
-    np.testing.assert_allclose(np.array(record.emitter.matrix_world)[:3, 3], at, atol=1e-4)
+    np.testing.assert_allclose(np.array(record.transmitter.matrix_world)[:3, 3], at, atol=1e-4)
     (echo,) = object_echoes(open_run(tmp_path / "run").frame(1), rs.WAVEFORM.carrier_hz)
     sigma, there = sigma_plate(100.0, 20.0, at)
     assert 10 * math.log10(echo.rcs_m2 / sigma) == pytest.approx(0, abs=0.05)
-    power = float(bistatic_power_w(record.emitter.eirp_w, sigma, there, 100.0, WAVELENGTH_M))
+    power = float(bistatic_power_w(record.transmitter.eirp_w, sigma, there, 100.0, WAVELENGTH_M))
     assert 10 * math.log10(echo.power_w / power) == pytest.approx(0, abs=0.05)
 
 

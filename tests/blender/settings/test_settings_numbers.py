@@ -29,7 +29,7 @@ from radarsim_addon.blender.plan import (
     warnings_for,
 )
 from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
-from radarsim_addon.blender.rings import verify_exr
+from radarsim_addon.blender.rings.exr_check import verify_exr
 from radarsim_addon.blender.scene.nearest import nearest_distance
 from radarsim_addon.errors import ConfigError, OutputError, RenderError
 from radarsim_addon.signal.radar import Burst, Waveform

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import ReceiverRecord
+from radarsim_addon.signal import PathFlag
 from radarsim_addon.signal.decoding import (
     GatePixels,
     Geometry,
@@ -19,7 +20,7 @@ from radarsim_addon.signal.decoding import (
     pixel_rays,
 )
 from radarsim_addon.signal.decoding.path_class_pixels import first_vertex_order_2
-from radarsim_addon.signal.paths.paths import PathFlag, PathRows
+from radarsim_addon.signal.paths import PathRows
 
 SIZE = 8
 K_M = 20.0
@@ -52,7 +53,7 @@ def gate(length_m: np.ndarray, view: PixelRays, **changes: Any) -> GatePixels:
         "mixing": np.ones(n),
         "position_m": nowhere,
         "vertex_m": nowhere,
-        "object": np.ones(n, dtype=np.int32),
+        "last_object": np.ones(n, dtype=np.int32),
         "first_object": np.ones(n, dtype=np.int32),
         "position_is_first": True,
     }
@@ -225,8 +226,8 @@ def test_powers_and_numbers() -> None:
     np.testing.assert_allclose(rows["solid_angle_sr"], solid)
     np.testing.assert_allclose(rows["power_w"], 2.0 * 0.5 * solid)
     assert set(rows["tile"]) == {3}
-    assert set(rows["shift"]) == {2}
-    assert set(rows["object"]) == {1}
+    assert set(rows["replicate"]) == {2}
+    assert set(rows["last_object"]) == {1}
 
 
 def test_log_ratio_does_not_trust_denormals() -> None:

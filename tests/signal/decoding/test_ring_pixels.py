@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import SchemaError
-from radarsim_addon.signal import pixel_grid
-from radarsim_addon.signal.decoding import ring_pixels as decode
+from radarsim_addon.signal import decode, pixel_grid
 from tests.signal.synthetic import Setup, encode, render_record
 
 SETUP = Setup(width_px=1, height_px=1, half_width=1e-3, half_height=1e-3)
@@ -43,7 +42,7 @@ def test_near_clip_is_added_back_along_the_ray() -> None:
     found = decode(render_record(setup, 1, 0, 0), encode(setup, range_m, np.ones_like(range_m)))
     np.testing.assert_allclose(found.range_m, 30.0, atol=1e-5)
     without = dataclasses.replace(
-        render_record(setup, 1, 0, 0), camera=dataclasses.replace(setup.camera(), near_clip_m=0.0)
+        render_record(setup, 1, 0, 0), receiver=dataclasses.replace(setup.camera(), near_clip_m=0.0)
     )
     short = decode(without, encode(setup, range_m, np.ones_like(range_m)))
     oblique = math.sqrt(1 + found.u[0] ** 2 + found.v[0] ** 2)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.products.ring_products.detection_files import write_detections
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import (
@@ -39,9 +38,9 @@ from radarsim_addon.signal.detection.cfar_thresholds import (
     os_false_alarms,
     os_moments,
 )
-from radarsim_addon.signal.echoes.pulse_synthesis import synthesizer_for
-from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.echoes import synthesizer_for
+from radarsim_addon.signal.maps import map_noise_gain, range_process
+from radarsim_addon.signal.products.detection_files import write_detections
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))

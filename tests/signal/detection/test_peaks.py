@@ -8,8 +8,7 @@ import pytest
 
 from radarsim_addon.signal import Cfar, Radar, detect_targets, find_peaks, range_doppler
 from radarsim_addon.signal.detection import received_recording
-from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.radar import LineWaveform, PmcwWaveform
 from tests.signal.pointscenes import PAIRS, clutter, radar_of, scene
 

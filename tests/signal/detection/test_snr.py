@@ -13,7 +13,7 @@ from radarsim_addon import contract
 from radarsim_addon.physics.radar_equation import monostatic_power_w
 from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.detection import FrameBudget, predicted_snr
-from radarsim_addon.signal.echoes.pulse_synthesis import Receiver, apply_receiver, synthesize
+from radarsim_addon.signal.echoes import Receiver, apply_receiver, synthesize
 from radarsim_addon.signal.maps import map_noise_gain, range_doppler, range_process
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import open_run

@@ -8,8 +8,8 @@ import pytest
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import FmcwWaveform, range_doppler, synthesize
-from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.echoes import line_times_s
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.motion import LinearMotion
 from radarsim_addon.signal.motion.path_motion import Rows
 from radarsim_addon.signal.radar import AnyWaveform

@@ -20,7 +20,7 @@ from radarsim_addon.signal import (
     make_paths,
     synthesize,
 )
-from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s, synthesizer_for
+from radarsim_addon.signal.echoes import line_times_s, synthesizer_for
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
 from radarsim_addon.signal.spectrum import FrequencyGrid, Ramp, ReceiveWindow, SpectrumAccumulator
 from radarsim_addon.signal.spectrum.nufft import has_finufft

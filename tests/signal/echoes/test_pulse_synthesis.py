@@ -19,7 +19,7 @@ from radarsim_addon.signal import (
     replica,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from tests.signal.oracle import echo_at, unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 5))

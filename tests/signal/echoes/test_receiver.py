@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.echoes.pulse_synthesis.phase_noise import PhaseTrack
-from radarsim_addon.signal.echoes.pulse_synthesis.receiver import quantise
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
@@ -27,9 +25,11 @@ from radarsim_addon.signal import (
     make_paths,
     range_doppler,
 )
-from radarsim_addon.signal.echoes.pulse_synthesis import EchoOptions, synthesizer_for
-from radarsim_addon.signal.maps import map_noise_gain
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.echoes import synthesizer_for
+from radarsim_addon.signal.echoes.phase_noise import PhaseTrack
+from radarsim_addon.signal.echoes.pulse_synthesis import EchoOptions
+from radarsim_addon.signal.echoes.receiver import quantise
+from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 

@@ -19,7 +19,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.maps import expected_power
-from radarsim_addon.signal.paths.paths import PATH_DTYPE
+from radarsim_addon.signal.paths import PATH_DTYPE
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal import path_runs as pr
 
@@ -52,7 +52,7 @@ def test_expected_power_folds_as_the_profile(
     )
     rows = np.zeros(3, dtype=PATH_DTYPE)
     rows["length_m"], rows["power_w"] = 2 * ranges_m, [1e-9, 2e-9, 3e-9]
-    rows["solid_angle_sr"], rows["order"], rows["object"] = 1e-6, 1, 1
+    rows["solid_angle_sr"], rows["order"], rows["last_object"] = 1e-6, 1, 1
     here = pr.pose((0, 0, 0))
     receiver, emitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
     folder = pr.write_run(

@@ -21,7 +21,7 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from tests.signal.oracle import unit_paths
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)

@@ -94,7 +94,7 @@ def test_motion_within_its_bound(name: str) -> None:
     assert error_m < within_m
     # three standard deviations, and what rounding a float32 start of turned arms leaves
     assert error_m < 1.5 * body.displacement_error_bound_m + 2e-8
-    assert len(body.pieces) == 1
+    assert len(body.segments) == 1
     # the velocity is the slope of the motion
     step_s = 1e-6
     ends = [motion(t)[:3, :3] @ [0.3, 0.2, 0.1] + motion(t)[:3, 3] for t in (-step_s, step_s)]
@@ -106,8 +106,8 @@ def test_motion_within_its_bound(name: str) -> None:
 
 def test_steady_rotor_is_one_number() -> None:
     body, _, _ = fitted(MOTIONS["rotor"][0], SPAN_S)
-    (piece,) = body.pieces
-    assert piece.turn.shape == (1, 3) and piece.move.shape == (1, 3)
+    (segment,) = body.segments
+    assert segment.rotation.shape == (1, 3) and segment.translation.shape == (1, 3)
 
 
 def test_standing_still_is_exact() -> None:
@@ -128,21 +128,21 @@ def test_rounding_alone_is_no_motion() -> None:
 
 @pytest.mark.parametrize("samples", [129, 1025])
 def test_corner_and_jump_at_a_keyframe(samples: int) -> None:
-    """Two pieces that meet at the corner, where a sample is."""
+    """Two segments that meet at the corner, where a sample is."""
     span_s, corner_s = 0.1, 0.1 * 48 / 128
 
     def corner(t: float) -> np.ndarray:
         return pose([0, 100 + 10 * min(t, corner_s) - 5 * max(t - corner_s, 0), 0])
 
     body, found, want = fitted(corner, span_s, samples, corners_s=[corner_s])
-    assert len(body.pieces) == 2 and body.pieces[1].start_s == corner_s
+    assert len(body.segments) == 2 and body.segments[1].start_s == corner_s
     assert np.abs(found - want).max() < 3e-6
 
     def jump(t: float) -> np.ndarray:
         return pose([0, 100.0 + 3 * (t >= corner_s), 0])
 
     body, found, want = fitted(jump, span_s, samples, corners_s=[corner_s])
-    assert len(body.pieces) == 2
+    assert len(body.segments) == 2
     assert np.abs(found - want).max() < 1e-6
 
 

@@ -23,9 +23,9 @@ from radarsim_addon.signal.motion import (
     read_motion,
     write_tracks,
 )
-from radarsim_addon.signal.motion.body_motion import Piece, rotation
+from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.motion.kinematics import leg_change
-from radarsim_addon.signal.paths.paths import PATH_DTYPE, motion_of_rows
+from radarsim_addon.signal.paths import PATH_DTYPE, motion_of_rows
 
 SPAN_S = 0.02
 TIMES_S = np.linspace(0, SPAN_S, 7)
@@ -42,7 +42,7 @@ def body(
     if not (any(velocity) or any(spin)):
         return BodyMotion(pose)
     half = np.array(velocity) * SPAN_S / 2
-    piece = Piece(
+    segment = Segment(
         0.0,
         SPAN_S,
         np.array([np.array(place) + half, half]),
@@ -50,16 +50,16 @@ def body(
         np.array([np.array(spin) * SPAN_S / 2]),
         np.eye(3),
     )
-    return BodyMotion(pose, (piece,))
+    return BodyMotion(pose, (segment,))
 
 
 def carried(motion: BodyMotion, point: np.ndarray, time_s: float) -> np.ndarray:
     """Where a point of a steady body is, by its definition."""
-    if not motion.pieces:
+    if not motion.segments:
         return point
     place = motion.pose[:3, 3]
-    piece = motion.pieces[0]
-    velocity, spin = piece.move[1] * 2 / SPAN_S, piece.turn[0] * 2 / SPAN_S
+    segment = motion.segments[0]
+    velocity, spin = segment.translation[1] * 2 / SPAN_S, segment.rotation[0] * 2 / SPAN_S
     return rotation(spin * time_s) @ (point - place) + place + velocity * time_s
 
 
@@ -80,7 +80,7 @@ def rows_of(*paths: tuple[list[tuple[float, float, float]], list[int]], excess: 
         row["length_m"] = excess + sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
         row["order"] = len(points)
         row["first_scatterer_m"], row["last_scatterer_m"] = points[0], points[-1]
-        row["first_body"], row["body"] = numbers[0], numbers[-1]
+        row["first_body"], row["last_body"] = numbers[0], numbers[-1]
         row["direction"] = (way[1] - way[0]) / np.linalg.norm(way[1] - way[0])
     return rows
 
@@ -214,12 +214,12 @@ def test_times_outside_the_burst() -> None:
 
 def test_numbers_that_are_not_there() -> None:
     rows = rows_of(*PATHS)
-    rows["body"][0] = 9
+    rows["last_body"][0] = 9
     with pytest.raises(ConfigError, match="names body 9, the motion file has 3"):
         motion_of_rows(rows, scene(True))
     rows = rows_of(*PATHS)
-    rows["track"][0] = 1
-    with pytest.raises(ConfigError, match="track"):
+    rows["last_surface_point"][0] = 1
+    with pytest.raises(ConfigError, match="last_surface_point"):
         motion_of_rows(rows, scene(True))
 
 
@@ -245,7 +245,7 @@ def written(folder: Path) -> str:
     record = contract.MotionRecord(
         frame=1,
         time_s=0.0,
-        span_s=SPAN_S,
+        duration_s=SPAN_S,
         samples=17,
         receiver_kind="perspective",
         antennas=[body_record("C", "", RECEIVER, False), body_record("T", "", EMITTER, False)],
@@ -254,8 +254,8 @@ def written(folder: Path) -> str:
         displacement_error_bound_wavelengths=0.0,
         approximated_motion_fraction=0.0,
         unknown_motion_fraction=0.0,
-        tracks_file=path.name,
-        tracks_sha256=file_sha256(path),
+        deforming_surfaces_file=path.name,
+        deforming_surfaces_sha256=file_sha256(path),
     )
     write_record(folder / contract.MOTION_FILE, record)
     return file_sha256(folder / contract.MOTION_FILE)
@@ -272,7 +272,7 @@ def test_tracks_move_with_face_and_body(tmp_path: Path) -> None:
     read = read_motion(tmp_path, 1, written(tmp_path))
     point = BODIES[1].pose[:3, 3] + (0.25, -1.0 - 0.0175, 0.25)
     rows = rows_of(([tuple(point)], [2]))
-    rows["track"] = rows["first_surface_point"] = 1
+    rows["last_surface_point"] = rows["first_surface_point"] = 1
     motion = motion_of_rows(rows, read)
     assert motion.moving.all()
     lengths = motion.lengths_m(TIMES_S, slice(None))[0]
@@ -323,7 +323,7 @@ def test_speed_is_of_use() -> None:
     still = BodyMotion(np.eye(4))
     frame = FrameMotion(SPAN_S, still, still, False, [rotor])
     rows = np.zeros(1, dtype=PATH_DTYPE)
-    rows["order"], rows["body"] = 1, 1
+    rows["order"], rows["last_body"] = 1, 1
     rows["last_scatterer_m"], rows["length_m"] = (0.5, 10, 0), 2 * math.hypot(0.5, 10)
     want = 50 * 10 / math.hypot(0.5, 10)
     assert motion_of_rows(rows, frame).range_rates_mps()[0] == pytest.approx(want, rel=1e-12)

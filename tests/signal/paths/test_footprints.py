@@ -20,7 +20,7 @@ from radarsim_addon.signal import (
     open_run,
 )
 from radarsim_addon.signal.maps import ExpectedPower, expected_power
-from radarsim_addon.signal.paths.paths import (
+from radarsim_addon.signal.paths import (
     PATH_DTYPE,
     PathRows,
     Steps,
@@ -62,14 +62,14 @@ def rows_of(camera: contract.ReceiverRecord, size_px: int, replicates: int) -> P
         rows = pr.trace([GROUND], shifted(camera, u * pitch, v * pitch), emitter, size_px)
         rows["power_w"] /= replicates
         rows["solid_angle_sr"] /= replicates
-        rows["shift"] = shift
+        rows["replicate"] = shift
         parts.append(rows)
     return np.concatenate(parts)
 
 
 def expected(folder: Path, rows: PathRows, camera: contract.ReceiverRecord) -> ExpectedPower:
     emitter = contract.TransmitterRecord(camera.matrix_world, 5.0)
-    replicates = int(rows["shift"].max()) + 1
+    replicates = int(rows["replicate"].max()) + 1
     pr.write_run(
         folder, rows, ["Ground"], camera, emitter, range_limits_m=1200.0, replicates=replicates
     )
@@ -180,7 +180,7 @@ def test_where_nothing_is_spread() -> None:
     camera = view(0.0)
     rows = rows_of(camera, 24, 1)
     rows = rows[rows["length_m"] < 300]
-    for name, value in (("order", 2), ("object", 0)):
+    for name, value in (("order", 2), ("last_object", 0)):
         other = rows.copy()
         other[name] = value
         assert not steps_of(other, camera, 1).length_m.any()
@@ -194,10 +194,10 @@ def test_where_nothing_is_spread() -> None:
     cliff["length_m"] = 100 + 3.0 * place + 500.0 * (place > 12)
     assert np.abs(steps_of(cliff, camera, 1).length_m[:, 0]).max() == pytest.approx(3.0)
     # two bodies of one object (instances) have an end where they meet
-    cliff["body"] = place > 12
+    cliff["last_body"] = place > 12
     assert np.abs(steps_of(cliff, camera, 1).length_m[:, 0]).max() == pytest.approx(3.0)
     alternate = rows.copy()
-    alternate["body"] = np.arange(rows.size) % 2
+    alternate["last_body"] = np.arange(rows.size) % 2
     assert not steps_of(alternate, camera, 1).length_m[:, 0].any()
 
 

@@ -11,6 +11,7 @@ import pytest
 from radarsim_addon import sidecar
 from radarsim_addon.errors import ConfigError, SchemaError
 from radarsim_addon.signal import (
+    PathFlag,
     frame_paths,
     iter_path_chunks,
     join_paths,
@@ -20,7 +21,6 @@ from radarsim_addon.signal import (
     path_power_w,
     pixel_grid,
 )
-from radarsim_addon.signal.paths.paths import PathFlag
 from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup()

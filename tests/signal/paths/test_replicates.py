@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.paths.paths.replicates import shift_variances
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths.paths import PATH_DTYPE, edge_variances, lone_variances, shift_px
+from radarsim_addon.signal.paths import PATH_DTYPE, edge_variances, lone_variances, shift_px
+from radarsim_addon.signal.paths.replicates import shift_variances
 
 PX = 1e-3
 SIZE = 28

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.paths.paths.table import MAX_ROWS, open_table
 
 from radarsim_addon.errors import FrameFileError, OutputError
-from radarsim_addon.signal.paths.paths import PATH_DTYPE, PathRows, iter_rows, write_table
+from radarsim_addon.signal.paths import PATH_DTYPE, PathRows, iter_rows, write_table
+from radarsim_addon.signal.paths.table import MAX_ROWS, open_table
 
 
 def random_rows(count: int, seed: int = 0) -> PathRows:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.pipeline.process.console import detection_lines, map_digits
 
 from radarsim_addon.signal import (
     Burst,
@@ -33,13 +32,13 @@ from radarsim_addon.signal import (
     synthesize,
 )
 from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, find_edges, target_count
-from radarsim_addon.signal.maps import expected_power_profile
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import expected_power_profile, range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, decimals_for, fixed
 from radarsim_addon.signal.pictures.cells import cell_axis, strongest
 from radarsim_addon.signal.pictures.labels import Box, Label, label_box, place_labels
 from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
 from radarsim_addon.signal.pictures.numbers import frequency_unit, range_unit
+from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
 
 pytest.importorskip("matplotlib")
 

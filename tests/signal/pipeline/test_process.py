@@ -23,8 +23,8 @@ from radarsim_addon.signal import (
     process_run,
     read_exr,
 )
-from radarsim_addon.signal.pictures import figure as plots
-from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.pictures import figure
+from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
@@ -69,7 +69,7 @@ def test_files_of_a_frame(folder: Path) -> None:
     assert names == sorted(path.name for path in result.files)
     assert names == [
         "frame_0001_amplitude_t0.exr", "frame_0001_amplitude_t1.exr", "frame_0001_echo.png",
-        "frame_0001_map.npz", "frame_0001_range_profile.png", "frame_0001_profile.npz",
+        "frame_0001_map.npz", "frame_0001_profile.npz",
         "frame_0001_range_doppler.png", "frame_0001_range_t0.exr", "frame_0001_range_t1.exr",
         "frame_0001_rings.png", "frame_0001_summary.json",
     ]  # fmt: skip
@@ -175,7 +175,7 @@ def test_output_folder_that_cannot_be(folder: Path) -> None:
 
 
 def test_without_matplotlib(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plots, "has_matplotlib", lambda: False)
+    monkeypatch.setattr(figure, "has_matplotlib", lambda: False)
     (result,) = results(folder, ProcessOptions(products=False))
     assert not [p for p in result.files if p.suffix == ".png"]
     with pytest.raises(MissingDependencyError, match="pip install matplotlib"):

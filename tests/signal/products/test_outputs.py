@@ -24,7 +24,7 @@ from radarsim_addon.signal import (
     process_run,
     waveform_to_dict,
 )
-from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))

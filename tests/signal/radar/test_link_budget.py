@@ -15,7 +15,7 @@ from radarsim_addon.contract import AntennaRecord, LinkBudget, RunRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.antennas import direction_from_angles, sphere_mean
 from radarsim_addon.sidecar import read_record, write_record
-from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import (
     cut_dbi,
     half_power_width_rad,
@@ -174,10 +174,10 @@ def test_wrong_budgets_are_named(changes: dict, message: str) -> None:
 
 def test_run_keeps_its_system(tmp_path: Path) -> None:
     plain = run_record(Setup())
-    assert plain.system is None
+    assert plain.link_budget is None
     system = LinkBudget(2.0, receiver=AntennaRecord("cosine", {"exponent": 1.5}))
-    write_record(tmp_path / "run.json", RunRecord(**{**plain.__dict__, "system": system}))
-    assert read_record(tmp_path / "run.json", RunRecord).system == system
+    write_record(tmp_path / "run.json", RunRecord(**{**plain.__dict__, "link_budget": system}))
+    assert read_record(tmp_path / "run.json", RunRecord).link_budget == system
     assert read_system(tmp_path / "run.json") == system
 
 
@@ -230,7 +230,7 @@ def test_antennas_command(
     setup = Setup()
     run = write_run(tmp_path / "run", setup, points(setup, []))
     plan = run_record(setup)
-    write_record(run / "run.json", dataclasses.replace(plan, system=LinkBudget()))
+    write_record(run / "run.json", dataclasses.replace(plan, link_budget=LinkBudget()))
     assert main(["antennas", str(run)]) == 0
     assert str(run / "products" / "antennas.png") in capsys.readouterr().out
     assert (run / "products" / "antennas.png").is_file()

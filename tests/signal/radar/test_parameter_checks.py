@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.signal.pipeline.process import main
+from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import (
     AnyWaveform,
     Burst,

@@ -17,7 +17,7 @@ from radarsim_addon.signal import (
     waveform_from_dict,
     waveform_to_dict,
 )
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from radarsim_addon.signal.radar.radar_files import load_samples
 from tests.signal.oracle import unit_paths

@@ -21,8 +21,8 @@ from radarsim_addon.signal import (
     synthesize,
     waveform_from_dict,
 )
-from radarsim_addon.signal.echoes.pulse_synthesis import line_times_s
-from radarsim_addon.signal.maps import range_compression as range_process
+from radarsim_addon.signal.echoes import line_times_s
+from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from radarsim_addon.signal.radar.codes import BARKER, barker, m_sequence
 from tests.signal.oracle import unit_paths

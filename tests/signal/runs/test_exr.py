@@ -194,7 +194,7 @@ import glob, sys
 import bpy
 sys.path += glob.glob(bpy.utils.resource_path("LOCAL") + "/python/lib/python3*/site-packages")
 import numpy as np
-from radarsim_addon.signal import exr
+from radarsim_addon.signal.runs import exr
 exr.inside_blender_program = lambda: True
 assert exr.exr_backend()[0] == "OpenImageIO"
 found = exr.read_exr(sys.argv[1])

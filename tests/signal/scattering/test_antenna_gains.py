@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
@@ -24,8 +23,11 @@ from radarsim_addon.signal.detection import (
     object_echoes,
 )
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
-from radarsim_addon.signal.paths.paths import join_paths, make_paths, path_power_w, write_table
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, main, process_run
+from radarsim_addon.signal.paths import write_table
+from radarsim_addon.signal.paths.paths import join_paths, make_paths, path_power_w
+from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, make_system
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import Link
@@ -77,7 +79,7 @@ def test_system_scales_to_watts_and_cancels_the_lamp(tmp_path: Path) -> None:
     )  # fmt: skip
     run = open_run(one_plate(tmp_path / "run", system=system))
     frame = run.frame(1)
-    budget = FrameBudget(frame, run.radar, run.record.system)
+    budget = FrameBudget(frame, run.radar, run.record.link_budget)
     power = path_power_w(budget.apply(frame_paths(frame)), WAVELENGTH_M).sum()
     plain = path_power_w(frame_paths(frame), WAVELENGTH_M).sum()
     assert power / plain == pytest.approx(50 * 10**2 * 10 / 1e6 / 10**0.6, rel=1e-12)
@@ -100,10 +102,10 @@ def test_each_antenna_has_its_own_direction(tmp_path: Path) -> None:
         system=contract.LinkBudget(1e6, contract.AntennaRecord("gaussian", wide)),
     )  # fmt: skip
     run = open_run(folder)
-    budget = FrameBudget(run.frame(1), run.radar, run.record.system)
+    budget = FrameBudget(run.frame(1), run.radar, run.record.link_budget)
     paths = budget.apply(frame_paths(run.frame(1)))
     assert paths.gain is not None
-    peak = float(make_system(run.record.system, WAVELENGTH_M).transmitter.gain((0, 0, -1.0)))
+    peak = float(make_system(run.record.link_budget, WAVELENGTH_M).transmitter.gain((0, 0, -1.0)))
     loss_db = 40 * math.log10(2) * (7 / 12) ** 2  # 3.01 dB at half the beamwidth
     assert 10 * np.log10(paths.gain.mean() / peak) == pytest.approx(-loss_db, abs=0.02)
 
@@ -154,7 +156,7 @@ def test_rings_know_their_vertices(tmp_path: Path) -> None:
         distance + np.linalg.norm(paths.geometry.last_scatterer_m - budget.link.emitter_m, axis=1),
         paths.length_m, rtol=1e-12,
     )  # fmt: skip
-    eirp_w = synthetic.render_record(setup, 1, 0, 0).emitter.eirp_w
+    eirp_w = synthetic.render_record(setup, 1, 0, 0).transmitter.eirp_w
     gain = budget.link.receive_gain(paths.geometry.direction)
     np.testing.assert_allclose(paths.gain, 3.0 / eirp_w * gain, rtol=1e-12)
     assert budget.link.guessed == 0
@@ -272,7 +274,7 @@ def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
     assert set(budget_of(folder, quick).excluded_reason.values()) == {"cancelled by the MTI"}
     table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
     rows = np.array(open_table(table))
-    rows["range_rate_mps"][rows["object"] == 2] = 2.0
+    rows["range_rate_mps"][rows["last_object"] == 2] = 2.0
     write_table(table, [rows])
     sidecar = folder / contract.frame_dir(1) / contract.PATHS_FILE
     record = read_record(sidecar, contract.PathsRecord)
@@ -315,15 +317,14 @@ def test_groups_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     record_folder = folder / contract.frame_dir(1)
-    from radarsim_addon.signal.paths.paths.table import open_table
-
     from radarsim_addon.sidecar import file_sha256, read_record, write_record
-    from radarsim_addon.signal.paths.paths import write_table
+    from radarsim_addon.signal.paths import write_table
+    from radarsim_addon.signal.paths.table import open_table
 
     rows = np.array(open_table(record_folder / contract.PATHS_TABLE))
     rows["order"][0], rows["first_object"][0] = 2, 2
-    assert rows["object"][0] == 1 or rows["object"][0] == 2
-    rows["object"][0] = 1
+    assert rows["last_object"][0] == 1 or rows["last_object"][0] == 2
+    rows["last_object"][0] = 1
     write_table(record_folder / contract.PATHS_TABLE, [rows])
     record = read_record(record_folder / contract.PATHS_FILE, contract.PathsRecord)
     changed = {**record.__dict__, "table_sha256": file_sha256(record_folder / contract.PATHS_TABLE)}

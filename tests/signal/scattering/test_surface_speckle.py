@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from radarsim_addon.signal.paths.paths.table import open_table
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
-from radarsim_addon.signal.motion.body_motion import Piece
-from radarsim_addon.signal.paths.paths import PathRows, Paths, motion_of_rows, path_power_w
+from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.signal.paths import PathRows, motion_of_rows
+from radarsim_addon.signal.paths.paths import Paths, path_power_w
+from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
@@ -32,7 +33,7 @@ WAVELENGTH_M = pr.WAVEFORM.wavelength_m
 WAVENUMBER = 2 * math.pi / WAVELENGTH_M
 RESOLUTION_M = pr.WAVEFORM.range_resolution_m
 IDENTITY = {1: Body("Plate", np.eye(4))}
-COLUMNS = ("first_object", "object")
+COLUMNS = ("first_object", "last_object")
 
 stats = pytest.importorskip("scipy.stats")
 
@@ -175,11 +176,11 @@ def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
     for name in ("first_scatterer_m", "last_scatterer_m"):
         moved[name] = rows[name] @ turn[:3, :3].T + turn[:3, 3]
     moved["direction"] = rows["direction"] @ turn[:3, :3].T
-    matrix = (turn @ np.array(record.camera.matrix_world)).tolist()
+    matrix = (turn @ np.array(record.receiver.matrix_world)).tolist()
     there = dataclasses.replace(
         record,
-        camera=dataclasses.replace(record.camera, matrix_world=matrix),
-        emitter=dataclasses.replace(record.emitter, matrix_world=matrix),
+        receiver=dataclasses.replace(record.receiver, matrix_world=matrix),
+        transmitter=dataclasses.replace(record.transmitter, matrix_world=matrix),
     )
     own = speckle(record, table, 5)
     others = speckle(there, moved, 5, bodies={1: Body("Plate", turn)})
@@ -230,7 +231,7 @@ def two_bounces(record: contract.PathsRecord, rows: PathRows) -> PathRows:
     rows = rows.copy()
     rows["order"] = 2
     rows["last_scatterer_m"] = rows["first_scatterer_m"] + [0.0, -5.0, 8.0]
-    emitter_m = np.array(record.emitter.matrix_world)[:3, 3]
+    emitter_m = np.array(record.transmitter.matrix_world)[:3, 3]
     rows["length_m"] = (
         np.linalg.norm(rows["first_scatterer_m"], axis=1)
         + np.linalg.norm(rows["last_scatterer_m"] - rows["first_scatterer_m"], axis=1)
@@ -288,10 +289,10 @@ def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, Rada
     pose = np.eye(4)
     pose[:3, 3] = 0, 1000, 0
     turn = np.array([[0, 0, 0.015]])
-    piece = Piece(0.0, 0.1, pose[None, :3, 3], np.zeros(3), turn, np.eye(3))
+    piece = Segment(0.0, 0.1, pose[None, :3, 3], np.zeros(3), turn, np.eye(3))
     plate, still = BodyMotion(pose, (piece,)), BodyMotion(np.eye(4))
     rows = np.array(table)
-    rows["body"] = rows["first_body"] = 1
+    rows["last_body"] = rows["first_body"] = 1
     motion = motion_of_rows(rows, FrameMotion(0.1, still, still, False, [plate]))
     paths = dataclasses.replace(frame_paths(frame), motion=motion)
     return Radar(pr.WAVEFORM, pr.BURST), frame, paths

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Text from files, made safe to print."""
 
 from __future__ import annotations
 

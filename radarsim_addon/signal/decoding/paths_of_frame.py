@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""DOCSTRING."""
+"""Paths of a radar frame, from its rings or from its path table."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from ..paths import (
     table_parts,
     usable,
 )
-from ..paths.paths import _count_flags
+from ..paths.paths import count_flags
 from ..runs import RadarFrame
-from .ring_geometry import ring_geometry
 from .ring_pixels import Decoded
 from .ring_reader import RingReader
+from .shell_geometry import ring_geometry
 from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
 
 #: |G B/R^2 - 1| above which a pixel counts as mixed. float32 noise stays below 2e-6; 1e-5 is a
@@ -105,7 +105,7 @@ def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
             row=place,
             col=zeros,
             flags=flags,
-            counts=_count_flags(flags, range_encoding_underflow=int(np.count_nonzero(~keep))),
+            counts=count_flags(flags, range_encoding_underflow=int(np.count_nonzero(~keep))),
             geometry=geometry_of(rows),
             motion=as_path_motion(rows, scene),
         )
@@ -143,5 +143,5 @@ def _ring_paths(
         row=row.astype(np.int32),
         col=col.astype(np.int32),
         flags=here,
-        counts=_count_flags(here, decoded.range_encoding_underflow, decoded.no_range_encoding),
+        counts=count_flags(here, decoded.range_encoding_underflow, decoded.no_range_encoding),
     )

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ring sampling: one Cycles render for each ring and snapshot, written as an EXR file.
+
+Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
+moment a run is killed at, a file with a sidecar is whole, and the next run goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from ...atomic_files import replace_file
+from ...errors import RadarSimError, RenderError
+from ...sidecar import write_record
+from ..plan import Task
+from ..run import MeasurementJob, output_folder, run_files
+from .exr_check import verify_exr
+from .render_result import save_render
+
+
+class RingJob(MeasurementJob):
+    """A run that measures rings, the paper's acquisition. Parameters as `MeasurementJob`."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self._pending: list[Task] = []
+        self._scene_written: int | None = None
+
+    def _plan_renders(self) -> None:
+        self._pending = [
+            task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
+        ]
+        self.total = self.plan.total
+        self.done = self.total - len(self._pending)
+
+    def pending(self) -> Iterator[Task]:
+        """Renders that are still to be made, in order."""
+        yield from self._pending
+
+    def start(self, task: Task) -> None:
+        """Set time and ring for a render, and note where the antennas are.
+
+        Raises
+        ------
+        OutputError, SceneError
+            The frame's folder cannot be written; an antenna is scaled at this time.
+        """
+        assert self._settings is not None
+        if self._scene_written != task.frame:
+            output_folder.make_frame_folder(self.folder, task.frame)
+            self._write_scene(task.frame)
+            self._scene_written = task.frame
+        if self._records is None or not self._shows(task.instant):
+            depsgraph = self._show(task.instant)
+            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
+        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+
+    def render(self, task: Task) -> None:
+        """Render and wait for the end (not for use in the UI).
+
+        Raises
+        ------
+        RenderError
+            Cycles failed.
+        """
+        try:
+            result = bpy.ops.render.render(scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
+
+    def finish(self, task: Task) -> None:
+        """Write, check and rename the EXR that was rendered; then its sidecar.
+
+        Raises
+        ------
+        OutputError, RenderError
+            The file could not be written whole; nothing half-written is left.
+        """
+        assert self._records is not None
+        final = self.folder / task.exr_path
+        temporary = final.with_name(final.name + ".part")
+        # Blender would make the folder anew, without the rest of the run.
+        output_folder.check_there(self.folder, task.frame)
+        try:
+            save_render(self._scene, temporary)
+            verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
+            replace_file(temporary, final)
+            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
+            write_record(self.folder / task.sidecar_path, record)
+        except RadarSimError:
+            output_folder.check_there(self.folder, task.frame)
+            temporary.unlink(missing_ok=True)
+            raise
+        self._rendered += 1
+        self.done += 1
