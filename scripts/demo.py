@@ -25,11 +25,11 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from radarsim_addon.atomic_files import write_json  # noqa: E402
-from radarsim_addon.contract import GROUND_TRUTH_FILE, RUN_FILE, GroundTruthRecord, frame_dir  # noqa: E402
-from radarsim_addon.errors import RadarSimError, RenderError  # noqa: E402
-from radarsim_addon.sidecar import read_record  # noqa: E402
-from radarsim_addon.signal.maps import power_unit  # noqa: E402
+from radarsim_addon.atomic_files import write_json
+from radarsim_addon.contract import GROUND_TRUTH_FILE, RUN_FILE, GroundTruthRecord, frame_dir
+from radarsim_addon.errors import RadarSimError, RenderError
+from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.maps import power_unit
 from radarsim_addon.signal.pictures import (
     plot_echo,
     plot_range_doppler,
@@ -37,8 +37,8 @@ from radarsim_addon.signal.pictures import (
     plot_rings,
     save_figure,
 )
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run  # noqa: E402
-from radarsim_addon.signal.runs import open_run  # noqa: E402
+from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.runs import open_run
 
 #: An edge this far from an object's near face is of something else [range resolutions].
 EDGE_SEARCH = 3

@@ -51,9 +51,12 @@ class Plate:
 
 
 def plate(
-    name: str, centre: tuple[float, float, float], side_m: float, tilt_deg: float = 0.0,
+    name: str,
+    centre: tuple[float, float, float],
+    side_m: float,
+    tilt_deg: float = 0.0,
     albedo: float = 1.0,
-) -> Plate:  # fmt: skip
+) -> Plate:
     """A square plate that faces -Y, tilted about X."""
     h, t = side_m / 2, math.radians(tilt_deg)
     return Plate(name, centre, (h, 0, 0), (0, h * math.sin(t), h * math.cos(t)), albedo)
@@ -76,9 +79,12 @@ def trace(
         du, dv = rng.uniform(-0.5, 0.5, 2) if replicates > 1 else (0.0, 0.0)
         step = (receiver.right - receiver.left) / size_px
         moved = dataclasses.replace(
-            receiver, left=receiver.left + du * step, right=receiver.right + du * step,
-            bottom=receiver.bottom + dv * step, top=receiver.top + dv * step,
-        )  # fmt: skip
+            receiver,
+            left=receiver.left + du * step,
+            right=receiver.right + du * step,
+            bottom=receiver.bottom + dv * step,
+            top=receiver.top + dv * step,
+        )
         rays = pixel_rays(moved, size_px, size_px)
         direction = rays.direction.reshape(-1, 3)
         origin_m = np.broadcast_to(rays.origin_m, rays.direction.shape).reshape(-1, 3)
@@ -92,9 +98,11 @@ def trace(
                 t = ((np.array(item.centre) - origin_m) @ normal) / (direction @ normal)
                 local = origin_m + t[:, None] * direction - item.centre
                 hit = (
-                    (np.abs(local @ u) <= u @ u) & (np.abs(local @ v) <= v @ v)
-                    & (t > 0) & (t < nearest)
-                )  # fmt: skip
+                    (np.abs(local @ u) <= u @ u)
+                    & (np.abs(local @ v) <= v @ v)
+                    & (t > 0)
+                    & (t < nearest)
+                )
             nearest[hit], which[hit] = t[hit], number
         hit = which > 0
         rows = np.zeros(np.count_nonzero(hit), dtype=PATH_DTYPE)
@@ -137,24 +145,65 @@ def write_run(
     table = frame / contract.PATHS_TABLE
     write_table(table, [rows])
     run = contract.RunRecord(
-        sampling_mode="paths", frames=[1], frame_times_s=[0.0], rings=1, ring_step_m=range_limits_m,
-        snapshots=1, snapshot_interval_s=0.0, width_px=64, height_px=64, samples=1, seed=0, max_bounces=0,
-        metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
-        waveform=dataclasses.asdict(WAVEFORM), burst=dataclasses.asdict(BURST),
-        blend_file="", fingerprint="", link_budget=system,
-    )  # fmt: skip
+        sampling_mode="paths",
+        frames=[1],
+        frame_times_s=[0.0],
+        rings=1,
+        ring_step_m=range_limits_m,
+        snapshots=1,
+        snapshot_interval_s=0.0,
+        width_px=64,
+        height_px=64,
+        samples=1,
+        seed=0,
+        max_bounces=0,
+        metres_per_unit=1.0,
+        range_encoding_length_m=100.0,
+        extinction_length_m=1.0,
+        waveform=dataclasses.asdict(WAVEFORM),
+        burst=dataclasses.asdict(BURST),
+        blend_file="",
+        fingerprint="",
+        link_budget=system,
+    )
     write_record(folder / contract.RUN_FILE, run)
     record = contract.PathsRecord(
-        frame=1, time_s=0.0, metres_per_unit=1.0, range_encoding_length_m=100.0, extinction_length_m=1.0,
-        range_encoding="materials", coloured=False, amplitude_channel="mean",
-        carrier_hz=WAVEFORM.carrier_hz, receiver=receiver, transmitter=emitter, width_px=64,
-        height_px=64, max_reflections=1, max_unfollowed_fraction=0.0, seed=0, tiles=1, replicates=replicates, finest_refinement_level=0,
-        renders=1, render_time_s=0.0, path_count=rows.size, objects=names,
-        total_power_w=float(rows["power_w"].sum()), truncated_reflections_fraction=0.0, truncated_transparency_fraction=0.0,
-        mixed_power_fraction=0.0, unranged_power_fraction=0.0, mixed_bias_bound_m=0.0, length_sigma_m=0.0,
-        length_sigma_wavelengths=0.0, relative_error=0.0, stop_reason="all tiles",
-        table_file=contract.PATHS_TABLE, table_sha256=file_sha256(table),
-    )  # fmt: skip
+        frame=1,
+        time_s=0.0,
+        metres_per_unit=1.0,
+        range_encoding_length_m=100.0,
+        extinction_length_m=1.0,
+        range_encoding="materials",
+        coloured=False,
+        amplitude_channel="mean",
+        carrier_hz=WAVEFORM.carrier_hz,
+        receiver=receiver,
+        transmitter=emitter,
+        width_px=64,
+        height_px=64,
+        max_reflections=1,
+        max_unfollowed_fraction=0.0,
+        seed=0,
+        tiles=1,
+        replicates=replicates,
+        finest_refinement_level=0,
+        renders=1,
+        render_time_s=0.0,
+        path_count=rows.size,
+        objects=names,
+        total_power_w=float(rows["power_w"].sum()),
+        truncated_reflections_fraction=0.0,
+        truncated_transparency_fraction=0.0,
+        mixed_power_fraction=0.0,
+        unranged_power_fraction=0.0,
+        mixed_bias_bound_m=0.0,
+        length_sigma_m=0.0,
+        length_sigma_wavelengths=0.0,
+        relative_error=0.0,
+        stop_reason="all tiles",
+        table_file=contract.PATHS_TABLE,
+        table_sha256=file_sha256(table),
+    )
     write_record(frame / contract.PATHS_FILE, record)
     if scene is not None:
         write_record(frame / contract.GROUND_TRUTH_FILE, scene)

@@ -115,7 +115,8 @@ class QualitySums:
         left = self.share(self.left_order_w)
         if max(left, self.truncated_reflections_stderr) > _WARN_SHARE:
             found.append(
-                f"{100 * left:.2g} % (standard error {100 * self.truncated_reflections_stderr:.1g} %) of the "
+                f"{100 * left:.2g} % (standard error "
+                f"{100 * self.truncated_reflections_stderr:.1g} %) of the "
                 "power is in more reflections than were followed. Raise the order."
             )
         for share, text in (

@@ -102,7 +102,8 @@ def warnings_for(
         found.append("One pass gives no Doppler: every echo will be at 0 m/s. Take two passes.")
     elif of_rings and measurement.snapshot_interval_s < 0.002:
         found.append(
-            f"Delta t of {measurement.snapshot_interval_s * 1e3:.4g} ms is short: Blender keeps animation in "
+            f"Delta t of {measurement.snapshot_interval_s * 1e3:.4g} ms is short: "
+            "Blender keeps animation in "
             "float32, which at 1 ms costs about 1 % of the velocity. 10 ms is a good value."
         )
     if frame_interval_s is not None and len(measurement.frames) > 1:

@@ -33,7 +33,8 @@ class RingReader:
             time_s = self._times_s.setdefault(snapshot_index, record.time_s)
             if time_s != record.time_s:
                 raise SchemaError(
-                    f"{self._frame.path}: ring {ring}, pass {snapshot_index} is at {record.time_s} s, "
+                    f"{self._frame.path}: ring {ring}, pass {snapshot_index} is at "
+                    f"{record.time_s} s, "
                     f"other rings of the pass at {time_s} s. Render this frame again."
                 )
             if snapshot_index == 0:

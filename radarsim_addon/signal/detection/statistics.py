@@ -75,7 +75,8 @@ class StatisticsSum:
         self._fast += int(np.count_nonzero(speed > self._radar.max_unambiguous_velocity_mps))
 
     def result(self, outside: float) -> FrameStatistics:
-        """Of all paths added so far; `outside` as :class:`.echoes.pulse_synthesis.Echoes` has it."""
+        """Of all paths added so far; `outside` as "
+        ":class:`.echoes.pulse_synthesis.Echoes` has it."""
         some = self._counts.paths > 0
         return FrameStatistics(
             counts=self._counts,
@@ -112,12 +113,14 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
     if statistics.beyond_max_velocity:
         found.append(
             f"{statistics.beyond_max_velocity} paths move faster than the unambiguous "
-            f"{radar.max_unambiguous_velocity_mps:.4g} m/s (lambda PRF / 4): they fold in Doppler, as in a "
+            f"{radar.max_unambiguous_velocity_mps:.4g} m/s (lambda PRF / 4): they fold "
+            "in Doppler, as in a "
             "radar. Raise the PRF to be rid of the ambiguity."
         )
     if statistics.outside_range_limits >= 0.5:
         found.append(
-            f"{statistics.outside_range_limits:.0f} paths lie outside the range window and are left out."
+            f"{statistics.outside_range_limits:.0f} paths lie outside the range window "
+            "and are left out."
         )
     if counts.range_encoding_underflow:
         found.append(
@@ -126,13 +129,16 @@ def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
         )
     if counts.no_range_encoding:
         found.append(
-            f"{counts.no_range_encoding} pixels have more R than B and are left out: light that does not "
+            f"{counts.no_range_encoding} pixels have more R than B and are left out: "
+            "light that does not "
             "carry the range code. Give every object a Radar Material and hide other lights."
         )
     if counts.range_rate_rejected or counts.single_snapshot:
         found.append(
-            f"{counts.range_rate_rejected} paths changed range by more than the speed limit between the "
-            f"passes and {counts.single_snapshot} have an echo in the first pass only (edges of moving "
+            f"{counts.range_rate_rejected} paths changed range by more than the speed "
+            "limit between the "
+            f"passes and {counts.single_snapshot} have an echo in the first pass only "
+            "(edges of moving "
             "objects, or a run with one pass); they count as standing still."
         )
     if statistics.mixed_power_fraction > MIXED_POWER_WARNING:

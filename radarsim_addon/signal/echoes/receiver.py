@@ -141,7 +141,8 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
     if receiver.noise_figure_db is not None:
         if echoes.amplitude_model != "radar-equation":
             raise ConfigError(
-                f"Thermal noise is in watts, amplitudes of the weighting {echoes.amplitude_model!r} are "
+                f"Thermal noise is in watts, amplitudes of the weighting "
+                f"{echoes.amplitude_model!r} are "
                 "not. Use the weighting 'radar-equation', or no noise."
             )
         noise_w = float(

@@ -38,7 +38,8 @@ def line_range_axis(
     limit_m = waveform.unambiguous_range_m
     if range_limits_m[0] >= limit_m:
         raise ConfigError(
-            f"Range window from {range_limits_m[0]:g} m; the waveform's range ends at {limit_m:g} m. "
+            f"Range window from {range_limits_m[0]:g} m; the waveform's range ends at "
+            f"{limit_m:g} m. "
             "Choose a nearer window, or a waveform with a smaller slope or frequency step."
         )
     step_m = waveform.sample_spacing_m / oversample

@@ -114,7 +114,8 @@ class Segment:
     initial_orientation
         G at start_s, (3, 3); relative to the pose at t = 0.
     linear
-        Instead of rotation and initial_orientation: coefficients of the nine numbers of G, (degrees, 9).
+        Instead of rotation and initial_orientation: coefficients of the nine numbers of G,
+        (degrees, 9).
     """
 
     start_s: float

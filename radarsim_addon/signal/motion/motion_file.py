@@ -4,8 +4,8 @@
 ``motion_tracks.npz`` holds plain arrays. Points on surfaces that deform are tracks, numbered from
 1: ``track_body`` (n,) numbers the body, ``track_vertices`` (n, 3) and ``track_weights`` (n, 3) name
 three vertices of its mesh and their barycentric weights. For each such body b,
-``edges_s_b`` (segments + 1,) and ``series_b`` (segments, degrees, vertices, 3) are Chebyshev series of
-the vertices' positions in the body's own axes [m].
+``edges_s_b`` (segments + 1,) and ``series_b`` (segments, degrees, vertices, 3) are Chebyshev series
+of the vertices' positions in the body's own axes [m].
 """
 
 from __future__ import annotations
@@ -147,7 +147,8 @@ def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
         starts_late = number > 0 and segment.start_s < record.segments[number - 1].stop_s
         if not segment.stop_s > segment.start_s or starts_late:
             raise FrameFileError(
-                f"{here} runs from {segment.start_s!r} to {segment.stop_s!r} s; expected segments in "
+                f"{here} runs from {segment.start_s!r} to {segment.stop_s!r} s; expected "
+                "segments in "
                 "order of time. Render the frame again."
             )
         move = _array(segment.translation, (None, 3), here)
@@ -277,7 +278,8 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
     if record.deforming_surfaces_file:
         if record.deforming_surfaces_file != DEFORMING_SURFACES_FILE:
             raise SchemaError(
-                f"{path} names tracks {record.deforming_surfaces_file!r}; not {DEFORMING_SURFACES_FILE!r}."
+                f"{path} names tracks {record.deforming_surfaces_file!r}; not "
+                f"{DEFORMING_SURFACES_FILE!r}."
             )
         place = folder / DEFORMING_SURFACES_FILE
         tracks = read_tracks(place, len(record.bodies))

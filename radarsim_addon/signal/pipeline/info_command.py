@@ -59,7 +59,8 @@ def _info(folder: str) -> int:
             _print_quality(whole)
             return 0
         print(
-            f"  between passes   {counts.crossed} crossed a ring, {counts.range_rate_rejected} too fast, "
+            f"  between passes   {counts.crossed} crossed a ring, "
+            f"{counts.range_rate_rejected} too fast, "
             f"{counts.single_snapshot} in the first only"
         )
         for warning in statistics_warnings(statistics, radar):
@@ -91,7 +92,8 @@ def _print_quality(frame: RadarFrame) -> None:
     replicates = "1 shift" if record.replicates == 1 else f"{record.replicates} shifts"
     print(
         f"  tiles            {record.tiles}, {replicates} each, finest level "
-        f"{record.finest_refinement_level}; {record.renders} renders in {record.render_time_s:.1f} s"
+        f"{record.finest_refinement_level}; {record.renders} renders in "
+        f"{record.render_time_s:.1f} s"
     )
     if record.small_objects:
         print(
@@ -102,23 +104,27 @@ def _print_quality(frame: RadarFrame) -> None:
     over = {"ranges": "range bins", "objects": "objects"}
     known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
     print(
-        f"  standard error   {known} (over {over.get(record.error_scope, 'range bins and objects')})"
+        f"  standard error   {known} (over "
+        f"{over.get(record.error_scope, 'range bins and objects')})"
     )
     print(
-        f"  range code       in {record.range_encoding}{', coloured scene' if record.coloured else ''}"
+        f"  range code       in "
+        f"{record.range_encoding}{', coloured scene' if record.coloured else ''}"
     )
     print(
         f"  lengths known to {record.length_sigma_m:.2g} m, "
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
     print(
-        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % in higher orders (standard "
+        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % in "
+        "higher orders (standard "
         f"error {100 * record.truncated_reflections_stderr:.1g} %), "
         f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
     )
     print(
         f"  without a range  {100 * record.unranged_power_fraction:.2g} % of the power; mixed "
-        f"{100 * record.mixed_power_fraction:.2g} %, range bias at most {record.mixed_bias_bound_m:.2g} m"
+        f"{100 * record.mixed_power_fraction:.2g} %, range bias at most "
+        f"{record.mixed_bias_bound_m:.2g} m"
     )
     for warning in record.warnings:
         print(f"  warning: {printable(warning)}")

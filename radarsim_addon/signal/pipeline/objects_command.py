@@ -65,7 +65,8 @@ def print_rcs(
         for echo in echoes:
             if echo.multi_object_power_w > 0.01 * echo.power_w:
                 print(
-                    f"  {printable(echo.name)}: another {echo.multi_object_power_w:.3g} W come by way of "
+                    f"  {printable(echo.name)}: another {echo.multi_object_power_w:.3g} "
+                    "W come by way of "
                     "other objects too and are not in its cross section"
                 )
         warnings |= dict.fromkeys(projection_warnings(frame))

@@ -56,10 +56,10 @@ from ..pictures import (
     MapFile,
     animate_maps,
     draw_results,
-    has_matplotlib,
     plot_antennas,
     save_figure,
 )
+from ..pictures import figure as figures
 from ..products import remove_stale, write_products, write_results
 from ..radar import Radar, find_suspicious_parameters, make_system
 from ..runs import RadarFrame, Run, open_run
@@ -136,7 +136,7 @@ def _process_frames(
     options: ProcessOptions,
     allow_incomplete: bool,
 ) -> Iterator[Progress | FrameResult]:
-    draws = has_matplotlib() if options.plots is None else options.plots
+    draws = figures.has_matplotlib() if options.plots is None else options.plots
     if options.system is not None and draws:
         wavelength_m = (options.radar or run.radar).waveform.wavelength_m
         system = make_system(options.system, wavelength_m)
@@ -299,7 +299,7 @@ def _process_frame(
     if options.products and frame.sampling_mode == "rings":
         result.files.extend(write_products(frame, folder))
     yield f"frame {frame.number}: products"
-    if has_matplotlib() if options.plots is None else options.plots:
+    if figures.has_matplotlib() if options.plots is None else options.plots:
         result.files.extend(draw_results(frame, result, folder, options))
     yield f"frame {frame.number}: pictures"
     yield result

@@ -101,7 +101,8 @@ def weighting_of(record: LinkBudget | None) -> AmplitudeModel:
     if record is None:
         return "radar-equation"
     raise ConfigError(
-        f"Weighting {record.amplitude_model!r}; expected one of {', '.join(get_args(AmplitudeModel))}."
+        f"Weighting {record.amplitude_model!r}; expected one of "
+        f"{', '.join(get_args(AmplitudeModel))}."
     )
 
 

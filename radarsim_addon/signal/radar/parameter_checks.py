@@ -83,7 +83,8 @@ def find_suspicious_parameters(
         found.append(
             f"A burst of {radar.burst.pulses} pulses at a PRF of "
             f"{frequency_text(radar.burst.prf_hz)} lasts {burst_s:.4g} s, the animation "
-            f"{animation_s:.4g} s; range rates beyond {radar.max_unambiguous_velocity_mps:.3g} m/s fold. "
+            f"{animation_s:.4g} s; range rates beyond "
+            f"{radar.max_unambiguous_velocity_mps:.3g} m/s fold. "
             "Raise the PRF or send fewer pulses, and check the PRF's unit: hertz everywhere."
         )
     return found

@@ -164,7 +164,8 @@ class RadarFrame:
         """
         if self.sampling_mode != "rings":
             raise SchemaError(
-                f"{self.path} holds a table of paths, no ring images. Read it with iter_path_chunks."
+                f"{self.path} holds a table of paths, no ring images. Read it with "
+                "iter_path_chunks."
             )
         if not (0 <= ring < self.rings and 0 <= snapshot_index < self.snapshots):
             raise IndexError(
@@ -308,14 +309,16 @@ def open_run(path: str | Path) -> Run:
         )
     if record.sampling_mode not in ("rings", "paths"):
         raise SchemaError(
-            f"{where}: acquisition {record.sampling_mode!r}; this version knows 'rings' and 'paths'. "
+            f"{where}: acquisition {record.sampling_mode!r}; this version knows 'rings' "
+            "and 'paths'. "
             "Update radarsim to process this run."
         )
     if record.snapshots not in (1, 2):
         raise ConfigError(f"{where}: passes is {record.snapshots}; expected 1 or 2.")
     if record.snapshots == 2 and record.snapshot_interval_s <= 0:
         raise ConfigError(
-            f"{where}: delta t is {record.snapshot_interval_s!r} s; two passes need a positive time between."
+            f"{where}: delta t is {record.snapshot_interval_s!r} s; two passes need a "
+            "positive time between."
         )
     for name, unit in (
         ("rings", "rings"),

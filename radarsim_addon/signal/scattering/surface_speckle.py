@@ -100,7 +100,8 @@ class SpeckleReport:
         if self.undersampled_power_fraction < 0.2:
             return []
         text = (
-            f"{100 * self.undersampled_power_fraction:.0f} % of the power is in range cells of fewer than "
+            f"{100 * self.undersampled_power_fraction:.0f} % of the power is in range "
+            "cells of fewer than "
             f"{ENOUGH_SCATTERERS} independent scatterers (median {self.median_scatterers:.3g}): "
             "there speckle is not exponential, and a map shows one realisation of few. More pixels "
             "or shifts give more; the expected-power profile does not depend on it."

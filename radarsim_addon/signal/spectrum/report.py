@@ -146,7 +146,8 @@ class SynthesisReport:
             found.append(f"{self.range_ambiguous_count} paths {folds}")
         if self.doppler_ambiguous_count:
             found.append(
-                f"{self.doppler_ambiguous_count} paths turn by more than half a cycle from pulse to pulse "
+                f"{self.doppler_ambiguous_count} paths turn by more than half a cycle "
+                "from pulse to pulse "
                 "and stand folded in Doppler, as in a radar. Raise the PRF to be rid of it."
             )
         return replace(self, warnings=found)

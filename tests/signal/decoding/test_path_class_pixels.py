@@ -53,7 +53,7 @@ def gate(length_m: np.ndarray, view: PixelRays, **changes: Any) -> GatePixels:
         "mixing": np.ones(n),
         "position_m": nowhere,
         "vertex_m": nowhere,
-        "last_object": np.ones(n, dtype=np.int32),
+        "object": np.ones(n, dtype=np.int32),
         "first_object": np.ones(n, dtype=np.int32),
         "position_is_first": True,
     }

@@ -215,7 +215,7 @@ def test_times_outside_the_burst() -> None:
 def test_numbers_that_are_not_there() -> None:
     rows = rows_of(*PATHS)
     rows["last_body"][0] = 9
-    with pytest.raises(ConfigError, match="names body 9, the motion file has 3"):
+    with pytest.raises(ConfigError, match="names last_body 9, the motion file has 3"):
         motion_of_rows(rows, scene(True))
     rows = rows_of(*PATHS)
     rows["last_surface_point"][0] = 1

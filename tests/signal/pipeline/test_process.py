@@ -70,7 +70,8 @@ def test_files_of_a_frame(folder: Path) -> None:
     assert names == [
         "frame_0001_amplitude_t0.exr", "frame_0001_amplitude_t1.exr", "frame_0001_echo.png",
         "frame_0001_map.npz", "frame_0001_profile.npz",
-        "frame_0001_range_doppler.png", "frame_0001_range_t0.exr", "frame_0001_range_t1.exr",
+        "frame_0001_range_doppler.png", "frame_0001_range_profile.png",
+        "frame_0001_range_t0.exr", "frame_0001_range_t1.exr",
         "frame_0001_rings.png", "frame_0001_summary.json",
     ]  # fmt: skip
     with np.load(folder / "products/frame_0001_map.npz", allow_pickle=False) as arrays:

@@ -104,16 +104,16 @@ _NAMES = [
     "ring_step",
     "samples",
     "bounces",
-    "order",
+    "max_reflections",
     "replicates",
-    "error_scope",
-    "error",
-    "budget",
+    "refine_for",
+    "max_standard_error",
+    "time_limit",
     "motion",
     "motion_samples",
     "visibility_updates",
-    "code",
-    "amplitude",
+    "range_encoding",
+    "amplitude_channel",
 ]
 
 
@@ -125,9 +125,11 @@ def test_options_of_rings_and_paths_together_are_refused() -> None:
     assert chosen_acquisition(given()) is None
     assert chosen_acquisition(given(rings=3)) == "rings"
     assert chosen_acquisition(given(auto_rings=True)) == "rings"
-    assert chosen_acquisition(given(error=0.0)) == "paths"
-    assert chosen_acquisition(given(sampling_mode="paths", rings=3, error=1.0)) == "paths"
+    assert chosen_acquisition(given(max_standard_error=0.0)) == "paths"
+    assert (
+        chosen_acquisition(given(sampling_mode="paths", rings=3, max_standard_error=1.0)) == "paths"
+    )
     with pytest.raises(ConfigError, match="--error is of paths, --rings of rings"):
-        chosen_acquisition(given(rings=3, error=1.0))
+        chosen_acquisition(given(rings=3, max_standard_error=1.0))
     with pytest.raises(ConfigError, match="--renders-per-burst is of paths, --rings of rings"):
         chosen_acquisition(given(rings=2, visibility_updates=2))

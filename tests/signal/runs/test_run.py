@@ -109,8 +109,8 @@ def test_exr_of_another_size(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"frame": 2}, {"ring": 1}, {"snapshot_index": 1}, {"range_encoding_length_m": 5.0}, {"width_px": 3},
-     {"exr_file": "other.exr"}, {"metres_per_unit": 1.0}],
+    [{"frame": 2}, {"ring": 1}, {"snapshot_index": 1}, {"range_encoding_length_m": 5.0},
+     {"width_px": 3}, {"exr_file": "other.exr"}, {"metres_per_unit": 1.0}],
     ids=lambda changes: next(iter(changes)),
 )  # fmt: skip
 def test_sidecar_of_another_render(folder: Path, changes: dict[str, Any]) -> None:

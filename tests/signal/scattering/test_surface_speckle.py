@@ -49,8 +49,14 @@ def scene(
     emitter = contract.TransmitterRecord(pr.pose(at if emitter_at is None else emitter_at), 1e6)
     rows = pr.trace([target], receiver, emitter, size_px, replicates, seed)
     pr.write_run(
-        folder, rows, ["Plate"], receiver, emitter, range_limits_m=2 * range_m, replicates=replicates
-    )  # fmt: skip
+        folder,
+        rows,
+        ["Plate"],
+        receiver,
+        emitter,
+        range_limits_m=2 * range_m,
+        replicates=replicates,
+    )
     frame = folder / contract.frame_dir(1)
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
     return record, open_table(frame / contract.PATHS_TABLE), folder
