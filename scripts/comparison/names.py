@@ -109,7 +109,7 @@ EXCLUDED: tuple[Removed, ...] = (
     Removed(r".*\.sigmf-meta", r"global\.core:(recorder|version)", "version of the program"),
     Removed(r".*", r"(.*\.)?\w+_sha256", "hash of a file whose content is compared"),
     Removed(r".*\.sigmf-meta", r"global\.core:sha512", "hash of a file whose content is compared"),
-    Removed(r".*", r"(.*\.)?fingerprint", "hash of settings by their names"),
+    Removed(r".*", r"(.*\.)?\w*fingerprint", "hash of settings and meshes by their names"),
     Removed(r".*", r"(.*\.)?blend_file", "where the scene lies"),
     Removed(r".*", r"(.*\.)?render_time_s", "how long it took"),
     Removed(r".*", r"(.*\.)?(cpu_s|wall_s)", "how long it took"),
