@@ -177,8 +177,8 @@ class PathsRecord:
     whose pixel held several paths even so, unranged_power_fraction in rows without a usable range.
     truncated_reflections_stderr is the standard error of truncated_reflections_fraction, which is
     probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects".
-    stop_reason says which limit ended the refinement. small_objects are in view before refinement and have few
-    pixels; small_objects_tiled of them got tiles of their own.
+    stop_reason says which limit ended the refinement. small_objects are in view before refinement
+    and have few pixels; small_objects_tiled of them got tiles of their own.
     """
 
     frame: int

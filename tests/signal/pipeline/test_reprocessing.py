@@ -129,7 +129,7 @@ def test_options_of_rings_and_paths_together_are_refused() -> None:
     assert (
         chosen_acquisition(given(sampling_mode="paths", rings=3, max_standard_error=1.0)) == "paths"
     )
-    with pytest.raises(ConfigError, match="--error is of paths, --rings of rings"):
+    with pytest.raises(ConfigError, match="--max-standard-error is of paths, --rings of rings"):
         chosen_acquisition(given(rings=3, max_standard_error=1.0))
-    with pytest.raises(ConfigError, match="--renders-per-burst is of paths, --rings of rings"):
+    with pytest.raises(ConfigError, match="--visibility-updates is of paths, --rings of rings"):
         chosen_acquisition(given(rings=2, visibility_updates=2))
