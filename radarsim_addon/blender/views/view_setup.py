@@ -39,7 +39,7 @@ def number_objects(recorder: SettingsRestorer) -> NumberedObjects:
     for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
         if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
             names.append(item.name)
-            recorder.set(item, "snapshot_index", len(names))
+            recorder.set(item, "pass_index", len(names))
             if _is_opaque(item):
                 opaque.add(len(names))
             if item.hide_render:

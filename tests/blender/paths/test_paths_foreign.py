@@ -33,7 +33,7 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     layer.active_lightgroup_index = 0
     bpy.data.objects["POINT"].lightgroup = "Theirs"
     for number, item in enumerate(bpy.data.objects):
-        item.snapshot_index = 100 + number
+        item.pass_index = 100 + number
     before = ps.everything(scene)
     run = ph.run_paths(tmp_path / "cluttered", options=options, **size)
     after = ps.everything(scene)
