@@ -7,6 +7,8 @@ PYTHON ?=
 OUT ?= out/paper
 # Extra words for pytest, for example PYTEST_ARGS="-k gate".
 PYTEST_ARGS ?=
+# Processes that `make test` uses. Tests of one file share their fixtures, so they stay together.
+JOBS ?= 2
 
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.radarsim-installed
@@ -35,7 +37,7 @@ help:
 	@echo "make bench              how long things take"
 	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
 	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
-	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS)"
+	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS), JOBS=$(JOBS)"
 
 install: $(STAMP)
 
@@ -47,7 +49,7 @@ demo: $(STAMP)
 	@$(PY) scripts/demo.py --out "$(OUT)"
 
 test: $(STAMP)
-	$(PY) -m pytest $(PYTEST_ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 validate: $(STAMP)
 	@$(PY) scripts/validate.py

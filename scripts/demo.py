@@ -7,7 +7,7 @@
 Writes fig6_rings.png, fig7_echo.png, fig8_range_profile.png, fig9_range_doppler.png and
 summary.json into the folder, the run itself into its subfolder ``run``. Every number of the
 summary is measured from the run's own output; where the objects truly are is read from the scene's
-geometry, which the run keeps in scene.json.
+geometry, which the run keeps in ground_truth.json.
 """
 
 from __future__ import annotations

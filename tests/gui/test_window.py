@@ -76,7 +76,7 @@ def test_the_material_is_on_all_that_was_selected(walk: dict[str, Any]):
 def expected_files() -> set[str]:
     frame = "frames/frame_0001/"
     stems = [f"{frame}ring_{ring:03d}_t{p}" for ring in range(RINGS) for p in range(PASSES)]
-    return {"run.json", f"{frame}scene.json"} | {
+    return {"run.json", f"{frame}ground_truth.json"} | {
         stem + suffix for stem in stems for suffix in (".exr", ".json")
     }
 

@@ -44,7 +44,7 @@ def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
     names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
     stems = [f"frames/frame_0003/ring_{n:03d}_t{p}" for n in range(3) for p in range(2)]
     expected = [stem + suffix for stem in stems for suffix in (".exr", ".json")]
-    assert names == sorted([*expected, "frames/frame_0003/scene.json", "run.json"])
+    assert names == sorted([*expected, "frames/frame_0003/ground_truth.json", "run.json"])
     for stem in stems:
         record = read_record(tmp_path / f"{stem}.json", contract.RenderRecord)
         assert file_sha256(tmp_path / f"{stem}.exr") == record.exr_sha256
