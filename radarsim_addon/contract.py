@@ -168,6 +168,25 @@ class RenderRecord:
 
 
 @dataclass(frozen=True)
+class ColumnRecord:
+    """A column of the path table: numpy dtype of an element, its unit, and the shape of a row's."""
+
+    name: str
+    dtype: str
+    unit: str
+    meaning: str
+    shape: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class ColumnGroupRecord:
+    """Columns of the path table that are read together; a new meaning is a new version."""
+
+    version: int
+    columns: list[ColumnRecord]
+
+
+@dataclass(frozen=True)
 class PathsRecord:
     """Sidecar of one radar frame's table of paths (acquisition "paths").
 
@@ -178,7 +197,8 @@ class PathsRecord:
     truncated_reflections_stderr is the standard error of truncated_reflections_fraction, which is
     probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects".
     stop_reason says which limit ended the refinement. small_objects are in view before refinement
-    and have few pixels; small_objects_tiled of them got tiles of their own.
+    and have few pixels; small_objects_tiled of them got tiles of their own. column_groups describes
+    the table (none: that of radarsim 0.1), flags gives the values that its column flags sums up.
     """
 
     frame: int
@@ -222,6 +242,8 @@ class PathsRecord:
     small_objects_tiled: int = 0
     motion_file: str = ""  # empty: nothing is known of motion, all stands still
     motion_sha256: str = ""
+    column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)
+    flags: dict[str, int] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"

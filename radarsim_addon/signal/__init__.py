@@ -23,9 +23,8 @@ Files
 Pixels
     decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
 Paths
-    iter_path_chunks, frame_paths, join_paths, make_paths -> Paths, PathCounts; path_power_w,
-    path_amplitude;
-    PathFlag
+    iter_path_chunks, frame_paths, make_paths, Paths.join -> Paths, PathCounts; path_power_w,
+    path_amplitude; PathFlag
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
     replica_spectrum, matched_filter
@@ -104,7 +103,7 @@ from .maps import (
     range_noise_gain,
     range_process,
 )
-from .paths import PathCounts, PathFlag, Paths, join_paths, make_paths, path_amplitude, path_power_w
+from .paths import PathCounts, PathFlag, Paths, make_paths, path_amplitude, path_power_w
 from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save_figure
 from .pipeline import FrameResult, ProcessOptions, Progress, process_run
 from .products import write_products
@@ -191,7 +190,6 @@ __all__ = [
     "frame_paths",
     "frame_statistics",
     "iter_path_chunks",
-    "join_paths",
     "leading_edges",
     "load_phase_noise",
     "load_radar",

@@ -14,7 +14,13 @@ import numpy as np
 from radarsim_addon import contract
 from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths import PATH_DTYPE, PathRows, write_table
+from radarsim_addon.signal.paths import (
+    COLUMN_GROUPS,
+    PATH_DTYPE,
+    PATH_FLAGS,
+    PathRows,
+    write_table,
+)
 from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
@@ -190,6 +196,8 @@ def write_run(
         renders=1,
         render_time_s=0.0,
         path_count=rows.size,
+        column_groups=COLUMN_GROUPS,
+        flags=PATH_FLAGS,
         objects=names,
         total_power_w=float(rows["power_w"].sum()),
         truncated_reflections_fraction=0.0,

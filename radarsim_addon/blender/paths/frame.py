@@ -14,7 +14,7 @@ import numpy as np
 
 from ... import contract
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import PathRows, write_table
+from ...signal.paths import COLUMN_GROUPS, PATH_FLAGS, PathRows, write_table
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, Instant
 from ..views import ViewWindow
@@ -341,6 +341,8 @@ class FrameWork:
             renders=self._renders,
             render_time_s=self._seconds,
             path_count=rows,
+            column_groups=COLUMN_GROUPS,
+            flags=PATH_FLAGS,
             objects=scene.objects,
             total_power_w=quality.total_w,
             truncated_reflections_fraction=quality.share(quality.left_order_w),

@@ -6,7 +6,7 @@ In: the colour channels of renders. Out: path lengths [m], range rates [m/s], `P
 
 from .cameras import PixelRays, pixel_rays
 from .path_class_pixels import GatePixels, Geometry, assemble_rows, log_code_ratio
-from .paths_of_frame import frame_paths, iter_path_chunks
+from .paths_of_frame import frame_paths, iter_path_chunks, table_paths
 from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
 from .shell_geometry import single_vertex_m
 from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
@@ -27,4 +27,5 @@ __all__ = [
     "pixel_rays",
     "range_rate",
     "single_vertex_m",
+    "table_paths",
 ]

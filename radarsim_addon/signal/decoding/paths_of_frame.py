@@ -9,20 +9,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...array_types import Real
+from ...contract import PathsRecord
+from ..motion import FrameMotion
 from ..paths import (
     Flags,
+    PathCounts,
     PathFlag,
+    PathRows,
     Paths,
-    as_path_motion,
     frame_motion,
     geometry_of,
-    is_mixed,
-    join_paths,
+    iter_rows,
+    motion_of_rows,
+    open_frame_table,
     radiance_of,
-    table_parts,
     usable,
 )
-from ..paths.paths import count_flags
 from ..runs import RadarFrame
 from .ring_pixels import Decoded
 from .ring_reader import RingReader
@@ -40,12 +42,14 @@ def iter_path_chunks(
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Iterator[Paths]:
-    """Paths of one radar frame, ring by ring; at most three rings are in memory at a time.
+    """Yield the paths of one radar frame, ring by ring or part by part of its table.
+
+    At most three rings are in memory at a time.
 
     Parameters
     ----------
     frame
-        Radar frame with one or two passes. With one, every range rate is 0 and flagged.
+        Radar frame. With rings and one snapshot, every range rate is 0 and flagged.
     max_range_rate_mps
         Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
     mixed_tolerance
@@ -54,10 +58,11 @@ def iter_path_chunks(
     Raises
     ------
     FrameFileError, SchemaError
-        As :meth:`RadarFrame.image`; SchemaError also where the times of the passes do not fit.
+        As :meth:`RadarFrame.image`; SchemaError also where the times of the snapshots do not fit.
     """
     if frame.sampling_mode == "paths":
-        yield from _table_paths(frame)
+        motion = frame_motion(frame.path, frame.number)
+        yield from table_paths(*open_frame_table(frame.path, frame.number), motion)
         return
     reader = RingReader(frame)
     for ring in range(frame.rings):
@@ -77,7 +82,7 @@ def iter_path_chunks(
             )
         else:
             rate = np.zeros(first.mask.shape)
-            flags = np.full(first.mask.shape, PathFlag.SINGLE_SNAPSHOT, dtype=np.uint8)
+            flags = np.full(first.mask.shape, PathFlag.SINGLE_SNAPSHOT, dtype=np.uint16)
         reader.drop_before(ring)
         paths = _ring_paths(ring, first, rate, flags, mixed_tolerance)
         single = frame.max_bounces == 0
@@ -85,29 +90,44 @@ def iter_path_chunks(
         yield dataclasses.replace(paths, geometry=geometry)
 
 
-def _table_paths(frame: RadarFrame) -> Iterator[Paths]:
-    """The table of a frame in parts; rows without a length are counted and left out."""
-    first = 0
-    scene = frame_motion(frame.path, frame.number)
-    for record, rows in table_parts(frame.path, frame.number):
-        keep = usable(rows)
-        place = np.arange(first, first + rows.size, dtype=np.int32)[keep]
-        first += rows.size
-        rows = rows[keep]
-        flags = np.where(is_mixed(rows), PathFlag.MIXED, 0).astype(np.uint8)
-        zeros = np.zeros(rows.size, dtype=np.int32)
+def table_paths(
+    record: PathsRecord, table: PathRows, motion: FrameMotion | None, first_row: int = 0
+) -> Iterator[Paths]:
+    """Yield the paths of an opened table in parts that fit into memory.
+
+    Parameters
+    ----------
+    record, table
+        From :func:`.paths.open_frame_table`.
+    motion
+        The frame's, see :func:`.paths.frame_motion`; None: nothing is known, all is stationary.
+    first_row
+        Number of the table's first row, for a part of a larger one.
+
+    Yields
+    ------
+    Paths
+        `row` numbers the rows of the table. Rows without a length are counted and left out.
+    """
+    for part in iter_rows(table):
+        keep = usable(part)
+        row = first_row + np.flatnonzero(keep)
+        first_row += part.size
+        rows = part[keep]
+        flags = rows["flags"]
+        zeros = np.zeros(rows.size, dtype=np.int64)
         yield Paths(
             radiance=radiance_of(rows, record),
             solid_angle_sr=np.array(rows["solid_angle_sr"]),
             length_m=np.array(rows["length_m"]),
             range_rate_mps=np.array(rows["range_rate_mps"]),
             ring=zeros,
-            row=place,
+            row=row,
             col=zeros,
-            flags=flags,
-            counts=count_flags(flags, range_encoding_underflow=int(np.count_nonzero(~keep))),
+            flags=np.array(flags),
+            counts=PathCounts.of(flags, range_encoding_underflow=part.size - rows.size),
             geometry=geometry_of(rows),
-            motion=as_path_motion(rows, scene),
+            motion=None if motion is None else motion_of_rows(rows, motion),
         )
 
 
@@ -117,8 +137,8 @@ def frame_paths(
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Paths:
-    """All paths of one radar frame in one table, see :func:`iter_path_chunks`."""
-    return join_paths(
+    """Return all paths of one radar frame, see :func:`iter_path_chunks`."""
+    return Paths.join(
         iter_path_chunks(
             frame, max_range_rate_mps=max_range_rate_mps, mixed_tolerance=mixed_tolerance
         )
@@ -131,17 +151,19 @@ def _ring_paths(
     row, col = np.nonzero(decoded.mask)
     here = flags[row, col]
     # NaN (undefined) compares false: it is not counted as mixed
-    here |= PathFlag.MIXED * (np.abs(decoded.mixing[row, col] - 1) > mixed_tolerance).astype(
-        np.uint8
-    )
+    here[np.abs(decoded.mixing[row, col] - 1) > mixed_tolerance] |= PathFlag.MIXED
     return Paths(
         radiance=decoded.radiance[row, col],
         solid_angle_sr=decoded.solid_angle_sr[row, col],
         length_m=decoded.total_length_m[row, col],
         range_rate_mps=rate_mps[row, col],
-        ring=np.full(row.size, ring, dtype=np.int32),
-        row=row.astype(np.int32),
-        col=col.astype(np.int32),
+        ring=np.full(row.size, ring, dtype=np.int64),
+        row=row,
+        col=col,
         flags=here,
-        counts=count_flags(here, decoded.range_encoding_underflow, decoded.no_range_encoding),
+        counts=PathCounts.of(
+            here,
+            range_encoding_underflow=decoded.range_encoding_underflow,
+            no_range_encoding=decoded.no_range_encoding,
+        ),
     )

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Integers, Real
 from ...contract import ReceiverRecord, TransmitterRecord
 from ..paths import PathGeometry
 from .ring_pixels import Decoded
@@ -28,8 +27,8 @@ def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, emitter_m
 
 def ring_geometry(
     decoded: Decoded,
-    row: NDArray[np.int32],
-    col: NDArray[np.int32],
+    row: Integers,
+    col: Integers,
     camera: ReceiverRecord,
     emitter: TransmitterRecord,
     single: bool,

@@ -76,7 +76,7 @@ def range_rate(
     step[crossed] = nearest[crossed]
 
     seen = same | np.isfinite(nearest)
-    flags = np.zeros(start.shape, dtype=np.uint8)
+    flags = np.zeros(start.shape, dtype=np.uint16)
     flags[crossed] |= PathFlag.CROSSED_SHELL
     flags[first.mask & ~seen] |= PathFlag.SINGLE_SNAPSHOT
     flags[first.mask & seen & (np.abs(step) > limit_m)] |= PathFlag.RANGE_RATE_REJECTED

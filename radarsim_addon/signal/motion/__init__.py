@@ -9,7 +9,7 @@ from .body_motion import BodyMotion
 from .fit import fit_body, fit_vertices
 from .kinematics import KinematicMotion
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
-from .path_motion import JoinedMotion, LinearMotion, PathMotion, join_motion
+from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
 
 __all__ = [
     "BodyMotion",
@@ -18,6 +18,7 @@ __all__ = [
     "KinematicMotion",
     "LinearMotion",
     "PathMotion",
+    "Rows",
     "Tracks",
     "VertexSeries",
     "body_record",

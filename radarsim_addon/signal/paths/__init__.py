@@ -5,27 +5,26 @@ In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path 
 radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 """
 
-from .flags import Flags, PathFlag
+from .flags import PATH_FLAGS, Flags, PathFlag
 from .footprints import Points, Steps, spread, steps_of, views_by_shift
 from .geometry import PathGeometry
-from .paths import PathCounts, Paths, join_paths, make_paths, path_amplitude, path_power_w
+from .paths import PathCounts, Paths, make_paths, path_amplitude, path_power_w
 from .replicates import edge_variances, lone_variances, shift_px
-from .table import PATH_DTYPE, PathRows, iter_rows, write_table
+from .table import COLUMN_GROUPS, PATH_DTYPE, PathRows, iter_rows, open_table, write_table
 from .table_files import (
-    as_path_motion,
     frame_motion,
     geometry_of,
-    is_mixed,
     motion_of_rows,
     open_frame_table,
     radiance_of,
     read_paths_record,
-    table_parts,
     usable,
 )
 
 __all__ = [
+    "COLUMN_GROUPS",
     "PATH_DTYPE",
+    "PATH_FLAGS",
     "Flags",
     "PathCounts",
     "PathFlag",
@@ -34,17 +33,15 @@ __all__ = [
     "Paths",
     "Points",
     "Steps",
-    "as_path_motion",
     "edge_variances",
     "frame_motion",
     "geometry_of",
-    "is_mixed",
     "iter_rows",
-    "join_paths",
     "lone_variances",
     "make_paths",
     "motion_of_rows",
     "open_frame_table",
+    "open_table",
     "path_amplitude",
     "path_power_w",
     "radiance_of",
@@ -52,7 +49,6 @@ __all__ = [
     "shift_px",
     "spread",
     "steps_of",
-    "table_parts",
     "usable",
     "views_by_shift",
     "write_table",

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Flags = NDArray[np.uint8]
+Flags = NDArray[np.uint16]
 
 
 class PathFlag:
@@ -35,3 +35,7 @@ class PathFlag:
 
     CROSSED_SHELL = 64
     """The echo moved into the neighbouring ring between the snapshots, and was found there."""
+
+
+#: Value of each flag by its name in files.
+PATH_FLAGS = {name.lower(): flag for name, flag in vars(PathFlag).items() if name.isupper()}

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where paths go: their vertices and directions, for what depends on them.
 
-Antenna patterns ask for directions at both antennas, speckle for the place on the surface, motion
-for the objects that are touched.
+Antenna patterns depend on the directions at both antennas, speckle on the place on the surface,
+motion on the objects that the paths touch.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ...array_types import Real
+from ...array_types import Int32, Real
+from ..motion import Rows
+from .columns import select_columns
 
 
 @dataclass(frozen=True)
@@ -33,26 +30,14 @@ class PathGeometry:
         Numbers in the frame's list of objects, from 1; 0: unknown, (n,).
     """
 
-    order: NDArray[np.int32]
-    transparent_depth: NDArray[np.int32]
+    order: Int32
+    transparent_depth: Int32
     first_scatterer_m: Real
     last_scatterer_m: Real
     direction: Real
-    first_object: NDArray[np.int32]
-    last_object: NDArray[np.int32]
+    first_object: Int32
+    last_object: Int32
 
-    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> PathGeometry:
-        """Geometry of these rows alone."""
-        return PathGeometry(
-            **{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)}
-        )
-
-
-def join_geometry(parts: Sequence[PathGeometry]) -> PathGeometry:
-    """One table of several."""
-    return PathGeometry(
-        **{
-            f.name: np.concatenate([getattr(part, f.name) for part in parts])
-            for f in dataclasses.fields(PathGeometry)
-        }
-    )
+    def select(self, rows: Rows) -> PathGeometry:
+        """Return the geometry of some rows: mask (n,), row numbers (m,) or slice."""
+        return select_columns(self, rows)

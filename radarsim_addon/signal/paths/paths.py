@@ -9,41 +9,60 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Complex, Integers, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
-from ..motion import LinearMotion, PathMotion, join_motion
-from .flags import Flags, PathFlag
-from .geometry import PathGeometry, join_geometry
+from ..motion import LinearMotion, PathMotion, Rows, join_motion
+from .columns import join_columns, select_columns
+from .flags import PATH_FLAGS, Flags
+from .geometry import PathGeometry
 
 
 @dataclass(frozen=True)
 class PathCounts:
-    """How many pixels with an echo there were, and what was wrong with some of them."""
+    """How many paths there were, how many of them bear a `PathFlag`, and how many were left out.
+
+    Attributes
+    ----------
+    paths
+        Paths with a length.
+    mixed, single_snapshot, range_rate_rejected, crossed_shell
+        Those of them with the flag of that name.
+    range_encoding_underflow, no_range_encoding
+        Pixels with an echo and without a length, which are no paths: too far for the range
+        encoding, and light that does not carry it.
+    """
 
     paths: int = 0
     mixed: int = 0
     single_snapshot: int = 0
     range_rate_rejected: int = 0
-    crossed: int = 0
+    crossed_shell: int = 0
     range_encoding_underflow: int = 0
     no_range_encoding: int = 0
 
     def __add__(self, other: PathCounts) -> PathCounts:
-        return PathCounts(
-            *(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__)
-        )
+        return PathCounts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    @classmethod
+    def of(cls, flags: Flags, **left_out: int) -> PathCounts:
+        """Count paths by their flags, (n,); `left_out` are the counts that flags do not tell."""
+        flagged = {
+            name: int(np.count_nonzero(flags & PATH_FLAGS[name]))
+            for name in cls.__dataclass_fields__
+            if name in PATH_FLAGS
+        }
+        return cls(paths=int(flags.size), **flagged, **left_out)
 
 
 @dataclass(frozen=True)
 class Paths:
-    """Propagation paths, one a row; all arrays of one length.
+    """Propagation paths, one a row; all arrays of one length. ``paths[a:b]`` is `select`.
 
     Attributes
     ----------
@@ -52,14 +71,13 @@ class Paths:
     solid_angle_sr
         Solid angle of the pixel [sr].
     length_m
-        Total length at t, from camera over the scatterers to the emitter [m].
+        Total length at t, from receiver over the scatterers to the transmitter [m].
     range_rate_mps
         Rate of the one-way range length/2, receding positive [m/s]; 0 where unknown (see flags).
     ring, row, col
         Where the path was found; for paths from a table row is the table's row, the others 0.
     flags
-        PathFlag.MIXED, PathFlag.SINGLE_SNAPSHOT, PathFlag.RANGE_RATE_REJECTED,
-        PathFlag.CROSSED_SHELL of :mod:`.decoding.snapshot_rate`.
+        Sums of `PathFlag`.
     counts
         Of all pixels, those without a path included.
     geometry
@@ -77,22 +95,25 @@ class Paths:
     solid_angle_sr: Real
     length_m: Real
     range_rate_mps: Real
-    ring: NDArray[np.int32]
-    row: NDArray[np.int32]
-    col: NDArray[np.int32]
+    ring: Integers
+    row: Integers
+    col: Integers
     flags: Flags
     counts: PathCounts = field(default_factory=PathCounts)
     geometry: PathGeometry | None = None
     motion: PathMotion | None = None
-    gain: Real | None = None
-    phasors: NDArray[np.complex128] | None = None
+    gain: Real | None = field(default=None, metadata={"absent": 1.0})
+    phasors: Complex | None = field(default=None, metadata={"absent": complex(math.nan)})
 
     def __len__(self) -> int:
         return int(self.radiance.size)
 
+    def __getitem__(self, rows: Rows) -> Paths:
+        return self.select(rows)
+
     @property
     def range_m(self) -> Real:
-        """One-way range at t, half the total length [m]."""
+        """One-way range at t, half the total length, (n,) [m]."""
         return self.length_m / 2
 
     @property
@@ -100,43 +121,40 @@ class Paths:
         """Lengths over the burst: `motion`, or constant range rates where there is none."""
         return self.motion or LinearMotion(self.length_m, self.range_rate_mps)
 
-    def select(self, keep: NDArray[np.bool_] | slice) -> Paths:
-        """The rows that `keep` names, with counts of these rows alone."""
-        rows = (
-            self.radiance[keep],
-            self.solid_angle_sr[keep],
-            self.length_m[keep],
-            self.range_rate_mps[keep],
-            self.ring[keep],
-            self.row[keep],
-            self.col[keep],
-            self.flags[keep],
+    def select(self, rows: Rows) -> Paths:
+        """Return some rows, with counts of these rows alone.
+
+        Parameters
+        ----------
+        rows
+            Mask (n,), row numbers (m,) or slice.
+
+        Raises
+        ------
+        TypeError
+            A single number: paths are not iterated one by one.
+        """
+        if np.ndim(rows) != (0 if isinstance(rows, slice) else 1):  # type: ignore[arg-type]
+            raise TypeError(f"Rows {rows!r:.60}; expected a slice, a mask or row numbers.")
+        chosen = select_columns(self, rows)
+        return replace(chosen, counts=PathCounts.of(chosen.flags))
+
+    @classmethod
+    def join(cls, parts: Iterable[Paths]) -> Paths:
+        """Return the rows of all parts in order; no parts give no rows.
+
+        Geometry is known where all parts have one. Where some parts have a motion, a gain or
+        phasors, the others get constant range rates, 1 and NaN.
+        """
+        tables = list(parts) or [make_paths(np.empty(0), np.empty(0))]
+        geometries = [t.geometry for t in tables if t.geometry is not None]
+        moving = any(t.motion is not None for t in tables)
+        return join_columns(
+            tables,
+            counts=sum((t.counts for t in tables), PathCounts()),
+            geometry=join_columns(geometries) if len(geometries) == len(tables) else None,
+            motion=join_motion([t.lengths for t in tables]) if moving else None,
         )
-        return Paths(
-            *rows,
-            counts=count_flags(rows[-1]),
-            geometry=None if self.geometry is None else self.geometry.select(keep),
-            motion=None if self.motion is None else self.motion.select(keep),
-            gain=None if self.gain is None else self.gain[keep],
-            phasors=None if self.phasors is None else self.phasors[keep],
-        )
-
-
-def count_flags(
-    flags: Flags, range_encoding_underflow: int = 0, no_range_encoding: int = 0
-) -> PathCounts:
-    def number(flag: int) -> int:
-        return int(np.count_nonzero(flags & flag))
-
-    return PathCounts(
-        paths=int(flags.size),
-        mixed=number(PathFlag.MIXED),
-        single_snapshot=number(PathFlag.SINGLE_SNAPSHOT),
-        range_rate_rejected=number(PathFlag.RANGE_RATE_REJECTED),
-        crossed=number(PathFlag.CROSSED_SHELL),
-        range_encoding_underflow=range_encoding_underflow,
-        no_range_encoding=no_range_encoding,
-    )
 
 
 def make_paths(
@@ -145,7 +163,24 @@ def make_paths(
     range_rate_mps: Real | float = 0.0,
     solid_angle_sr: Real | float = 1.0,
 ) -> Paths:
-    """Paths from plain numbers or 1-D arrays, for tests and for targets without a render."""
+    """Return paths from plain numbers or 1-D arrays, for tests and targets without a render.
+
+    Parameters
+    ----------
+    radiance
+        L [W m^-2 sr^-1].
+    length_m
+        Total length, receiver to scatterer to transmitter [m].
+    range_rate_mps
+        Rate of the one-way range, receding positive [m/s].
+    solid_angle_sr
+        Solid angle that each path stands for [sr].
+
+    Returns
+    -------
+    Paths
+        As many rows as the arguments have together by numpy's rules of broadcasting.
+    """
     columns = np.broadcast_arrays(
         *(
             np.atleast_1d(np.asarray(a, dtype=np.float64))
@@ -153,46 +188,16 @@ def make_paths(
         )
     )
     radiance_, solid, length, rate = (np.array(column) for column in columns)
-    zeros = np.zeros(radiance_.size, dtype=np.int32)
-    flags = np.zeros(radiance_.size, dtype=np.uint8)
-    return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, count_flags(flags))
-
-
-def join_paths(parts: Iterable[Paths]) -> Paths:
-    """One table of several; an empty one of none."""
-    tables = list(parts)
-    if not tables:
-        return make_paths(np.empty(0), np.empty(0))
-    others = {"counts", "geometry", "motion", "gain", "phasors"}
-    names = [name for name in Paths.__dataclass_fields__ if name not in others]
-    columns = {name: np.concatenate([getattr(t, name) for t in tables]) for name in names}
-    geometries = [t.geometry for t in tables if t.geometry is not None]
-    motion = None
-    if any(t.motion is not None for t in tables):
-        motion = join_motion([t.lengths for t in tables])
-    gain = None
-    if any(t.gain is not None for t in tables):
-        gain = np.concatenate([np.ones(len(t)) if t.gain is None else t.gain for t in tables])
-    phasors = None
-    if any(t.phasors is not None for t in tables):
-        phasors = np.concatenate(
-            [np.full(len(t), np.nan + 0j) if t.phasors is None else t.phasors for t in tables]
-        )
-    return Paths(
-        **columns,
-        counts=sum((t.counts for t in tables), PathCounts()),
-        geometry=join_geometry(geometries) if len(geometries) == len(tables) else None,
-        motion=motion,
-        gain=gain,
-        phasors=phasors,
-    )
+    zeros = np.zeros(radiance_.size, dtype=np.int64)
+    flags = np.zeros(radiance_.size, dtype=np.uint16)
+    return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, PathCounts.of(flags))
 
 
 def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) -> Real:
-    """Power that each path brings to the receiver's terminals [W].
+    """Return the power that each path brings to the receiver's terminals.
 
     P = L A_e dOmega with A_e = G_r lambda^2 / (4 pi). Transmit power and gain are in L already:
-    the lamp's power is the EIRP P_t G_t. Paths with a ``gain`` have those of a radar system.
+    the Point light's power is the EIRP P_t G_t. Paths with a ``gain`` have those of a radar system.
 
     Parameters
     ----------
@@ -202,6 +207,11 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
         Carrier wavelength [m].
     receiver_gain
         G_r, linear, over isotropic.
+
+    Returns
+    -------
+    ndarray
+        (n,) [W].
     """
     aperture_m2 = receiver_gain * wavelength_m**2 / (4 * math.pi)
     power_w = paths.radiance * aperture_m2 * paths.solid_angle_sr
@@ -214,7 +224,7 @@ def path_amplitude(
     amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
 ) -> Real:
-    """Amplitude of each path in the echo.
+    """Return the amplitude of each path in the echo.
 
     Parameters
     ----------
@@ -239,11 +249,13 @@ def path_amplitude(
     Raises
     ------
     ConfigError
-        Unknown weighting.
+        The amplitude model is unknown.
     """
     if amplitude_model == "radar-equation":
         return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))
     if amplitude_model == "paper":
         amplitude = paths.radiance * paths.range_m**2
         return amplitude if paths.gain is None else amplitude * np.sqrt(paths.gain)
-    raise ConfigError(f"Weighting {amplitude_model!r}; expected one of {get_args(AmplitudeModel)}.")
+    raise ConfigError(
+        f"Amplitude model {amplitude_model!r}; expected one of {get_args(AmplitudeModel)}."
+    )

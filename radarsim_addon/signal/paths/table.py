@@ -8,7 +8,7 @@ parts and joined without holding them in memory, so a run may be larger than the
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,48 +16,61 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
+from ...contract import ColumnGroupRecord, ColumnRecord
 from ...errors import FrameFileError, OutputError
 from ...old_names import todays_name
 
 PathRows = NDArray[np.void]
 
-#: Columns of the table. SI, world space; float64 wherever phase depends on it.
-PATH_DTYPE = np.dtype(
-    [
-        # received power for an isotropic receiver at the run's carrier, this path's share [W]
-        ("power_w", "<f8"),
-        # total optical length: receiver, scatterers, emitter [m]
-        ("length_m", "<f8"),
-        # one standard deviation of length_m from float32 in the render [m]
-        ("length_sigma_m", "<f4"),
-        # rate of the one-way range length/2, receding positive [m/s]; 0 where unknown
-        ("range_rate_mps", "<f8"),
-        # number of reflections, and of transparent surfaces passed on the receiver's side
-        ("order", "<u2"),
-        ("transparent_depth", "<u2"),
-        # first and last scatterer [m], equal at order 1; NaN where unknown
-        ("first_scatterer_m", "<f8", (3,)),
-        ("last_scatterer_m", "<f8", (3,)),
-        # from the receiver towards the first scatterer, unit vector
-        ("direction", "<f8", (3,)),
-        # share of the solid angle that the path stands for [sr]
-        ("solid_angle_sr", "<f8"),
-        # numbers of the objects at the last and first scatterer in the sidecar's list; 0: unknown
-        ("last_object", "<i4"),
-        ("first_object", "<i4"),
-        # numbers of the bodies (objects or instances) there in the frame's motion file, and of the
-        # tracks of points on surfaces that deform; 0: unknown, and none
-        ("last_body", "<i4"),
-        ("first_body", "<i4"),
-        ("last_surface_point", "<i4"),
-        ("first_surface_point", "<i4"),
-        # view (tile) and sub-pixel shift: shifts of one tile are replicates of one another
-        ("tile", "<i4"),
-        ("replicate", "<i4"),
-        ("flags", "<u2"),
-    ]
-)
 
+def _group(version: int, *columns: tuple[object, ...]) -> ColumnGroupRecord:
+    return ColumnGroupRecord(version, [ColumnRecord(*column) for column in columns])  # type: ignore[arg-type]
+
+
+#: Columns of the table by group: name, dtype, unit, meaning, shape. SI, world space; float64
+#: wherever phase depends on it. A reader ignores groups that it does not know, so a later version
+#: may add one (`scattering`); columns of another meaning make another version of their group.
+COLUMN_GROUPS = {
+    "power": _group(
+        1,
+        ("power_w", "<f8", "W", "power of this path at an isotropic receiver, at the carrier"),
+        ("solid_angle_sr", "<f8", "sr", "part of the field of view; orthographic: area over 1 m^2"),
+    ),
+    "geometry": _group(
+        1,
+        ("length_m", "<f8", "m", "optical length: receiver, scatterers, transmitter"),
+        ("length_sigma_m", "<f4", "m", "standard deviation of length_m, from float32"),
+        ("order", "<u2", "1", "number of reflections"),
+        ("transparent_depth", "<u2", "1", "transparent surfaces passed on the receiver's side"),
+        ("first_scatterer_m", "<f8", "m", "scatterer nearest to the receiver; NaN: unknown", [3]),
+        ("last_scatterer_m", "<f8", "m", "scatterer nearest to the transmitter; NaN: unknown", [3]),
+        ("direction", "<f8", "1", "unit vector from the receiver to the first scatterer", [3]),
+    ),
+    "motion": _group(
+        1,
+        ("range_rate_mps", "<f8", "m/s", "rate of length_m / 2, receding positive; 0: unknown"),
+        ("last_body", "<i4", "1", "body at the last scatterer, from 1 in motion.json; 0: unknown"),
+        ("first_body", "<i4", "1", "body at the first scatterer, likewise"),
+        ("last_surface_point", "<i4", "1", "point there on a deforming surface, from 1; 0: none"),
+        ("first_surface_point", "<i4", "1", "point at the first scatterer, likewise"),
+    ),
+    "labels": _group(
+        1,
+        ("last_object", "<i4", "1", "object at the last scatterer, from 1 in objects; 0: unknown"),
+        ("first_object", "<i4", "1", "object at the first scatterer, likewise"),
+        ("tile", "<i4", "1", "tile of the field of view"),
+        ("replicate", "<i4", "1", "number of the sub-pixel offset of the tile"),
+        ("flags", "<u2", "1", "sum of the values in flags"),
+    ),
+}  # fmt: skip
+
+
+def _dtype(columns: Iterable[ColumnRecord]) -> np.dtype[np.void]:
+    return np.dtype([(column.name, column.dtype, tuple(column.shape)) for column in columns])
+
+
+#: A row of the table as this version writes it.
+PATH_DTYPE = _dtype(column for group in COLUMN_GROUPS.values() for column in group.columns)
 
 #: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
 MAX_ROWS = 5_000_000_000
@@ -123,38 +136,35 @@ def _write_header(stream: Any, rows: int) -> None:
     stream.write(b"\x93NUMPY\x01\x00" + len(body).to_bytes(2, "little") + body)
 
 
-def open_table(path: Path) -> PathRows:
+def open_table(
+    path: Path,
+    listed: Mapping[str, ColumnGroupRecord] | None = None,
+    needed: Collection[str] = tuple(COLUMN_GROUPS),
+) -> PathRows:
     """Open a table memory-mapped: rows are read when they are used.
+
+    Parameters
+    ----------
+    path
+        Table.
+    listed
+        Groups that the table has by its sidecar; empty or None: told from its columns alone.
+    needed
+        Groups without which the table is of no use to the caller.
+
+    Returns
+    -------
+    ndarray
+        (rows,), with the columns of the groups that this version knows; others are ignored.
 
     Raises
     ------
     FrameFileError
-        The file is missing, truncated, no table of paths, or of other columns.
+        The file is missing, truncated, no table of paths, or lacks a needed group.
     """
-    try:
-        with open(path, "rb") as stream:
-            version = npy_format.read_magic(stream)
-            if version != (1, 0):
-                raise ValueError(f"NPY format {version}")
-            shape, fortran, dtype = npy_format.read_array_header_1_0(stream)
-            start = stream.tell()
-    except FileNotFoundError as error:
-        raise FrameFileError(
-            f"{path} is missing. Render the run again: it goes on where files are missing."
-        ) from error
-    # numpy parses the header with ast and tokenize: damaged ones raise what these raise
-    # (TokenError, RecursionError, TypeError...), not ValueError alone.
-    except Exception as error:
-        raise FrameFileError(
-            f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
-            "again: it goes on where files are missing."
-        ) from error
-    if _todays(dtype) != PATH_DTYPE or fortran or len(shape) != 1 or shape[0] > MAX_ROWS:
-        raise FrameFileError(
-            f"{path} holds an array of shape {shape} with other columns than a table of paths. "
-            "It was not written by this version of radarsim: render the run again."
-        )
-    expected = start + shape[0] * PATH_DTYPE.itemsize
+    shape, dtype, start = _read_header(path)
+    columns = _known_columns(path, dtype, listed, needed)
+    expected = start + shape[0] * dtype.itemsize
     size = path.stat().st_size
     if size != expected:
         raise FrameFileError(
@@ -162,17 +172,79 @@ def open_table(path: Path) -> PathRows:
             "Remove it and render the run again."
         )
     if shape[0] == 0:
-        return np.empty(0, dtype=PATH_DTYPE)
-    return np.memmap(path, dtype=PATH_DTYPE, mode="r", offset=start, shape=shape)
+        return np.empty(0, dtype=columns)
+    return np.memmap(path, dtype=columns, mode="r", offset=start, shape=shape)
 
 
-def _todays(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
-    """Columns of an older table by the names of today."""
-    names = [todays_name(name, PATH_DTYPE.names or ()) for name in dtype.names or ()]
-    return np.dtype([(name, dtype[i]) for i, name in enumerate(names)])
+def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
+    """Shape, columns by today's names, and first byte of the rows."""
+    try:
+        with open(path, "rb") as stream:
+            version = npy_format.read_magic(stream)
+            if version != (1, 0):
+                raise ValueError(f"NPY format {version}")
+            shape, fortran, dtype = npy_format.read_array_header_1_0(stream)
+            start = stream.tell()
+            names = [todays_name(name, PATH_DTYPE.names or ()) for name in dtype.names or ()]
+            if names:
+                dtype.names = tuple(names)
+    except FileNotFoundError as error:
+        raise FrameFileError(
+            f"{path} is missing. Render the run again: it resumes where files are missing."
+        ) from error
+    # numpy parses the header with ast and tokenize: damaged ones raise what these raise
+    # (TokenError, RecursionError, TypeError...), not ValueError alone.
+    except Exception as error:
+        raise FrameFileError(
+            f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
+            "again: it resumes where files are missing."
+        ) from error
+    if not names or fortran or len(shape) != 1 or not 0 <= shape[0] <= MAX_ROWS:
+        raise FrameFileError(
+            f"{path} holds an array of shape {shape} and {len(names)} columns; expected a table of "
+            f"paths with at most {MAX_ROWS} rows. Remove it and render the run again."
+        )
+    return shape, dtype, start
+
+
+def _known_columns(
+    path: Path,
+    dtype: np.dtype[np.void],
+    listed: Mapping[str, ColumnGroupRecord] | None,
+    needed: Collection[str],
+) -> np.dtype[np.void]:
+    """Where the columns of the known groups are in a row of the file."""
+    found: list[str] = []
+    for name, group in COLUMN_GROUPS.items():
+        fault = _fault(group, dtype, listed.get(name) if listed else group)
+        if not fault:
+            found += [column.name for column in group.columns]
+        elif name in needed:
+            raise FrameFileError(
+                f"{path} has no usable column group {name!r}: {fault}. Update radarsim, or render "
+                "the run again."
+            )
+    return dtype[found] if found != list(dtype.names or ()) else dtype
+
+
+def _fault(
+    group: ColumnGroupRecord, dtype: np.dtype[np.void], listed: ColumnGroupRecord | None
+) -> str:
+    """Why a group cannot be read; empty where it can."""
+    if listed is None:
+        return "its sidecar does not list it"
+    if listed.version != group.version:
+        return f"it is of version {listed.version}, this radarsim reads version {group.version}"
+    for column in group.columns:
+        expected = np.dtype((column.dtype, tuple(column.shape)))
+        if column.name not in (dtype.names or ()):
+            return f"the column {column.name!r} is missing"
+        if dtype[column.name] != expected:
+            return f"the column {column.name!r} is {dtype[column.name]}, expected {expected}"
+    return ""
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """A table in chunks, copied into memory one at a time."""
+    """Yield a table in chunks of at most `rows` rows, copied into memory one at a time."""
     for start in range(0, table.size, rows):
         yield np.array(table[start : start + rows])

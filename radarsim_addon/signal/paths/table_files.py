@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar frames of the acquisition "paths": the table on disk as `Paths` in memory."""
+"""The table of a radar frame, opened and checked, and what its rows say of lengths and motion."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...array_types import Int32, Mask, Real
 from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, PathsRecord
 from ...errors import ConfigError, SchemaError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
 from ...sidecar import file_sha256, read_record
-from ..motion import FrameMotion, KinematicMotion, PathMotion, read_motion
+from ..motion import FrameMotion, KinematicMotion, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import PathRows, iter_rows, open_table
+from .table import PathRows, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
-    """Sidecar of a frame's table.
+    """Read the sidecar of a frame's table.
+
+    Parameters
+    ----------
+    folder
+        Folder of the radar frame, or of one render of its burst.
+    frame
+        Number that the record must have.
 
     Raises
     ------
@@ -38,24 +44,38 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
 
 
 def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
-    """Sidecar and memory-mapped table of a frame, checked against each other.
+    """Open the sidecar and the table of a frame, and check them against each other.
+
+    The hash of all rows is compared here and nowhere else: open a table once and hand it on.
+
+    Parameters
+    ----------
+    folder, frame
+        As for :func:`read_paths_record`.
+
+    Returns
+    -------
+    PathsRecord, ndarray
+        The sidecar, and the memory-mapped rows (n,) by the columns of today.
 
     Raises
     ------
     FrameFileError, SchemaError
-        A file is missing or damaged, or they do not belong together.
+        A file is missing or damaged, they do not belong together, or the table lacks a group of
+        columns.
     """
     record = read_paths_record(folder, frame)
-    table = open_table(folder / PATHS_TABLE)
+    path = folder / PATHS_TABLE
+    table = open_table(path, record.column_groups)
     if table.size != record.path_count:
         raise SchemaError(
-            f"{folder / PATHS_TABLE} has {table.size} rows, its sidecar says {record.path_count}. "
+            f"{path} has {table.size} rows, its sidecar says {record.path_count}. "
             "Remove both and render the run again."
         )
-    digest = file_sha256(folder / PATHS_TABLE)
+    digest = file_sha256(path)
     if digest != record.table_sha256:
         raise SchemaError(
-            f"{folder / PATHS_TABLE} does not match its sidecar {PATHS_FILE}: SHA-256 "
+            f"{path} does not match its sidecar {PATHS_FILE}: SHA-256 "
             f"{digest[:12]}..., expected {record.table_sha256[:12]}... The file was changed: "
             "remove both and render the run again."
         )
@@ -63,7 +83,12 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
 
 
 def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
-    """Motion of what a frame's paths touch; None where the run has none.
+    """Read the motion of what a frame's paths touch; None where the run has none.
+
+    Parameters
+    ----------
+    folder, frame
+        As for :func:`read_paths_record`.
 
     Raises
     ------
@@ -81,15 +106,15 @@ def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
     return read_motion(folder, frame, record.motion_sha256)
 
 
-def radiance_of(rows: PathRows, record: PathsRecord) -> NDArray[np.float64]:
-    """Radiance [W m^-2 sr^-1] of rows: their power over receiver area and solid angle."""
+def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
+    """Return radiances (n,) [W m^-2 sr^-1]: power over receiver area and solid angle."""
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
 
 
 def geometry_of(rows: PathRows) -> PathGeometry:
-    """Vertices and directions of rows."""
+    """Return the vertices and directions of rows of the table."""
     return PathGeometry(
         order=rows["order"].astype(np.int32),
         transparent_depth=rows["transparent_depth"].astype(np.int32),
@@ -101,46 +126,35 @@ def geometry_of(rows: PathRows) -> PathGeometry:
     )
 
 
-def table_parts(
-    folder: Path, frame: int, rows: int = 1 << 18
-) -> Iterator[tuple[PathsRecord, PathRows]]:
-    """The table in parts that fit into memory."""
-    record, table = open_frame_table(folder, frame)
-    for part in iter_rows(table, rows):
-        yield record, part
-
-
-def usable(rows: PathRows) -> NDArray[np.bool_]:
-    """Rows that have a length, (n,)."""
+def usable(rows: PathRows) -> Mask:
+    """Return which rows have a length, (n,)."""
     return np.asarray((rows["flags"] & PathFlag.NO_RANGE) == 0)
 
 
-def is_mixed(rows: PathRows) -> NDArray[np.bool_]:
-    """Rows whose pixel held several paths even so, (n,)."""
-    return np.asarray((rows["flags"] & PathFlag.MIXED) != 0)
-
-
 def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
-    """Motion of rows of a table.
+    """Return how the lengths of rows of a table change over the burst.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table, (n,).
+    scene
+        The frame's motion.
 
     Raises
     ------
     ConfigError
-        The rows name a body or a track that the motion does not have.
+        The rows name a body or a surface point that the motion does not have.
     """
     one = np.asarray(rows["order"] == 1)
+
+    def ends(what: str) -> Int32:
+        """Numbers at the first and at the last scatterer, (n, 2)."""
+        last = rows[f"last_{what}"]
+        return np.stack([np.where(one, last, rows[f"first_{what}"]), last], axis=-1)
+
     last = np.array(rows["last_scatterer_m"])
-    first = np.where(one[:, None], last, rows["first_scatterer_m"])
-    bodies = np.stack(
-        [np.where(one, rows["last_body"], rows["first_body"]), rows["last_body"]], axis=-1
-    )
-    tracks = np.stack(
-        [
-            np.where(one, rows["last_surface_point"], rows["first_surface_point"]),
-            rows["last_surface_point"],
-        ],
-        axis=-1,
-    )
+    bodies, tracks = ends("body"), ends("surface_point")
     most_tracks = 0 if scene.tracks is None else scene.tracks.body.size
     for what, numbers, most in (
         ("last_body", bodies, len(scene.bodies)),
@@ -155,14 +169,9 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         scene=scene,
         length_m=np.array(rows["length_m"]),
         order=rows["order"].astype(np.int32),
-        first_scatterer_m=first,
+        first_scatterer_m=np.where(one[:, None], last, rows["first_scatterer_m"]),
         last_scatterer_m=last,
         direction=np.array(rows["direction"]),
-        bodies=bodies.astype(np.int32),
-        tracks=tracks.astype(np.int32),
+        bodies=bodies,
+        tracks=tracks,
     )
-
-
-def as_path_motion(rows: PathRows, scene: FrameMotion | None) -> PathMotion | None:
-    """Motion of rows, or None where a run has none."""
-    return None if scene is None else motion_of_rows(rows, scene)

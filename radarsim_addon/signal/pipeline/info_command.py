@@ -59,7 +59,7 @@ def _info(folder: str) -> int:
             _print_quality(whole)
             return 0
         print(
-            f"  between passes   {counts.crossed} crossed a ring, "
+            f"  between passes   {counts.crossed_shell} crossed a ring, "
             f"{counts.range_rate_rejected} too fast, "
             f"{counts.single_snapshot} in the first only"
         )

@@ -13,7 +13,7 @@ from ...contract import MOTION_FILE, GroundTruthRecord, MotionRecord, PathsRecor
 from ...physics.rough import kirchhoff_limits
 from ...sidecar import read_record
 from ..motion import KinematicMotion
-from ..paths import Paths, join_paths, open_frame_table
+from ..paths import Paths, open_frame_table
 from ..radar import Radar
 from ..runs import RadarFrame
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
@@ -111,7 +111,7 @@ class FrameSpeckle:
         scattered = dataclasses.replace(
             scattered, length_m=length_m, motion=over, phasors=found.rough[moving]
         )
-        return join_paths([own, scattered])
+        return Paths.join([own, scattered])
 
     @property
     def warnings(self) -> list[str]:

@@ -14,7 +14,6 @@ from radarsim_addon.signal import (
     Radar,
     Waveform,
     expected_power_profile,
-    join_paths,
     make_paths,
     replica,
     synthesize,
@@ -87,7 +86,7 @@ def test_superposition() -> None:
     paths = many_paths()
     parts = [paths.select(slice(0, 100)), paths.select(slice(100, None))]
     separate = [synthesize(part, RADAR, range_limits_m=WINDOW_M).samples for part in parts]
-    for together in (paths, iter(parts), join_paths(parts)):
+    for together in (paths, iter(parts), Paths.join(parts)):
         echoes = synthesize(together, RADAR, range_limits_m=WINDOW_M)
         np.testing.assert_allclose(
             echoes.samples, separate[0] + separate[1], atol=1e-8 * np.abs(echoes.samples).max()

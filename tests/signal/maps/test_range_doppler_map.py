@@ -7,13 +7,13 @@ import pytest
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import (
     Burst,
+    Paths,
     PowerProfile,
     Radar,
     RangeDopplerMap,
     Waveform,
     expected_power_profile,
     find_peaks,
-    join_paths,
     leading_edges,
     make_paths,
     peak_to_background_db,
@@ -102,7 +102,7 @@ def test_weak_mover_beside_strong_clutter() -> None:
     rng = np.random.default_rng(0)
     clutter = make_paths(1 / aperture, 2 * rng.uniform(600, 1400, 3000))
     mover = make_paths(0.01 / aperture, 2 * 1100.0, 6.0)
-    echoes = synthesize(join_paths([clutter, mover]), radar, range_limits_m=WINDOW_M)
+    echoes = synthesize(Paths.join([clutter, mover]), radar, range_limits_m=WINDOW_M)
     found = range_doppler(range_process(echoes))
     assert abs(find_peaks(found, 1)[0].velocity_mps) < 0.3
     peaks = find_peaks(found, 3, min_speed_mps=1.0, min_above_db=20)

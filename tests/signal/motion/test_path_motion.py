@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.motion import JoinedMotion, LinearMotion, join_motion
-from radarsim_addon.signal.paths.paths import join_paths, make_paths
+from radarsim_addon.signal.paths import Paths, make_paths
 
 TIMES_S = np.array([0.0, 0.5, 2.0])
 
@@ -39,5 +39,5 @@ def test_joined_motion_picks_the_same_rows_as_one_table():
 
 def test_paths_without_a_motion_of_their_own_move_by_their_range_rate():
     still, mover = make_paths(1.0, 20.0), make_paths([1.0, 2.0], [30.0, 50.0], [3.0, -1.0])
-    lengths = join_paths([still, mover]).lengths.lengths_m(TIMES_S, slice(None))
+    lengths = Paths.join([still, mover]).lengths.lengths_m(TIMES_S, slice(None))
     assert lengths[:, 2] == pytest.approx([20.0, 42.0, 46.0])

@@ -12,9 +12,9 @@ from radarsim_addon import sidecar
 from radarsim_addon.errors import ConfigError, SchemaError
 from radarsim_addon.signal import (
     PathFlag,
+    Paths,
     frame_paths,
     iter_path_chunks,
-    join_paths,
     make_paths,
     open_run,
     path_amplitude,
@@ -55,7 +55,7 @@ def test_echo_that_crossed_into_the_neighbouring_ring(
     assert len(paths) == 1
     assert paths.range_rate_mps[0] == pytest.approx(rate_mps, abs=RATE_SLACK_MPS)
     assert paths.flags[0] == PathFlag.CROSSED_SHELL
-    assert paths.counts.crossed == 1
+    assert paths.counts.crossed_shell == 1
 
 
 def test_neighbour_that_was_there_before_is_not_taken(tmp_path: Path) -> None:
@@ -134,10 +134,10 @@ def test_rings_come_one_by_one_and_join_to_the_whole(tmp_path: Path) -> None:
     run = open_run(write_run(tmp_path, SETUP, points(SETUP, echoes)))
     parts = list(iter_path_chunks(run.frame(1)))
     assert [set(part.ring.tolist()) for part in parts] == [{0}, {1}, {2}, {3}]
-    whole = join_paths(parts)
+    whole = Paths.join(parts)
     assert len(whole) == 10
     assert whole.counts.paths == 10
-    assert len(join_paths([])) == 0
+    assert len(Paths.join([])) == 0
     assert whole.select(whole.ring == 1).counts.paths == len(parts[1])
 
 

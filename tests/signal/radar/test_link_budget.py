@@ -162,7 +162,7 @@ def test_wrong_system_files_are_named(tmp_path: Path, text: str, message: str) -
         ({"transmit_power_w": 0.0}, "Transmit power"),
         ({"receive_loss_db": -1.0}, "Receive loss"),
         ({"noise_figure_db": float("nan")}, "Noise figure"),
-        ({"amplitude_model": "mine"}, "Weighting 'mine'"),
+        ({"amplitude_model": "mine"}, "Amplitude model 'mine'"),
         ({"transmitter": AntennaRecord("x")}, "Transmitter's antenna"),
         ({"receiver": AntennaRecord("x")}, "Receiver's antenna"),
     ],

@@ -23,8 +23,7 @@ from radarsim_addon.signal.detection import (
     object_echoes,
 )
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
-from radarsim_addon.signal.paths import write_table
-from radarsim_addon.signal.paths.paths import join_paths, make_paths, path_power_w
+from radarsim_addon.signal.paths import Paths, make_paths, path_power_w, write_table
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
@@ -182,7 +181,7 @@ def test_gain_follows_rows() -> None:
     import dataclasses
 
     left = dataclasses.replace(make_paths(np.ones(3), np.arange(1, 4)), gain=np.array([1.0, 2, 3]))
-    both = join_paths([left, make_paths(1.0, 9.0)])
+    both = Paths.join([left, make_paths(1.0, 9.0)])
     np.testing.assert_array_equal(both.gain, [1, 2, 3, 1])
     np.testing.assert_array_equal(both.select(np.array([False, True, False, True])).gain, [2, 1])
 

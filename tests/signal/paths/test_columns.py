@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Column groups of the table: older, later and larger tables; select and join of all columns."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.lib import format as npy_format
+
+from radarsim_addon import contract
+from radarsim_addon.errors import FrameFileError
+from radarsim_addon.sidecar import file_sha256, read_record, write_record
+from radarsim_addon.signal import PathFlag, Paths, frame_paths, make_paths, open_run
+from radarsim_addon.signal.decoding import table_paths
+from radarsim_addon.signal.motion import LinearMotion
+from radarsim_addon.signal.paths import (
+    COLUMN_GROUPS,
+    PATH_DTYPE,
+    PATH_FLAGS,
+    PathGeometry,
+    open_frame_table,
+    open_table,
+    write_table,
+)
+from tests.signal.path_runs import camera, plate, pose, trace, write_run
+from tests.signal.paths.test_table import random_rows
+
+VERSION_0_1 = Path(__file__).parents[2] / "data" / "version_0_1" / "run_paths"
+#: Columns that radarsim 0.1 called otherwise.
+NAMES_0_1 = {
+    "first_scatterer_m": "first_m",
+    "last_scatterer_m": "last_m",
+    "last_object": "object",
+    "last_body": "body",
+    "last_surface_point": "track",
+    "first_surface_point": "first_track",
+    "replicate": "shift",
+}
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run of one plate."""
+    receiver = camera(pose((0, 0, 0)))
+    transmitter = contract.TransmitterRecord(pose((0.3, 0, 0)), 1.0)
+    rows = trace([plate("Plate", (0, 50, 0), 20.0)], receiver, transmitter, 16)
+    return write_run(tmp_path / "run", rows, ["Plate"], receiver, transmitter, range_limits_m=100.0)
+
+
+def replace_table(run: Path, rows: np.ndarray, **changes: Any) -> Path:
+    """Put other rows into a run, whose sidecar says so."""
+    frame = run / contract.frame_dir(1)
+    np.save(frame / contract.PATHS_TABLE, rows)
+    record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
+    digest = file_sha256(frame / contract.PATHS_TABLE)
+    record = dataclasses.replace(record, table_sha256=digest, path_count=rows.size, **changes)
+    write_record(frame / contract.PATHS_FILE, record)
+    return frame
+
+
+def with_columns(rows: np.ndarray, *columns: tuple[Any, ...]) -> np.ndarray:
+    """Rows with further columns in front, which hold ones."""
+    wide = np.ones(rows.size, dtype=[*columns, *rows.dtype.descr])
+    for name in rows.dtype.names or ():
+        wide[name] = rows[name]
+    return wide
+
+
+def without_group(rows: np.ndarray, group: str) -> np.ndarray:
+    left_out = {column.name for column in COLUMN_GROUPS[group].columns}
+    kept = np.zeros(rows.size, dtype=[d for d in rows.dtype.descr if d[0] not in left_out])
+    for name in kept.dtype.names or ():
+        kept[name] = rows[name]
+    return kept
+
+
+def arrays(paths: Paths) -> dict[str, np.ndarray]:
+    """All numbers of paths."""
+    found = {k: v for k, v in vars(paths).items() if isinstance(v, np.ndarray)}
+    assert paths.geometry is not None
+    return {**found, **vars(paths.geometry)}
+
+
+def test_the_sidecar_describes_the_table(run: Path) -> None:
+    """Every column of the file is in one group, with the dtype of the file, and has a meaning."""
+    frame = run / contract.frame_dir(1)
+    groups = json.loads((frame / contract.PATHS_FILE).read_text())["column_groups"]
+    described = [column for group in groups.values() for column in group["columns"]]
+    dtype = np.dtype([(c["name"], c["dtype"], tuple(c["shape"])) for c in described])
+    assert np.load(frame / contract.PATHS_TABLE).dtype == dtype == PATH_DTYPE
+    assert set(groups) == {"geometry", "power", "motion", "labels"}
+    assert all(column["meaning"] and column["unit"] for column in described)
+    for column in described:  # names carry their unit
+        suffix = column["unit"].replace("m/s", "mps").lower()
+        assert suffix == "1" or column["name"].endswith(f"_{suffix}") or "_sigma_" in column["name"]
+
+
+def test_flags_have_one_value_everywhere(run: Path) -> None:
+    frame = run / contract.frame_dir(1)
+    flags = json.loads((frame / contract.PATHS_FILE).read_text())["flags"]
+    assert flags == PATH_FLAGS
+    assert flags["mixed"] == PathFlag.MIXED == 4
+    assert len(set(flags.values())) == len(flags)
+    assert all(value.bit_count() == 1 for value in flags.values())
+    before = open_frame_table(frame, 1)[1]
+    rows = np.array(before)
+    rows["flags"][:3] = PathFlag.MIXED | PathFlag.ENCODED_LENGTH
+    replace_table(run, rows)
+    paths = frame_paths(open_run(run).frame(1))
+    np.testing.assert_array_equal(paths.flags, rows["flags"])
+    assert paths.counts.mixed == 3
+
+
+def test_unknown_groups_and_columns_are_ignored(run: Path) -> None:
+    frame = open_run(run).frame(1)
+    before = frame_paths(frame)
+    rows = np.array(open_frame_table(frame.path, 1)[1])
+    wide = with_columns(rows, ("scatter_class", "<u1"), ("normal", "<f4", (3,)))
+    extra = contract.ColumnGroupRecord(7, [contract.ColumnRecord("normal", "<f4", "1", "?", [3])])
+    replace_table(run, wide, column_groups={"scattering": extra, **COLUMN_GROUPS})
+    _, table = open_frame_table(frame.path, 1)
+    assert set(table.dtype.names or ()) == set(PATH_DTYPE.names or ())
+    after = frame_paths(frame)
+    for name, column in arrays(before).items():
+        np.testing.assert_array_equal(arrays(after)[name], column)
+
+
+@pytest.mark.parametrize("group", list(COLUMN_GROUPS))
+def test_a_missing_group_is_named(run: Path, group: str) -> None:
+    frame = run / contract.frame_dir(1)
+    rows = np.array(open_frame_table(frame, 1)[1])
+    listed = {name: columns for name, columns in COLUMN_GROUPS.items() if name != group}
+    replace_table(run, without_group(rows, group), column_groups=listed)
+    with pytest.raises(FrameFileError, match=f"'{group}': its sidecar does not list it"):
+        open_frame_table(frame, 1)
+    with pytest.raises(FrameFileError, match=f"'{group}': the column .* is missing"):
+        open_table(frame / contract.PATHS_TABLE)
+    table = open_table(frame / contract.PATHS_TABLE, listed, needed=listed)
+    assert table.dtype.names == without_group(rows, group).dtype.names
+
+
+def test_groups_of_another_version_are_not_read(run: Path) -> None:
+    later = dict(COLUMN_GROUPS, motion=dataclasses.replace(COLUMN_GROUPS["motion"], version=2))
+    frame = run / contract.frame_dir(1)
+    rows = np.array(open_frame_table(frame, 1)[1])
+    replace_table(run, rows, column_groups=later)
+    with pytest.raises(FrameFileError, match=r"'motion': it is of version 2, .* version 1"):
+        open_frame_table(frame, 1)
+    others = [name for name in COLUMN_GROUPS if name != "motion"]
+    table = open_table(frame / contract.PATHS_TABLE, later, others)
+    assert "last_body" not in (table.dtype.names or ())
+    np.testing.assert_array_equal(table["length_m"], rows["length_m"])
+
+
+def test_columns_of_another_type_are_refused(tmp_path: Path) -> None:
+    rows = random_rows(3)
+    types = [(n, "<f4") if n == "length_m" else (n, *rest) for n, *rest in PATH_DTYPE.descr]
+    np.save(tmp_path / "paths.npy", rows.astype(types))
+    with pytest.raises(FrameFileError, match="'length_m' is float32, expected float64"):
+        open_table(tmp_path / "paths.npy")
+
+
+def test_tables_of_version_0_1_open() -> None:
+    """The numbers that version 0.1 itself read from this run."""
+    frame = open_run(VERSION_0_1).frame(1)
+    raw = np.load(frame.path / contract.PATHS_TABLE)
+    record, table = open_frame_table(frame.path, 1)
+    assert not record.column_groups
+    assert set(table.dtype.names or ()) == set(PATH_DTYPE.names or ())
+    for name in PATH_DTYPE.names or ():
+        np.testing.assert_array_equal(table[name], raw[NAMES_0_1.get(name, name)])
+    paths = frame_paths(frame)
+    assert len(paths) == 115
+    assert float(paths.radiance.sum()) == 5224.168603867292
+    assert float(paths.length_m.sum()) == 2714.5608488556536
+    later_m = paths.lengths.lengths_m(np.array([3e-4]), slice(None))
+    assert float(later_m.sum()) == 2714.400393027043
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files are not sparse unless asked for")
+def test_more_rows_than_32_bits_count(tmp_path: Path) -> None:
+    """A sparse file of 2^31 + 5 rows: the last ones are found, and numbered."""
+    path = tmp_path / "paths.npy"
+    last = random_rows(2)
+    last["flags"] = 0
+    last["order"], last["last_body"], last["last_surface_point"] = 1, 0, 0
+    write_table(path, [last])
+    rows, first = 2**31 + 5, 2**31 + 3
+    start = path.stat().st_size - last.nbytes
+    header = {"descr": PATH_DTYPE.descr, "fortran_order": False, "shape": (rows,)}
+    with open(path, "wb") as stream:
+        npy_format.write_array_header_1_0(stream, header)
+        start = stream.tell()
+        stream.seek(start + first * PATH_DTYPE.itemsize)
+        stream.write(last.tobytes())
+    table = open_table(path)
+    assert table.size == rows
+    np.testing.assert_array_equal(table[first:]["length_m"], last["length_m"])
+    record, _ = open_frame_table(VERSION_0_1 / contract.frame_dir(1), 1)
+    (paths,) = table_paths(record, table[first:], None, first_row=first)
+    assert paths.row.tolist() == [2**31 + 3, 2**31 + 4]
+    np.testing.assert_array_equal(table[paths.row]["length_m"], last["length_m"])
+
+
+def some_paths(count: int, seed: int, *, full: bool = True) -> Paths:
+    """Paths with random numbers in every column."""
+    rng = np.random.default_rng(seed)
+
+    def real(*shape: int) -> np.ndarray:
+        return rng.normal(size=(count, *shape))
+
+    def whole() -> np.ndarray:
+        return rng.integers(0, 9, count)
+
+    paths = make_paths(real(), real(), real(), real())
+    if not full:
+        return paths
+    geometry = PathGeometry(whole(), whole(), real(3), real(3), real(3), whole(), whole())
+    return dataclasses.replace(
+        paths,
+        **{name: whole() for name in ("ring", "row", "col")},
+        flags=rng.integers(0, 128, count).astype(np.uint16),
+        geometry=geometry,
+        motion=LinearMotion(real(), real()),
+        gain=real(),
+        phasors=real() + 1j * real(),
+    )
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [slice(2, 7), slice(None, None, -2), np.arange(10) % 3 == 0, np.array([7, 1, 1]), [4, 0]],
+)
+def test_all_columns_are_selected_alike(rows: Any) -> None:
+    paths = some_paths(10, 1)
+    assert all(value is not None for value in vars(paths).values())
+    for chosen in (paths.select(rows), paths[rows]):
+        for name, column in arrays(paths).items():
+            np.testing.assert_array_equal(arrays(chosen)[name], column[rows])
+        times_s = np.array([0.0, 2.0])
+        np.testing.assert_array_equal(
+            chosen.lengths.lengths_m(times_s, slice(None)),
+            paths.lengths.lengths_m(times_s, slice(None))[rows],
+        )
+        assert chosen.counts.paths == len(chosen)
+        assert chosen.counts.mixed == np.count_nonzero(paths.flags[rows] & PathFlag.MIXED)
+        crossed = np.count_nonzero(paths.flags[rows] & PathFlag.CROSSED_SHELL)
+        assert chosen.counts.crossed_shell == crossed
+
+
+def test_a_single_number_is_no_selection() -> None:
+    with pytest.raises(TypeError, match="expected a slice"):
+        some_paths(3, 1)[1]  # type: ignore[index]
+
+
+def test_join_undoes_slicing() -> None:
+    paths = some_paths(10, 2)
+    whole = Paths.join([paths[:4], paths[4:4], paths[4:]])
+    for name, column in arrays(paths).items():
+        np.testing.assert_array_equal(arrays(whole)[name], column)
+    times_s = np.array([0.0, 2.0])
+    np.testing.assert_array_equal(
+        whole.lengths.lengths_m(times_s, slice(None)), paths.lengths.lengths_m(times_s, slice(None))
+    )
+    assert whole.counts == paths[:].counts
+
+
+def test_join_fills_what_one_part_does_not_have() -> None:
+    full, plain = some_paths(3, 3), some_paths(2, 4, full=False)
+    both = Paths.join([plain, full])
+    assert both.geometry is None
+    assert both.gain is not None
+    assert both.phasors is not None
+    assert full.gain is not None
+    np.testing.assert_array_equal(both.gain, [1, 1, *full.gain])
+    assert np.isnan(both.phasors[:2]).all()
+    np.testing.assert_array_equal(both.phasors[2:], full.phasors)
+    moved = both.lengths.lengths_m(np.array([1.0]), slice(None))[:2, 0]
+    np.testing.assert_array_equal(moved, plain.length_m + 2 * plain.range_rate_mps)
+    again = Paths.join([plain, plain])
+    assert (again.gain, again.phasors, again.motion) == (None, None, None)
