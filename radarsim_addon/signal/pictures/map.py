@@ -15,7 +15,7 @@ from ..detection import Detection, Peak, target_count
 from ..maps import RangeDopplerMap, power_to_db
 from .cells import CellAxis, cell_axis, strongest
 from .figure import new_figure
-from .labels import Label, place_labels
+from .labels import number_points
 from .numbers import (
     Unit,
     cell_width,
@@ -243,7 +243,7 @@ def plot_range_doppler(
         rd_map.radar.burst.prf_hz,
     )
     figure = new_figure(8, 6.5)
-    axis, image = draw_map(
+    axis, _ = draw_map(
         figure, power, axes, reference=top, floor_db=floor_db, noise_power=noise_power, unit=unit
     )
     axis.set_title(title, fontsize=10)
@@ -256,13 +256,10 @@ def plot_range_doppler(
             label=f"CFAR: {target_count(len(targets), left_out)}",
         )  # fmt: skip
         axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
-    for item in chosen:
-        axis.plot(*_place(item, axes), "o", mfc="none", mec="w", ms=9, mew=1.0)
-    place_labels(
-        axis,
-        [Label(*_place(item, axes), label_text(item, rd_map, axes)) for item in chosen],
-        drawn=np.concatenate([_bright(np.asarray(image.get_array()), axes, floor_db), places]),
-    )
+    spots = [_place(item, axes) for item in chosen]
+    for spot in spots:
+        axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
+    number_points(axis, spots, [label_text(item, rd_map, axes) for item in chosen])
     return figure
 
 
@@ -337,15 +334,3 @@ def _marker(count: int) -> tuple[float, float]:
     if count <= 20:
         return 8.0, 1.0
     return (5.0, 0.8) if count <= 60 else (2.5, 0.5)
-
-
-def _bright(level: Real, axes: MapAxes, floor_db: float) -> Real:
-    """Centres of the picture's cells in the upper two thirds of its colours, (cells, 2)."""
-    rows, cols = np.nonzero(level > 0.67 * floor_db)
-    doppler, ranges = axes.doppler, axes.ranges
-    return np.column_stack(
-        [
-            doppler.low + (cols + 0.5) * (doppler.high - doppler.low) / level.shape[1],
-            ranges.low + (rows + 0.5) * (ranges.high - ranges.low) / level.shape[0],
-        ]
-    )
