@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.text import Annotation
     from matplotlib.transforms import Bbox
 
@@ -23,6 +24,7 @@ _HALF_PT = 4.5
 
 
 def number_points(
+    figure: Figure,
     axis: Axes,
     points: Sequence[tuple[float, float]],
     texts: Sequence[str],
@@ -35,6 +37,8 @@ def number_points(
 
     Parameters
     ----------
+    figure
+        Figure to list the texts in.
     axis
         Axes whose limits and other contents are final.
     points
@@ -55,8 +59,7 @@ def number_points(
     if not points:
         return []
     line = importlib.import_module("matplotlib.lines").Line2D
-    bbox = importlib.import_module("matplotlib.transforms").Bbox
-    figure = axis.get_figure()
+    from_bounds = importlib.import_module("matplotlib.transforms").Bbox.from_bounds
     handles = [
         line([], [], ls="", marker=f"${number}$", color="black", mew=0, label=text)
         for number, text in enumerate(texts, start=1)
@@ -70,7 +73,8 @@ def number_points(
     frame = axis.get_window_extent().padded(-_HALF_PT * pixel)
 
     def box(x: float, y: float) -> Bbox:
-        return bbox.from_bounds(x, y, 0, 0).padded(_HALF_PT * pixel)
+        found: Bbox = from_bounds(x, y, 0, 0).padded(_HALF_PT * pixel)
+        return found
 
     spots = [axis.transData.transform(point) for point in points]
     taken = [box(*spot) for spot in spots]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -100,15 +100,15 @@ def plot_range_profile(
     axis.set_title(title, fontsize=10)
     source = profile or compressed
     cell_m = source.radar.waveform.range_resolution_m if source is not None else 1.0
-    _draw_edges(axis, edges, length, cell_m, reference, floor_db, bool(top))
+    _draw_edges(figure, axis, edges, length, cell_m, reference, floor_db, bool(top))
     return figure
 
 
 def _curves(
     compressed: RangeProfiles | None, profile: PowerProfile | None
-) -> list[tuple[Real, Real, str, dict[str, float | str]]]:
+) -> list[tuple[Real, Real, str, dict[str, Any]]]:
     """Range [m], power, label and style of each curve."""
-    found: list[tuple[Real, Real, str, dict[str, float | str]]] = []
+    found: list[tuple[Real, Real, str, dict[str, Any]]] = []
     if compressed is not None:
         pulses = compressed.values.shape[0]
         mean = f"mean power of {pulses} pulses" if pulses > 1 else "one pulse"
@@ -139,6 +139,7 @@ def _draw_error(
 
 
 def _draw_edges(
+    figure: Figure,
     axis: Axes,
     edges: Sequence[LeadingEdge],
     length: Unit,
@@ -160,4 +161,4 @@ def _draw_edges(
         axis.text(0.5, 0.5, "no echo", fontsize=14, ha="center", transform=axis.transAxes)
     elif axis.get_legend_handles_labels()[1]:
         axis.legend(fontsize=8, loc="best")
-    number_points(axis, spots, texts, colour="C3", back="white", left=True)
+    number_points(figure, axis, spots, texts, colour="C3", back="white", left=True)

@@ -273,7 +273,7 @@ def test_scale_shows_the_noise() -> None:
     image = figure.axes[0].images[0]
     assert image.get_clim() == (floor_db, 0.0)
     bar = figure.axes[1]
-    assert any(line.get_ydata()[0] == pytest.approx(noise_db) for line in bar.lines)
+    assert any(np.asarray(line.get_ydata())[0] == pytest.approx(noise_db) for line in bar.lines)
     level = f"{10 * np.log10(top):.1f}".replace("-", "\N{MINUS SIGN}")
     assert bar.get_ylabel() == f"power [dB re strongest cell = {level} dBW]"
     # a notebook that does not tell the noise sees it all the same
