@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The range-Doppler maps of a run as a moving picture (GIF): axes and colours stay the same."""
+"""Range-Doppler maps of a run as an animated GIF with the same axes and colours in all frames."""
 
 from __future__ import annotations
 
@@ -16,13 +16,23 @@ from ...errors import FrameFileError
 from .figure import new_figure
 from .map import draw_map, joined_level, map_axes, picture_floor_db
 
-#: Pictures a second.
+#: Pictures per second.
 FRAMES_PER_SECOND = 5
 
 
 @dataclass(frozen=True)
 class MapFile:
-    """A frame's ``_map.npz``, and what to write above its picture."""
+    """A frame's ``_map.npz``, and the time to write above its picture.
+
+    Attributes
+    ----------
+    path
+        File.
+    frame
+        Number of the frame.
+    time_s
+        Scene time [s].
+    """
 
     path: Path
     frame: int
@@ -44,13 +54,18 @@ def animate_maps(
     Parameters
     ----------
     maps
-        In the order of their showing, all with the same axes.
+        Maps in order of display, all with the same axes.
     out
         File to write.
     floor_db
         Lowest level drawn; None: as for one map, see :func:`.pictures.map.picture_floor_db`.
     noise_power, unit
         As for :func:`.pictures.map.plot_range_doppler`.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
@@ -87,7 +102,8 @@ def animate_maps(
             same = all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m"))
             if not same:
                 raise FrameFileError(
-                    f"{item.path} has other axes than {maps[0].path}. Process the run anew."
+                    f"{item.path} has other axes than {maps[0].path}, so they have no common "
+                    "animation. Process the run again."
                 )
             picture.set_data(joined_level(arrays["power"], axes, top or 1.0, floor_db))
             title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
@@ -104,12 +120,12 @@ def _read(path: Path) -> dict[str, Any]:
     # zipfile and numpy raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
-            f"{path} cannot be read as a range-Doppler map ({error}). Process the run anew."
+            f"{path} cannot be read as a range-Doppler map ({error}). Process the run again."
         ) from error
 
 
 def _velocity_factor(arrays: dict[str, Any]) -> float:
-    """Range rate over Doppler; 0 where there is one row."""
+    """Return range rate over Doppler; 0 for a map of one row."""
     place = int(np.argmax(np.abs(arrays["doppler_hz"])))
     doppler_hz = float(arrays["doppler_hz"][place])
     return float(arrays["velocity_mps"][place]) / doppler_hz if doppler_hz else 0.0

@@ -1,36 +1,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Antenna patterns for people: peak, beamwidths, and a picture of the cuts through the peak."""
+"""Antenna patterns: peak, beamwidths, and a picture of the cuts through the peak."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ...physics.antennas import angles_from_direction
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..radar import RadarSystem, cut_dbi, half_power_width_rad, peak_direction
+from ..radar import PeakedAntenna, RadarSystem, cut_dbi, half_power_width_rad, peak_direction
 from .figure import new_figure
 from .numbers import fixed, with_minus
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.projections.polar import PolarAxes
+
 ANTENNA_PICTURE = "antennas.png"
-#: Below the peak by more than this is not drawn [dB].
+#: Lower levels relative to the peak are not drawn [dB].
 _DYNAMICS_DB = 60.0
 #: Room for the legend above the peak [dB].
 _HEADROOM_DB = 12.0
-#: Cuts are drawn this many half-power beamwidths to each side, where that is less than all round.
+#: Cuts are drawn this many half-power beamwidths to each side, at most the full circle.
 _BEAMWIDTHS = 12.0
 
 
-def plot_antennas(system: RadarSystem) -> Any:
-    """Cuts of both antennas, in a frame that fits the beam and all round, as a Figure."""
+def plot_antennas(system: RadarSystem) -> Figure:
+    """Draw cuts through the peak of both antennas, around the beam and over the full circle.
+
+    Parameters
+    ----------
+    system
+        Link budget with the antennas at a wavelength.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+    """
     figure = new_figure(11, 8)
     for row, (title, antenna) in enumerate(
         (("Transmitter", system.transmitter), ("Receiver", system.receiver))
     ):
         near = figure.add_subplot(2, 2, 2 * row + 1)
-        round_ = figure.add_subplot(2, 2, 2 * row + 2, projection="polar")
+        round_ = cast("PolarAxes", figure.add_subplot(2, 2, 2 * row + 2, projection="polar"))
         _draw(near, round_, antenna, title)
     figure.suptitle(
         f"Antennas at {SPEED_OF_LIGHT_MPS / system.wavelength_m / 1e9:.6g} GHz: gain over "
@@ -40,7 +56,7 @@ def plot_antennas(system: RadarSystem) -> Any:
     return figure
 
 
-def _draw(near: Any, round_: Any, antenna: Any, title: str) -> None:
+def _draw(near: Axes, round_: PolarAxes, antenna: PeakedAntenna, title: str) -> None:
     peak_dbi = 10 * math.log10(antenna.peak_gain)
     widths = {plane: half_power_width_rad(antenna, plane) for plane in ("azimuth", "elevation")}
     through = peak_direction(antenna)
@@ -52,7 +68,7 @@ def _draw(near: Any, round_: Any, antenna: Any, title: str) -> None:
         label = (
             plane if width >= 2 * math.pi else f"{plane}: {math.degrees(width):.3g}° wide at −3 dB"
         )
-        # where both are the same, both are seen
+        # both are visible where they are equal
         style = "-" if plane == "azimuth" else "--"
         near.plot(np.degrees(angle), cut_dbi(antenna, angle, plane, through), style, label=label)
         cut = np.maximum(cut_dbi(antenna, all_round, plane, through), peak_dbi - _DYNAMICS_DB)
@@ -80,4 +96,4 @@ def _draw(near: Any, round_: Any, antenna: Any, title: str) -> None:
     round_.set_thetagrids(
         [angle % 360 for angle in degrees], [with_minus(f"{angle}°") for angle in degrees]
     )
-    round_.set_title("all round", fontsize=10)
+    round_.set_title("full circle", fontsize=10)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells of a picture: more than a screen shows are joined, and the strongest of them counts.
+"""Cells of a picture: cells beyond the resolution of a screen are joined, and the strongest counts.
 
-A picture of more rows than pixels leaves rows out, and a target of one row with them.
+A picture with more rows than pixels would omit rows, and with them targets of one row.
 """
 
 from __future__ import annotations
@@ -19,8 +19,14 @@ from .numbers import cell_width
 class CellAxis:
     """An axis of a picture, in the unit of its axis.
 
-    `low` and `high` are the outer edges of the joined cells, `end` is that of the last cell before
-    joining: the last joined cell may reach beyond it. `step` cells are joined.
+    Attributes
+    ----------
+    low, high
+        Outer edges of the joined cells.
+    end
+        Outer edge of the last cell before joining: the last joined cell may extend beyond it.
+    step
+        Number of cells joined to one.
     """
 
     low: float
@@ -30,18 +36,23 @@ class CellAxis:
 
 
 def cell_axis(centres: Real, most: int, unit_size: float = 1.0, single: float = 1.0) -> CellAxis:
-    """Axis of evenly spaced cells of which at most `most` are drawn.
+    """Return the axis of evenly spaced cells of which at most `most` are drawn.
 
     Parameters
     ----------
     centres
-        In SI units, ascending, (cells,).
+        Centres in SI units, ascending, (cells,).
     most
-        Cells that a picture has room for.
+        Maximum number of drawn cells.
     unit_size
-        SI units in one of the picture's unit.
+        SI units per unit of the picture.
     single
-        Width of the only cell, where there is one, in SI units.
+        Width of a single cell in SI units.
+
+    Returns
+    -------
+    CellAxis
+        Edges in the unit of the picture.
     """
     width = cell_width(centres) or single
     step = -(-centres.size // most)
@@ -52,7 +63,7 @@ def cell_axis(centres: Real, most: int, unit_size: float = 1.0, single: float = 
 
 
 def strongest(values: Real, steps: Sequence[int]) -> Real:
-    """The largest of `steps` values next to each other, along each axis."""
+    """Return the largest of `steps` adjacent values along each axis."""
     for axis, step in enumerate(steps):
         if step > 1:
             values = np.maximum.reduceat(values, np.arange(0, values.shape[axis], step), axis=axis)

@@ -4,29 +4,45 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...array_types import Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
 from ..maps import power_to_db, power_unit
 from .cells import cell_axis, strongest
-from .figure import new_figure
+from .figure import new_figure, scale_on_top
 from .numbers import frequency_unit, range_unit, reference_text, time_unit
 
-#: What a row of samples is, by kind of waveform.
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Name of the start of a row of samples by kind of waveform.
 _LINE_BEGINS = {"fmcw": "ramp", "stepped": "ramp of steps", "pmcw": "code"}
-#: Decibels from the strongest sample to the bottom of the picture.
+#: Decibels from the strongest sample to the lowest colour.
 _SPAN_DB = 60.0
-#: Most cells along fast time and over the pulses that the picture has room for.
+#: Maximum number of drawn cells along fast time and over the pulses.
 _MOST_SAMPLES, _MOST_PULSES = 900, 280
 
 
-def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
-    """Magnitude and real part of the echoes, pulse against fast time (the paper's Fig. 7).
+def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
+    """Draw magnitude and real part of the echoes, pulse against fast time (the paper's Fig. 7).
 
-    The magnitude of joined samples is that of the strongest; a single pulse is drawn as curves.
+    Parameters
+    ----------
+    echoes
+        Samples of a burst. The magnitude of joined samples is that of the strongest; a single pulse
+        is drawn as curves.
+    title
+        Text above the axes.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
     """
     figure = new_figure(10, 6)
     first, second = figure.subplots(2, 1, sharex=True)
@@ -75,25 +91,25 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Any:
 
 
 def _row_text(echoes: Echoes) -> str:
-    """What a row of samples is, and how often it comes."""
+    """Return the name of a row of samples and its rate."""
     prf_hz = echoes.radar.burst.prf_hz
     unit = frequency_unit(prf_hz)
     rate = f"PRF {prf_hz / unit.size:.6g} {unit.name}"
     rows = echoes.samples.shape[0] // echoes.radar.burst.pulses
-    return f"pulse ({rate})" if rows == 1 else f"code ({rows} a pulse, {rate})"
+    return f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})"
 
 
 def _draw_burst(
-    figure: Any,
-    first: Any,
-    second: Any,
+    figure: Figure,
+    first: Axes,
+    second: Axes,
     echoes: Echoes,
-    magnitude: Any,
+    magnitude: Real,
     second_size: float,
     limit: float,
     scale: float,
 ) -> None:
-    """Both pictures with their colour bars, the last two axes of the figure."""
+    """Draw both images with their colour bars, the last two axes of the figure."""
     pulses = np.arange(magnitude.shape[0], dtype=np.float64)
     common: dict[str, Any] = {"aspect": "auto", "origin": "lower", "interpolation": "nearest"}
     across = cell_axis(echoes.fast_time_s, _MOST_SAMPLES, second_size)
@@ -123,7 +139,7 @@ def _draw_burst(
         axis.set_ylim(along.low, along.end)
 
 
-def _label_times(first: Any, second: Any, echoes: Echoes, name: str, size: float) -> None:
+def _label_times(first: Axes, second: Axes, echoes: Echoes, name: str, size: float) -> None:
     second.ticklabel_format(axis="x", useOffset=False)
     if echoes.radar.waveform.family == "line":
         # each sample holds the echoes of all ranges
@@ -133,6 +149,4 @@ def _label_times(first: Any, second: Any, echoes: Echoes, name: str, size: float
     second.set_xlabel(f"fast time since the middle of the pulse [{name}]")
     length = range_unit(float(echoes.fast_time_s[-1]) * SPEED_OF_LIGHT_MPS / 2)
     factor = SPEED_OF_LIGHT_MPS / 2 * size / length.size
-    upper = first.secondary_xaxis("top", functions=(lambda t: t * factor, lambda r: r / factor))
-    upper.xaxis.get_major_formatter().set_useOffset(False)
-    upper.set_xlabel(f"one-way range of the echo's middle [{length.name}]")
+    scale_on_top(first, factor, f"one-way range of the echo's middle [{length.name}]")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of the results. matplotlib is imported when the first one is made, and never pyplot.
+"""Figures of the results. matplotlib is imported with the first one, and pyplot never.
 
 Each function returns a matplotlib Figure: a notebook shows it, :func:`save_figure` writes it.
 """
@@ -11,19 +11,41 @@ import importlib
 import importlib.util
 import io
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ...atomic_files import replaced
 from ...errors import MissingDependencyError
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 def has_matplotlib() -> bool:
-    """Whether pictures can be made."""
+    """Whether matplotlib is installed.
+
+    Returns
+    -------
+    bool
+        True if pictures can be drawn.
+    """
     return importlib.util.find_spec("matplotlib") is not None
 
 
-def new_figure(width_in: float, height_in: float) -> Any:
-    """An empty figure that belongs to nobody's pyplot.
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure that does not belong to pyplot.
+
+    Parameters
+    ----------
+    width_in, height_in
+        Size [inches].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        With constrained layout and an Agg canvas.
 
     Raises
     ------
@@ -32,7 +54,7 @@ def new_figure(width_in: float, height_in: float) -> Any:
     """
     if not has_matplotlib():
         raise MissingDependencyError(
-            "matplotlib is not installed; it draws the pictures. Install it with "
+            "matplotlib is not installed, so no pictures can be drawn. Install it with "
             "'pip install matplotlib', or process without plots."
         )
     # A Figure of its own: no window system, no state shared with the caller's pyplot.
@@ -42,10 +64,10 @@ def new_figure(width_in: float, height_in: float) -> Any:
 
 
 @functools.cache
-def _figure_class() -> Any:
-    """matplotlib's Figure that a notebook shows by itself, without pyplot."""
+def _figure_class() -> type[Figure]:
+    """Return a subclass of matplotlib's Figure that a notebook shows without pyplot."""
 
-    def as_png(figure: Any) -> bytes:
+    def as_png(figure: Figure) -> bytes:
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=100)
         return stream.getvalue()
@@ -54,8 +76,32 @@ def _figure_class() -> Any:
     return type("Figure", (base,), {"_repr_png_": as_png})
 
 
-def save_figure(figure: Any, path: str | Path, dpi: int = 120) -> Path:
-    """Write a figure as PNG under a temporary name, then rename."""
+def scale_on_top(axis: Axes, factor: float, label: str) -> None:
+    """Draw a second scale at the top of axes: the numbers of the lower one times `factor`."""
+    upper = axis.secondary_xaxis(
+        "top", functions=(lambda x: np.multiply(x, factor), lambda x: np.divide(x, factor))
+    )
+    upper.ticklabel_format(axis="x", useOffset=False)
+    upper.set_xlabel(label)
+
+
+def save_figure(figure: Figure, path: str | Path, dpi: int = 120) -> Path:
+    """Write a figure as PNG under a temporary name, then rename it.
+
+    Parameters
+    ----------
+    figure
+        Figure to write.
+    path
+        File to write; its folder must exist.
+    dpi
+        Pixels per inch.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
     path = Path(path)
     with replaced(path) as temporary:
         figure.savefig(temporary, dpi=dpi, format="png")

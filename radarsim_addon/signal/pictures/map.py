@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture of a range-Doppler map: levels with their reference, targets, labels of the foremost."""
+"""Picture of a range-Doppler map: levels, targets, numbers of the strongest."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from ...array_types import Real
 from ..detection import Detection, Peak, target_count
 from ..maps import RangeDopplerMap, power_to_db
 from .cells import CellAxis, cell_axis, strongest
-from .figure import new_figure
-from .labels import Label, place_labels
+from .figure import new_figure, scale_on_top
+from .labels import number_points
 from .numbers import (
     Unit,
     cell_width,
@@ -28,21 +28,27 @@ from .numbers import (
     with_minus,
 )
 
-#: Decibels from the strongest cell to the bottom of a picture without noise.
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+#: Decibels from the strongest cell to the lowest colour of a picture without noise.
 SPAN_DB = 80.0
-#: With noise the picture begins this far below its mean [dB].
+#: With noise the colours begin this far below its mean [dB].
 BELOW_NOISE_DB = 10.0
-#: Least that a picture spans [dB].
+#: Smallest span of the colours [dB].
 LEAST_SPAN_DB = 20.0
 #: Most cells along an axis of a picture, see :mod:`.pictures.cells`.
 MOST_CELLS = 640
-#: Most labels, and most of what stands still among them.
+#: Maximum number of labels, and of labels of stationary targets.
 _LABELS, _STILL_LABELS = 5, 2
-#: A peak this far below a labelled one at its Doppler or at its range is hardly an own target [dB].
+#: A peak this far below a labelled one at its Doppler or range may be its sidelobe [dB].
 _SHADOW_DB = 25.0
-#: Of targets so near one another in a picture only the stronger gets a label [share of an axis].
-_BESIDE = 0.03
-#: Windows are at most three cells wide to each side: what is slower stands still, for a label.
+#: Closer than this only the stronger target gets a label [fraction of an axis].
+_NEAR = 0.03
+#: Tapers widen a response to at most three cells on each side: slower targets count as stationary.
 _STILL_CELLS = 3.0
 
 
@@ -50,7 +56,16 @@ _STILL_CELLS = 3.0
 class MapAxes:
     """Cells of a picture and the units of its axes.
 
-    `rate_per_hz` is range rate over Doppler [m], `pulses` how many rows the map has.
+    Attributes
+    ----------
+    doppler, ranges
+        Cells along both axes.
+    doppler_unit, range_unit, rate_unit
+        Units of the axes.
+    rate_per_hz
+        Range rate over Doppler [m].
+    pulses
+        Rows of the map.
     """
 
     doppler: CellAxis
@@ -63,7 +78,7 @@ class MapAxes:
 
 
 def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float = 0.0) -> MapAxes:
-    """Axes of a picture from the centres of a map's cells.
+    """Return the axes of a picture from the centres of a map's cells.
 
     Parameters
     ----------
@@ -72,7 +87,12 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
     rate_per_hz
         -lambda / 2 [m].
     prf_hz
-        Width of the one cell of a single pulse; 0: 1 Hz is drawn.
+        Width of the one cell of a single pulse; 0: draw 1 Hz.
+
+    Returns
+    -------
+    MapAxes
+        Cells and units.
     """
     fastest_hz = float(np.abs(doppler_hz).max())
     hertz, length = frequency_unit(fastest_hz), range_unit(float(np.abs(range_m).max()))
@@ -88,18 +108,29 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
 
 
 def joined_level(power: Real, axes: MapAxes, reference: float, floor_db: float) -> Real:
-    """Decibels of the cells of a picture, (ranges, Doppler); of joined cells the strongest."""
+    """Return the level of each drawn cell, (ranges, Doppler) [dB]; the strongest of joined ones."""
     return power_to_db(
         strongest(power, (axes.doppler.step, axes.ranges.step)), reference, floor_db
     ).T
 
 
 def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = None) -> float:
-    """Where the colours begin, re `top` (None: the strongest cell) [dB], in steps of 5 dB.
+    """Return the level where the colours begin [dB], in steps of 5 dB.
 
-    `BELOW_NOISE_DB` below the mean noise where that is known, however far down; else `SPAN_DB`, or
-    less where more than half of the map is noise: the mean of exponential noise is its median over
-    ln 2.
+    Parameters
+    ----------
+    power
+        Power of the map, (Doppler, ranges).
+    noise_power
+        Mean noise of a cell; 0: unknown.
+    top
+        Power of 0 dB; None: the strongest cell.
+
+    Returns
+    -------
+    float
+        With known noise `BELOW_NOISE_DB` below it. Otherwise -`SPAN_DB`, or higher if more than
+        half of the map is noise: the mean of exponential noise is its median over ln 2.
     """
     top = float(power.max(initial=0.0)) if top is None else top
     floor_db = -SPAN_DB
@@ -111,7 +142,7 @@ def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = 
 
 
 def draw_map(
-    figure: Any,
+    figure: Figure,
     power: Real,
     axes: MapAxes,
     *,
@@ -120,27 +151,32 @@ def draw_map(
     noise_power: float = 0.0,
     unit: str = "",
     of: str = "strongest cell",
-) -> tuple[Any, Any]:
-    """Draw a map into an empty figure; returns the axes and the image.
+) -> tuple[Axes, AxesImage]:
+    """Draw a map into an empty figure.
 
     Parameters
     ----------
     figure
-        Empty.
+        Empty figure.
     power
-        (Doppler, ranges).
+        Power of the map, (Doppler, ranges).
     axes
         From `map_axes`.
     reference
         Power of 0 dB; 0: an empty map.
     floor_db
-        Where the colours begin.
+        Level where the colours begin [dB].
     noise_power
-        Mean noise of a cell, marked at the colours; 0: none.
+        Mean noise of a cell, marked at the colour bar; 0: none.
     unit
-        Of the reference in decibels, such as "dBW"; "": not told.
+        Unit of the reference in decibels, such as "dBW"; "": unknown.
     of
-        What the reference is.
+        Name of the reference.
+
+    Returns
+    -------
+    axis, image
+        The axes and the image of the map.
     """
     axis = figure.subplots()
     image = axis.imshow(
@@ -177,14 +213,12 @@ def draw_map(
     )
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
     if factor:
-        upper = axis.secondary_xaxis("top", functions=(lambda f: f * factor, lambda v: v / factor))
-        upper.xaxis.get_major_formatter().set_useOffset(False)
-        upper.set_xlabel(f"range rate $v$ [{axes.rate_unit.name}]")
+        scale_on_top(axis, factor, f"range rate $v$ [{axes.rate_unit.name}]")
     return axis, image
 
 
-def mark_noise(bar: Any, noise_db: float) -> None:
-    """A line at the colours where the mean noise is."""
+def mark_noise(bar: Colorbar, noise_db: float) -> None:
+    """Draw a line at the colour bar at the mean noise."""
     bar.ax.axhline(noise_db, color="white", lw=1.2)
     bar.ax.annotate(
         "noise",
@@ -209,29 +243,34 @@ def plot_range_doppler(
     left_out: int = 0,
     noise_power: float = 0.0,
     unit: str = "",
-) -> Any:
-    """Map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
+) -> Figure:
+    """Draw a map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
 
     Parameters
     ----------
     rd_map
         Range-Doppler map.
     peaks
-        Movers, the foremost first: circled and labelled.
+        Moving targets, the strongest first: circled and numbered.
     title
-        Above the picture.
+        Text above the axes.
     floor_db
-        Where the colours begin, re the strongest cell; None: see `picture_floor_db`.
+        Level where the colours begin, relative to the strongest cell; None: see `picture_floor_db`.
     targets
-        Of a CFAR: all are marked, the smaller the more there are; the strongest get what labels
-        the peaks leave, what moves before what stands still.
+        CFAR detections: all are marked, with smaller marks the more there are. Up to five numbers
+        in all; peaks come first, then moving, then stationary targets.
     left_out
-        Peaks of the CFAR beyond the most that it keeps.
+        Number of CFAR peaks beyond the maximum that the detector keeps.
     noise_power
         Mean thermal noise of a cell (:func:`.maps.noise_floor.map_noise_gain` times that of a
-        sample), marked at the colours; 0: not known.
+        sample), marked at the colour bar; 0: unknown.
     unit
-        Unit of the map's powers in decibels, "dBW" with the weighting "radar-equation".
+        Unit of the map's powers in decibels, "dBW" with the amplitude model "radar-equation".
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
     """
     power = rd_map.power
     top = float(power.max(initial=0.0))
@@ -243,7 +282,7 @@ def plot_range_doppler(
         rd_map.radar.burst.prf_hz,
     )
     figure = new_figure(8, 6.5)
-    axis, image = draw_map(
+    axis, _ = draw_map(
         figure, power, axes, reference=top, floor_db=floor_db, noise_power=noise_power, unit=unit
     )
     axis.set_title(title, fontsize=10)
@@ -256,26 +295,22 @@ def plot_range_doppler(
             label=f"CFAR: {target_count(len(targets), left_out)}",
         )  # fmt: skip
         axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
-    for item in chosen:
-        axis.plot(*_place(item, axes), "o", mfc="none", mec="w", ms=9, mew=1.0)
-    place_labels(
-        axis,
-        [Label(*_place(item, axes), label_text(item, rd_map, axes)) for item in chosen],
-        drawn=np.concatenate([_bright(np.asarray(image.get_array()), axes, floor_db), places]),
-    )
+    spots = [_place(item, axes) for item in chosen]
+    for spot in spots:
+        axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
+    number_points(figure, axis, spots, [label_text(item, rd_map, axes) for item in chosen])
     return figure
 
 
 def foremost(
     rd_map: RangeDopplerMap, peaks: Sequence[Peak], targets: Sequence[Detection]
 ) -> list[Peak | Detection]:
-    """What gets a label: peaks, then targets that move, then those that stand still.
+    """Choose the targets to label: peaks, then moving targets, then stationary ones.
 
-    Each by falling level. Targets right beside one that has a label, and those 25 dB below it at
-    its Doppler or at its range, where its sidelobes are, get none.
+    Each group is sorted by falling level. Targets next to a labelled one get no label, nor those
+    25 dB below one at its Doppler or range, where its sidelobes are.
     """
-    cell_m = cell_width(rd_map.range_m)
-    cell_hz = cell_width(rd_map.doppler_hz)
+    cell_m, cell_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
     chosen: list[Peak | Detection] = list(peaks[:_LABELS])
     moving = [t for t in targets if abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
     still = [t for t in targets if not abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
@@ -302,18 +337,18 @@ def _hidden(
     """Whether a target is the other one, or may be its sidelobe."""
     apart_hz = abs(item.doppler_hz - other.doppler_hz)
     apart_m = abs(item.range_m - other.range_m)
-    beside_hz, beside_m = (
-        max(guard * cell, _BESIDE * cell * count)
+    near_hz, near_m = (
+        max(guard * cell, _NEAR * cell * count)
         for guard, cell, count in zip((4, 8), (cell_hz, cell_m), shape, strict=True)
     )
-    if apart_hz <= beside_hz and apart_m <= beside_m:
+    if apart_hz <= near_hz and apart_m <= near_m:
         return True
     aligned = apart_hz <= 2 * cell_hz or apart_m <= 4 * cell_m
     return aligned and item.level_db < other.level_db - _SHADOW_DB
 
 
 def label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
-    """Range, and range rate with Doppler where there is any, in the digits that the cells bear."""
+    """Return range, range rate and Doppler as text, with the digits that the cells support."""
     length, rate, hertz = axes.range_unit, axes.rate_unit, axes.doppler_unit
     step_m, step_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
     text = fixed(item.range_m / length.size, decimals_for(step_m / length.size)) + f" {length.name}"
@@ -333,19 +368,7 @@ def _place(item: Peak | Detection, axes: MapAxes) -> tuple[float, float]:
 
 
 def _marker(count: int) -> tuple[float, float]:
-    """Size and line width of marks, so that many do not hide the map [pt]."""
+    """Return size and line width of marks [pt], smaller for many marks."""
     if count <= 20:
         return 8.0, 1.0
     return (5.0, 0.8) if count <= 60 else (2.5, 0.5)
-
-
-def _bright(level: Real, axes: MapAxes, floor_db: float) -> Real:
-    """Centres of the picture's cells in the upper two thirds of its colours, (cells, 2)."""
-    rows, cols = np.nonzero(level > 0.67 * floor_db)
-    doppler, ranges = axes.doppler, axes.ranges
-    return np.column_stack(
-        [
-            doppler.low + (cols + 0.5) * (doppler.high - doppler.low) / level.shape[1],
-            ranges.low + (rows + 0.5) * (ranges.high - ranges.low) / level.shape[0],
-        ]
-    )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers and units as people read them: no "-0.0", digits that the cells bear, km where it is far.
+"""Numbers and units for people: no "-0.0", as many digits as the cells support, km for long ranges.
 
-Functions of this module return text; what is stored is never rounded by them.
+Functions of this module return text; stored values are never rounded.
 """
 
 from __future__ import annotations
@@ -13,29 +13,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Digits behind the point at most: float64 holds no more of a range of metres.
+#: Maximum number of decimals: float64 holds no more of a range of metres.
 _MOST_DIGITS = 12
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit for an axis or a label: `name`, and how many SI units it is."""
+    """Unit of an axis or a label.
+
+    Attributes
+    ----------
+    name
+        Symbol, such as "km".
+    size
+        SI units per unit.
+    """
 
     name: str
     size: float
 
 
 def fixed(value: float, decimals: int, *, signed: bool = False) -> str:
-    """A number with `decimals` digits behind the point; zero has no sign.
+    """Return a number with `decimals` decimals; zero has no sign.
 
     Parameters
     ----------
     value
-        Finite or not.
+        Number, finite or not.
     decimals
-        0 or more.
+        Digits after the point, 0 or more.
     signed
-        Whether a positive number has its plus.
+        Whether a positive number has a plus sign.
+
+    Returns
+    -------
+    str
+        The number.
     """
     text = f"{value:{'+' if signed else ''}z.{decimals}f}"
     # the option z takes the minus from zero, not the plus
@@ -43,14 +56,36 @@ def fixed(value: float, decimals: int, *, signed: bool = False) -> str:
 
 
 def decimals_for(step: float) -> int:
-    """Digits behind the point that show a tenth of `step`, such as the width of a cell."""
+    """Return the number of decimals that shows a tenth of a step.
+
+    Parameters
+    ----------
+    step
+        Step such as the width of a cell, in the unit of the text.
+
+    Returns
+    -------
+    int
+        0 to 12; 0 if the step is not finite or not positive.
+    """
     if not (math.isfinite(step) and step > 0):
         return 0
     return min(max(math.ceil(1 - math.log10(step) - 1e-9), 0), _MOST_DIGITS)
 
 
 def cell_width(centres: ArrayLike) -> float:
-    """Distance of an axis' evenly spaced cells; 0 where there is one."""
+    """Return the distance between the evenly spaced cells of an axis.
+
+    Parameters
+    ----------
+    centres
+        Centres of the cells, (cells,).
+
+    Returns
+    -------
+    float
+        Distance in the unit of the centres; 0 for a single cell.
+    """
     values = np.asarray(centres, dtype=np.float64)
     return float(abs(values[1] - values[0])) if values.size > 1 else 0.0
 
@@ -63,26 +98,26 @@ def _chosen(units: tuple[tuple[float, Unit], ...], largest: float) -> Unit:
 
 
 def range_unit(largest_m: float) -> Unit:
-    """km from 20 km, mm below half a metre, else m; by the largest range of an axis [m]."""
+    """Return km from 20 km, mm below half a metre, else m, by the longest range of an axis [m]."""
     units = ((20e3, Unit("km", 1e3)), (0.5, Unit("m", 1.0)), (0.0, Unit("mm", 1e-3)))
     return _chosen(units, largest_m) if largest_m > 0 else Unit("m", 1.0)
 
 
 def speed_unit(largest_mps: float) -> Unit:
-    """km/s from 5 km/s, mm/s below 0.1 m/s, else m/s."""
+    """Return km/s from 5 km/s, mm/s below 0.1 m/s, else m/s."""
     units = ((5e3, Unit("km/s", 1e3)), (0.1, Unit("m/s", 1.0)), (0.0, Unit("mm/s", 1e-3)))
     return _chosen(units, largest_mps) if largest_mps > 0 else Unit("m/s", 1.0)
 
 
 def frequency_unit(largest_hz: float) -> Unit:
-    """MHz from 10 MHz, kHz from 10 kHz, else Hz."""
+    """Return MHz from 10 MHz, kHz from 10 kHz, else Hz."""
     return _chosen(
         ((1e7, Unit("MHz", 1e6)), (1e4, Unit("kHz", 1e3)), (0, Unit("Hz", 1.0))), largest_hz
     )
 
 
 def time_unit(largest_s: float) -> Unit:
-    """s from 1 s, ms from 1 ms, ns below 0.1 us, else us."""
+    """Return s from 1 s, ms from 1 ms, ns below 0.1 us, else us."""
     units = (
         (1.0, Unit("s", 1.0)),
         (1e-3, Unit("ms", 1e-3)),
@@ -93,12 +128,12 @@ def time_unit(largest_s: float) -> Unit:
 
 
 def reference_text(power: float, unit: str) -> str:
-    """Level of the power that is 0 dB, such as " = -73.1 dBW"; "" where its unit is not known."""
+    """Return the power of 0 dB as text such as " = -73.1 dBW"; "" if its unit is unknown."""
     if not (unit and power > 0):
         return ""
     return f" = {with_minus(fixed(10 * math.log10(power), 1))} {unit}"
 
 
 def with_minus(text: str) -> str:
-    """Hyphens before digits as minus signs, which matplotlib puts on its axes."""
+    """Replace hyphens before digits by minus signs, as on matplotlib's axes."""
     return re.sub(r"-(?=[\d.])", "\N{MINUS SIGN}", text)

@@ -1,22 +1,40 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture of the rings of a frame."""
+"""Picture of all rings of a frame."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..decoding import decode
 from ..maps import power_to_db
 from ..runs import RadarFrame
 from .figure import new_figure
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Widest picture of one ring in the montage [px].
 _THUMBNAIL_PX = 480
 
 
-def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60.0) -> Any:
-    """Montage of all rings of a frame: radiance in decibels (the paper's Fig. 6)."""
+def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60.0) -> Figure:
+    """Draw a montage of all rings of a frame: radiance in decibels (the paper's Fig. 6).
+
+    Parameters
+    ----------
+    frame
+        Radar frame with the sampling mode "rings".
+    snapshot_index
+        Snapshot, from 0.
+    floor_db
+        Level of the lowest colour, relative to the strongest pixel [dB].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+    """
     step_m = frame.record.ring_step_m
     thumbnails, tops = [], []
     for ring in range(frame.rings):
@@ -34,7 +52,6 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
     figure = new_figure(2.0 * columns + 0.8, (1.83 * aspect + 0.22) * lines + 0.4)
     figure.set_layout_engine("compressed")  # pictures keep their shape, without gaps between them
     axes = figure.subplots(lines, columns, squeeze=False)
-    picture = None
     for ring, axis in enumerate(axes.ravel()):
         axis.set_axis_off()
         if ring < frame.rings:
@@ -44,13 +61,15 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
                     transform=axis.transAxes,
                 )  # fmt: skip
             level = power_to_db(thumbnails[ring], reference, floor_db)
-            picture = axis.imshow(level, vmin=floor_db, vmax=0, cmap="magma")
+            axis.imshow(level, vmin=floor_db, vmax=0, cmap="magma")
             axis.set_title(f"{ring * step_m:g}-{(ring + 1) * step_m:g} m", fontsize=7, pad=2)
-    figure.colorbar(picture, ax=axes, label="radiance [dB re strongest pixel]", fraction=0.02)
+    figure.colorbar(
+        axes.flat[0].images[0], ax=axes, label="radiance [dB re strongest pixel]", fraction=0.02
+    )
     later = (
         ""
         if snapshot_index == 0
-        else f", second pass, {frame.record.snapshot_interval_s:g} s later"
+        else f", second snapshot, {frame.record.snapshot_interval_s:g} s later"
     )
     figure.suptitle(f"Rings, frame {frame.number}, t = {frame.time_s:.4g} s{later}", fontsize=10)
     return figure

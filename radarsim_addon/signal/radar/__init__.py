@@ -5,7 +5,7 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
-from .antennas import self_contained
+from .antennas import PeakedAntenna, self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system, weighting_of
@@ -31,6 +31,7 @@ __all__ = [
     "Burst",
     "FmcwWaveform",
     "LineWaveform",
+    "PeakedAntenna",
     "PhaseCodedPulse",
     "PmcwWaveform",
     "Radar",

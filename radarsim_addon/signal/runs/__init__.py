@@ -5,14 +5,19 @@ In: a folder. Out: `Run` and `RadarFrame` records, and float32 images of radianc
 """
 
 from .exr import exr_backend, read_exr, write_exr
+from .exr_header import CHUNK_LINES, ZIP, ExrHeader, read_header
 from .run import MissingRender, RadarFrame, Run, open_run
 
 __all__ = [
+    "CHUNK_LINES",
+    "ZIP",
+    "ExrHeader",
     "MissingRender",
     "RadarFrame",
     "Run",
     "exr_backend",
     "open_run",
     "read_exr",
+    "read_header",
     "write_exr",
 ]

@@ -9,10 +9,8 @@ ones.
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import importlib.util
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Single
+from ...atomic_files import replaced
 from ...contract import CHANNELS
-from ...errors import FrameFileError, MissingDependencyError, OutputError
+from ...errors import FrameFileError, MissingDependencyError
 from .exr_header import read_header
 
 
@@ -174,24 +173,14 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
         raise ValueError(f"Channels of one shape (height, width) are needed; got {shapes}.")
     kind, module = exr_backend()
     write = _write_openexr if kind == "OpenEXR" else _write_openimageio
-    temporary = path.with_name(path.name + ".part.exr")  # OpenImageIO goes by the suffix
-    try:
-        # the libraries' own messages hide why a file cannot be made; open() says it
-        with open(temporary, "wb"):
-            pass
-        write(module, temporary, planes)
-        read_header(temporary)  # a full disk can end a file without an error
-        os.replace(temporary, path)
-    except (OSError, RuntimeError, FrameFileError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(
-            f"Cannot write {path}: {reason}. "
-            "Choose an output folder that exists, is writable and has room."
-        ) from error
-    finally:
-        # if the folder itself is gone or read-only, the error above says so
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    with replaced(path) as temporary:
+        try:
+            # the libraries' own messages hide why a file cannot be made; touch() tells
+            temporary.touch()
+            write(module, temporary, planes)
+            read_header(temporary)  # a full disk can end a file without an error
+        except (RuntimeError, FrameFileError) as error:
+            raise OSError(str(error)) from error
 
 
 def _write_openexr(module: Any, path: Path, planes: Mapping[str, Single]) -> None:

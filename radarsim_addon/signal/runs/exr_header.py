@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an OpenEXR file says of itself, read before a library allocates a single pixel.
+"""Header and chunk table of an OpenEXR file, checked before a library allocates a single pixel.
 
 EXR libraries are lenient in different ways: a truncated file yields a warning on stderr and no
 pixels, missing channels yield zeros, and a header of 2^31 x 2^31 is believed. A radar frame must
-be whole or be refused, so header and chunk table are walked here, with the standard library alone.
+be complete, so this module reads header and chunk table with the standard library alone.
 Format: "OpenEXR File Layout", openexr.com (single-part scan-line files, version 2).
 """
 
@@ -19,25 +19,41 @@ from ...errors import FrameFileError
 
 #: Largest image read, in pixels. A 16k x 16k frame is 2^28.
 MAX_PIXELS = 2**28
-#: A header is a few hundred bytes; a file that claims more is not one of ours.
+#: Compression of every file that radarsim writes.
+ZIP = 3
+#: A header is a few hundred bytes; a file that claims more is not a radar frame.
 MAX_HEADER_BYTES = 1 << 20
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
 _PIXEL_TYPES = {0: "uint", 1: "half", 2: "float"}
-# compression number -> scan lines in one chunk
-_CHUNK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
+#: Scan lines in one chunk by the number of the compression.
+CHUNK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 
-_RENDER_AGAIN = "Remove it and render the run again: it goes on where files are missing."
+_RENDER_AGAIN = "Remove it and render the run again: the run resumes where files are missing."
 
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """Size, and pixel type ("float", "half" or "uint") of each channel by name."""
+    """Size, channels and chunks of an EXR file.
+
+    Attributes
+    ----------
+    width_px, height_px
+        Size of the image.
+    channels
+        Pixel type ("float", "half" or "uint") of each channel by name.
+    compression
+        Number of the compression.
+    chunks
+        First byte and length of the compressed pixels of each chunk, by its first row from 0.
+    """
 
     width_px: int
     height_px: int
     channels: dict[str, str]
+    compression: int
+    chunks: dict[int, tuple[int, int]]
 
 
 def _damaged(path: Path, what: str) -> FrameFileError:
@@ -45,7 +61,7 @@ def _damaged(path: Path, what: str) -> FrameFileError:
 
 
 def _text(stream: BinaryIO, path: Path) -> str:
-    """A null-terminated name (at most 255 bytes in version 2)."""
+    """Read a null-terminated name (at most 255 bytes in version 2)."""
     name = b""
     while (byte := stream.read(1)) != b"\0":
         name += byte
@@ -55,7 +71,7 @@ def _text(stream: BinaryIO, path: Path) -> str:
 
 
 def _channels(data: bytes, path: Path) -> dict[str, str]:
-    """Channel list: name, type, 4 bytes linear flag and padding, x and y sampling."""
+    """Parse a channel list: name, type, 4 bytes of linear flag and padding, x and y sampling."""
     found: dict[str, str] = {}
     at = 0
     while at < len(data) and data[at] != 0:
@@ -77,18 +93,28 @@ def _channels(data: bytes, path: Path) -> dict[str, str]:
 def read_header(path: Path) -> ExrHeader:
     """Read the header and check that every chunk of pixels is inside the file.
 
+    Parameters
+    ----------
+    path
+        File to read.
+
+    Returns
+    -------
+    ExrHeader
+        Size, channels and chunks.
+
     Raises
     ------
     FrameFileError
-        The file is missing, not a single-part scan-line EXR, larger than `MAX_PIXELS`, or its
-        chunks are not all there.
+        The file is missing, not a single-part scan-line EXR, larger than `MAX_PIXELS`, or
+        incomplete.
     """
     try:
         with open(path, "rb") as stream:
             return _read_header(stream, path)
     except FileNotFoundError as error:
         raise FrameFileError(
-            f"{path} is missing; the run's plan expects it. Render the run again: it goes on "
+            f"{path} is missing; the run's plan expects it. Render the run again: it resumes "
             "where files are missing."
         ) from error
     except OSError as error:
@@ -131,32 +157,32 @@ def _read_header(stream: BinaryIO, path: Path) -> ExrHeader:
         raise _damaged(path, f"its data window is {width} x {height}")
     if width * height > MAX_PIXELS:
         raise FrameFileError(
-            f"{path} says it has {width} x {height} pixels; at most {MAX_PIXELS} are read. "
+            f"{path} claims {width} x {height} pixels; at most {MAX_PIXELS} are read. "
             "Render at a lower resolution."
         )
     if display != window:
         raise FrameFileError(
-            f"{path} holds a part of its frame only (data window differs from display window). "
+            f"{path} holds only a part of its frame (data window differs from display window). "
             "Render without a border, or with Crop to Render Region."
         )
-    lines = _CHUNK_LINES.get(compression[0])
+    lines = CHUNK_LINES.get(compression[0])
     if lines is None:
         raise FrameFileError(f"{path} has unknown compression {compression[0]}; expected ZIP.")
     channels = _channels(attributes["channels"], path)
-    _check_chunks(stream, path, size, y_min, height, lines)
-    return ExrHeader(width, height, channels)
+    chunks = _chunks(stream, path, size, -(-height // lines))
+    chunks = {row - y_min: place for row, place in chunks.items()}
+    if chunks.keys() != set(range(0, height, lines)):
+        raise _damaged(path, f"{len(chunks)} of {-(-height // lines)} chunks are complete")
+    return ExrHeader(width, height, channels, compression[0], chunks)
 
 
-def _check_chunks(
-    stream: BinaryIO, path: Path, size: int, y_min: int, height: int, lines: int
-) -> None:
-    """Every entry of the offset table leads to a chunk that lies inside the file."""
-    count = -(-height // lines)
+def _chunks(stream: BinaryIO, path: Path, size: int, count: int) -> dict[int, tuple[int, int]]:
+    """First byte and length of the pixels of each chunk, by its row in the data window."""
     table = stream.read(8 * count)
     if len(table) < 8 * count:
         raise _damaged(path, "the file ends inside the table of chunks")
     first = stream.tell()
-    rows = set()
+    found = {}
     for offset in struct.unpack(f"<{count}Q", table):
         if not first <= offset <= size - 8:
             raise _damaged(path, f"a chunk starts at byte {offset} of {size}")
@@ -164,6 +190,5 @@ def _check_chunks(
         row, length = struct.unpack("<ii", stream.read(8))
         if length < 0 or offset + 8 + length > size:
             raise _damaged(path, f"the chunk of row {row} needs {length} bytes beyond the end")
-        rows.add(row - y_min)
-    if rows != set(range(0, height, lines)):
-        raise _damaged(path, f"{len(rows)} of {count} chunks are there")
+        found[row] = offset + 8, length
+    return found

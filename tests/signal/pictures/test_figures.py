@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures: labels that do not cover one another, numbers without "-0.0", scales and units."""
+"""Pictures: numbered points and their texts, numbers without "-0.0", scales and units."""
 
 from __future__ import annotations
 
@@ -35,7 +35,6 @@ from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, find_e
 from radarsim_addon.signal.maps import expected_power_profile, range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, decimals_for, fixed
 from radarsim_addon.signal.pictures.cells import cell_axis, strongest
-from radarsim_addon.signal.pictures.labels import Box, Label, label_box, place_labels
 from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
 from radarsim_addon.signal.pictures.numbers import frequency_unit, range_unit
 from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
@@ -68,14 +67,30 @@ def peak(range_m: float, velocity_mps: float, level_db: float) -> Peak:
     return Peak(range_m, velocity_mps, doppler_hz, level_db, 50.0)
 
 
-def labels(figure: Any) -> list[Any]:
+def labels(figure: Any) -> list[str]:
+    """Texts of the numbered points, below the figure."""
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def numbers(figure: Any) -> list[Any]:
     return [text for text in figure.axes[0].texts if hasattr(text, "xyann")]
 
 
-def boxes_after_drawing(figure: Any) -> list[Box]:
-    """Where labels stand in the finished picture."""
+def boxes_of_numbers(figure: Any) -> list[Any]:
+    """Where the letters of the numbers are in the finished picture."""
+    matplotlib_text = pytest.importorskip("matplotlib.text").Text
     figure.canvas.draw()
-    return [label_box(note) for note in labels(figure)]
+    return [matplotlib_text.get_window_extent(note) for note in numbers(figure)]
+
+
+def assert_apart(boxes: list[Any]) -> None:
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def assert_inside(boxes: list[Any], frame: Any) -> None:
+    for box in boxes:
+        assert frame.x0 <= box.x0 and box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 and box.y1 <= frame.y1
 
 
 @pytest.fixture(scope="module")
@@ -86,69 +101,42 @@ def plain_map() -> RangeDopplerMap:
 # -- labels ----------------------------------------------------------------------------------------
 
 
-def test_labels_of_close_peaks_do_not_overlap(plain_map: RangeDopplerMap) -> None:
+def test_numbers_of_close_peaks_do_not_overlap(plain_map: RangeDopplerMap) -> None:
     peaks = [peak(600.0 + 3 * i, 5.0 + 0.2 * i, -90.0) for i in range(5)]
     figure = plot_range_doppler(plain_map, peaks)
-    boxes = boxes_after_drawing(figure)
-    assert len(boxes) == 5
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
-    frame = figure.axes[0].get_window_extent()
-    inside = Box(frame.x0, frame.y0, frame.x1, frame.y1)
-    assert all(box.inside(inside) for box in boxes)
+    boxes = boxes_of_numbers(figure)
+    assert [note.get_text() for note in numbers(figure)] == ["1", "2", "3", "4", "5"]
+    assert_apart(boxes)
+    assert_inside(boxes, figure.axes[0].get_window_extent())
+    assert [text.splitlines()[0] for text in labels(figure)] == [
+        "600.0 m", "603.0 m", "606.0 m", "609.0 m", "612.0 m",
+    ]  # fmt: skip
+    (below,) = figure.legends
+    assert below.get_window_extent().y1 < figure.axes[0].get_window_extent().y0
 
 
 @pytest.mark.parametrize("place", [(1.0, -13.9), (899.0, -13.9), (1.0, 13.9), (899.0, 13.9)])
-def test_labels_stay_inside_at_the_corners(
+def test_numbers_stay_inside_at_the_corners(
     plain_map: RangeDopplerMap, place: tuple[float, float]
 ) -> None:
     peaks = [peak(place[0], place[1], -90.0), peak(place[0], place[1] * 0.98, -91.0)]
     targets = [detection(100.0 * i, 1.0, -95.0) for i in range(1, 9)]  # a legend in a corner
     figure = plot_range_doppler(plain_map, peaks, targets=targets)
-    boxes = boxes_after_drawing(figure)
-    frame = figure.axes[0].get_window_extent()
-    legend = figure.axes[0].get_legend().get_window_extent()
+    boxes = boxes_of_numbers(figure)
     assert len(boxes) >= 2
-    for box in boxes:
-        assert box.inside(Box(frame.x0, frame.y0, frame.x1, frame.y1))
-        assert not box.overlaps(Box(legend.x0, legend.y0, legend.x1, legend.y1))
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+    assert_apart([*boxes, figure.axes[0].get_legend().get_window_extent()])
+    assert_inside(boxes, figure.axes[0].get_window_extent())
 
 
-def test_a_label_without_room_is_left_out(plain_map: RangeDopplerMap) -> None:
-    figure = plot_range_doppler(plain_map)
-    axis = figure.axes[0]
-    many = [Label(0.0, 450.0 + 0.1 * i, f"number {i}\nof many") for i in range(400)]
-    notes = place_labels(axis, many)
-    assert 5 < len(notes) < 400
-    assert notes[0].get_text().startswith("number 0")  # the first is the foremost
-    boxes = boxes_after_drawing(figure)
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
-
-
-def test_lines_cross_boxes_where_geometry_says_so() -> None:
-    box = Box(0.0, 0.0, 2.0, 1.0)
-    assert box.crossed_by((-1.0, 0.5), (3.0, 0.5))
-    assert box.crossed_by((-1.0, -1.0), (1.0, 0.5))
-    assert not box.crossed_by((-1.0, 0.5), (-0.1, 0.5))
-    assert not box.crossed_by((-1.0, 2.0), (3.0, 2.0))
-    assert not box.crossed_by((-1.0, 0.0), (1.0, 2.0))
-    assert box.crossed_by((1.0, -1.0), (1.0, 2.0))
-    assert not box.crossed_by((2.5, -1.0), (2.5, 2.0))
-
-
-def test_edges_of_a_profile_have_labels_apart() -> None:
+def test_edges_of_a_profile_are_numbered_apart() -> None:
     paths = make_paths(np.full(4, 1e-9), 2 * np.array([300.0, 312.0, 324.0, 700.0]))
     echoes = synthesize(paths, RADAR, range_limits_m=(0.0, 900.0))
     profile = expected_power_profile(paths, RADAR, range_limits_m=(0.0, 900.0))
     level_db = 10 * np.log10(profile.power.max())
     edges = [LeadingEdge(r - 1.5, r, level_db, 20.0) for r in (300.0, 312.0, 324.0, 700.0)]
     figure = plot_range_profile(range_process(echoes), profile, edges, unit="dBW")
-    boxes = boxes_after_drawing(figure)
-    assert len(boxes) == 4
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
-    assert {note.get_text() for note in labels(figure)} == {
-        "298.5 m", "310.5 m", "322.5 m", "698.5 m",
-    }  # fmt: skip
+    assert_apart(boxes_of_numbers(figure))
+    assert labels(figure) == ["298.5 m", "310.5 m", "322.5 m", "698.5 m"]
 
 
 # -- what is labelled ------------------------------------------------------------------------------
@@ -160,7 +148,7 @@ def test_movers_come_first(plain_map: RangeDopplerMap) -> None:
     chosen = foremost(plain_map, [], [*still, *moving_targets])
     assert chosen[:2] == moving_targets
     assert len(chosen) == 4 and all(abs(item.velocity_mps) < 0.1 for item in chosen[2:])
-    texts = [note.get_text() for note in labels(plot_range_doppler(plain_map, targets=chosen))]
+    texts = labels(plot_range_doppler(plain_map, targets=chosen))
     assert texts[0].startswith("600.0 m\n+5.00 m/s\n\N{MINUS SIGN}177 Hz")
 
 
@@ -228,7 +216,7 @@ def test_no_negative_zero_in_pictures_and_console(plain_map: RangeDopplerMap) ->
     ]
     figure = plot_range_doppler(plain_map, targets=targets)
     figure.canvas.draw()
-    texts = [note.get_text() for note in labels(figure)]
+    texts = labels(figure)
     texts += detection_lines(targets, plain_map) + detection_lines(targets)
     assert len(texts) == 10
     for text in texts:
@@ -267,7 +255,7 @@ def test_axes_are_in_those_units(far_m: float, label: str, plain_map: RangeDoppl
     low, high = axis.get_ylim()
     size = range_unit(far_m).size
     assert low < 0 < high and high * size == pytest.approx(far_m, rel=0.01)
-    assert labels(figure)[0].xy[1] * size == pytest.approx(0.5 * far_m)
+    assert numbers(figure)[0].xy[1] * size == pytest.approx(0.5 * far_m)
 
 
 def test_scale_shows_the_noise() -> None:
@@ -285,7 +273,7 @@ def test_scale_shows_the_noise() -> None:
     image = figure.axes[0].images[0]
     assert image.get_clim() == (floor_db, 0.0)
     bar = figure.axes[1]
-    assert any(line.get_ydata()[0] == pytest.approx(noise_db) for line in bar.lines)
+    assert any(np.asarray(line.get_ydata())[0] == pytest.approx(noise_db) for line in bar.lines)
     level = f"{10 * np.log10(top):.1f}".replace("-", "\N{MINUS SIGN}")
     assert bar.get_ylabel() == f"power [dB re strongest cell = {level} dBW]"
     # a notebook that does not tell the noise sees it all the same
@@ -349,7 +337,7 @@ def test_one_pulse_has_no_doppler_axis() -> None:
     figure = plot_range_doppler(rd_map, [peak(600.0, 0.0, -90.0)])
     axis = figure.axes[0]
     assert "not resolved" in axis.get_xlabel() and not axis.child_axes
-    assert labels(figure)[0].get_text() == "600.0 m"
+    assert labels(figure)[0] == "600.0 m"
     echoes = synthesize(make_paths(1e-9, 1200.0), radar, range_limits_m=(0.0, 900.0))
     assert len(plot_echo(echoes).axes[0].lines) == 1
 
@@ -384,7 +372,6 @@ def test_cfar_of_a_noisy_map_can_be_drawn() -> None:
     found = detect_targets(rd_map, Cfar("os", 1e-6))
     assert len(found.targets) >= 2
     figure = plot_range_doppler(rd_map, targets=found.targets, noise_power=noise_w)
-    boxes = boxes_after_drawing(figure)
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
-    first = labels(figure)[0].get_text().splitlines()
+    assert_apart(boxes_of_numbers(figure))
+    first = labels(figure)[0].splitlines()
     assert abs(float(first[1].split()[0]) - 5.5) < 0.6
