@@ -19,7 +19,7 @@ from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Paths, iter_path_chunks, make_paths, open_run
 from radarsim_addon.signal.decoding import pixel_grid
 from radarsim_addon.signal.maps import expected_power_profile
-from radarsim_addon.signal.paths import spread, steps_of, views_by_shift
+from radarsim_addon.signal.paths import spread, steps_of, tiles_by_replicate
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.radar import Radar
@@ -251,7 +251,7 @@ def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Ite
 def spread_paths(rows: Any, record: contract.PathsRecord, radar: Radar) -> Iterator[Paths]:
     """Rows as `radarsim process` takes them for the expected profile, spread over their pixels."""
     area_m2 = effective_area_m2(radar.waveform.wavelength_m)
-    for views in views_by_shift(rows, record.replicates):
+    for views in tiles_by_replicate(rows, record.replicates):
         for view in views:
             steps = steps_of(view, record.receiver, record.replicates)
             for part in spread(view, steps, radar.waveform.sample_spacing_m / 2, np.inf):

@@ -89,8 +89,8 @@ def path_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "motion": arguments.motion,
         "motion_samples": arguments.motion_samples,
         "visibility_updates": arguments.visibility_updates,
-        "code": arguments.range_encoding,
-        "amplitude": arguments.amplitude_channel,
+        "range_encoding": arguments.range_encoding,
+        "amplitude_channel": arguments.amplitude_channel,
     }
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which tiles the error of a frame comes from. No bpy.
+"""Which tiles the error of a frame comes from. Does not import bpy.
 
-Each tile is measured with several sub-pixel shifts of its grid; they are replicates, so their
-scatter is the tile's own error. One shift alone tells the error of objects, not of range bins. What
-counts is the *relative* error of each range bin and of each object's power: a faint far target
+Each tile is measured with several sub-pixel offsets of its grid; they are replicates, so their
+scatter is the tile's own error. One replicate alone tells the error of objects, not of range bins.
+What counts is the *relative* error of each range bin and of each object's power: a faint far target
 matters as much as strong near ground.
 """
 
@@ -38,7 +38,8 @@ FAINTEST = 1e-8
 
 @dataclass
 class CellPowers:
-    """Powers of one tile by cell (range bins, then objects): mean over the shifts and its variance.
+    """Powers of one tile by cell (range bins, then objects): mean over the replicates and its
+    variance.
 
     `cells` are the numbers of those that hold power; `variance` is of the mean.
     """
@@ -49,10 +50,10 @@ class CellPowers:
 
 
 @dataclass(frozen=True)
-class ShiftPowers:
-    """One shift of a tile: power of its cells that are not zero, the pixels on each object as a
-    share of one of all shifts, and the least variance of its mean power by its edges, likewise;
-    where there is one shift alone, all of the variance."""
+class ReplicatePowers:
+    """One replicate of a tile: power of its cells that are not zero, the pixels on each object as a
+    share of one of all replicates, and the least variance of its mean power by its edges, likewise;
+    where there is one replicate alone, all of the variance."""
 
     cells: NDArray[np.int64]
     power: Real
@@ -73,11 +74,11 @@ class CellGrid:
         """Number of object 0, the unknown one; the cell before it is all beyond the bins."""
         return self.bins + 1
 
-    def shift_powers(
+    def replicate_powers(
         self, rows: PathRows, count: int, camera: contract.ReceiverRecord | None = None
-    ) -> ShiftPowers:
-        """Cell powers of one of `count` shifts of a tile (each row's power is its share); without
-        a camera nothing is known of edges along the grid."""
+    ) -> ReplicatePowers:
+        """Cell powers of one of `count` replicates of a tile (each row's power is its share);
+        without a camera nothing is known of edges along the grid."""
         size = self.first_object
         power = rows["power_w"] * count
         by_bin = self._by_bin(rows, count, camera) if self.ranges else np.zeros(1)
@@ -91,7 +92,7 @@ class CellGrid:
                 edges = edge_variances(rows, number, power, camera, count) / count
             else:
                 edges = lone_variances(rows, number, power, camera)
-        return ShiftPowers(
+        return ReplicatePowers(
             np.concatenate([bins, objects + size]),
             np.concatenate([by_bin[bins], by_object[objects]]),
             hits,
@@ -114,24 +115,25 @@ class CellGrid:
             total += np.bincount(place, share, minlength=total.size)
         return total
 
-    def powers(self, replicates: Sequence[ShiftPowers]) -> CellPowers:
-        """Means and variances of a tile's cells over its shifts."""
+    def powers(self, replicates: Sequence[ReplicatePowers]) -> CellPowers:
+        """Means and variances of a tile's cells over its replicates."""
         count = len(replicates)
-        cells = np.unique(np.concatenate([shift.cells for shift in replicates]))
+        cells = np.unique(np.concatenate([replicate.cells for replicate in replicates]))
         total = np.zeros((count, cells.size))
-        hits = np.zeros(max(shift.hits.size for shift in replicates))
+        hits = np.zeros(max(replicate.hits.size for replicate in replicates))
         edges = np.zeros(hits.size)
-        for number, shift in enumerate(replicates):
-            total[number, np.searchsorted(cells, shift.cells)] = shift.power
-            hits[: shift.hits.size] += shift.hits
-            edges[: shift.edges.size] += shift.edges
+        for number, replicate in enumerate(replicates):
+            total[number, np.searchsorted(cells, replicate.cells)] = replicate.power
+            hits[: replicate.hits.size] += replicate.hits
+            edges[: replicate.edges.size] += replicate.edges
         mean = total.mean(axis=0)
-        # One shift has no scatter; what is known of objects comes below.
+        # One replicate has no scatter; what is known of objects comes below.
         variance = total.var(axis=0, ddof=1) / count if count > 1 else np.zeros_like(mean)
         known_object = cells > self.first_object
         place = cells[known_object] - self.first_object
         hits = hits[place]
-        # A few shifts may happen to agree on an object of a few pixels, or with edges along them.
+        # A few replicates may happen to agree on an object of a few pixels, or with edges along
+        # them.
         least = (mean[known_object] / hits) ** 2 * _EDGE_VARIANCE * np.sqrt(hits) / count
         least = np.maximum(least, edges[place])
         variance[known_object] = np.maximum(variance[known_object], least)

@@ -8,28 +8,27 @@ import hashlib
 import math
 import time
 from collections.abc import Generator, Iterator, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from ... import contract
+from ...array_types import Mask
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import COLUMN_GROUPS, PATH_FLAGS, PathRows, write_table
+from ...signal.paths import PathRows, write_table
 from ..motion import BurstMotion
-from ..plan import FINEST_PITCH, Instant
+from ..plan import FINEST_PITCH
 from ..views import ViewWindow
-from .error_budget import CellGrid, ErrorBudget, ShiftPowers
+from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .inset_tiles import add_inset_tiles
 from .missed_objects import missed_objects_warning
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import MOST_TILED, in_sight, rank_by_error, small_boxes
-from .task import PathTask
 from .tile_checkpoints import TileCheckpoints, TileRecord
 from .tiles import Tile
-
-if TYPE_CHECKING:
-    from .path_job import PathJob
+from .view_tracer import PathTask, ViewTracer
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
@@ -56,6 +55,16 @@ def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) ->
     return [text]
 
 
+class Progress(Protocol):
+    """What a frame reports while its tiles are measured."""
+
+    def add_tiles(self, count: int) -> None:
+        """Report that there are `count` tiles more than expected."""
+
+    def tile_measured(self, *, earlier: bool) -> None:
+        """Report a measured tile; `earlier`: by an earlier session."""
+
+
 @dataclasses.dataclass(frozen=True)
 class _Measured:
     """A tile that was measured, and where its rows are."""
@@ -66,41 +75,46 @@ class _Measured:
 
 
 class FrameWork:
-    """Tiles of one radar frame: measured, refined, joined into one table."""
+    """Tiles of one radar frame: measured, refined, joined into one table.
+
+    Parameters
+    ----------
+    tracer
+        Makes the renders of the frame.
+    motion
+        Motion of the frame's bodies over the burst.
+    folder
+        Where the table goes.
+    progress
+        Is told of every tile.
+    """
 
     def __init__(
-        self,
-        job: PathJob,
-        frame: int,
-        instant: Instant,
-        camera: contract.ReceiverRecord,
-        emitter: contract.TransmitterRecord,
-        motion: BurstMotion,
+        self, tracer: ViewTracer, motion: BurstMotion, folder: Path, progress: Progress
     ) -> None:
-        self._job, self._frame, self._instant = job, frame, instant
-        self._camera, self._emitter, self._motion = camera, emitter, motion
-        self._poses = motion.poses
-        self._emitter_m = np.array(emitter.matrix_world, dtype=np.float64)[:3, 3]
-        self._folder = job.folder / contract.burst_dir(frame, motion.render)
+        self._tracer, self._motion, self._progress = tracer, motion, progress
+        self._run, self._camera = tracer.run, tracer.receiver
+        self._options = tracer.run.options
+        self._folder = folder
         self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
         # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
-        asked = job.measurement
+        asked, camera = self._run.measurement, self._camera
         carrier_hz = asked.waveform.carrier_hz
         self._parts = TileCheckpoints(
-            self._folder, f"{job.options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
+            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
         )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
         self._further: list[QualitySums] = []
         self._renders, self._seconds = 0, 0.0
-        resolution_m = job.measurement.waveform.range_resolution_m
-        reach_m = job.plan.rings * job.measurement.ring_step_m
+        resolution_m = asked.waveform.range_resolution_m
+        reach_m = self._run.plan.rings * asked.ring_step_m
         self._grid = CellGrid(
             resolution_m,
             min(int(reach_m / resolution_m) + 1, 1 << 20),
-            ranges=job.options.error_scope != "objects",
+            ranges=self._options.error_scope != "objects",
         )
-        self._budget = ErrorBudget(self._grid.first_object, job.options.error_scope)
+        self._budget = ErrorBudget(self._grid.first_object, self._options.error_scope)
         self._whole = ViewWindow(
             camera.left,
             camera.right,
@@ -113,50 +127,54 @@ class FrameWork:
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
 
-    def run(self) -> Generator[PathTask, None, None]:
-        """All renders of the frame; its table and record are written at the end.
+    # -- renders -----------------------------------------------------------------------------------
 
-        Measured tiles stay on disk until then: where a run is stopped, the next one takes them.
+    def measure(self) -> Generator[PathTask, None, str]:
+        """Make all renders of the frame; return the limit that ended the refinement.
+
+        Measured tiles stay on disk until `write`: where a run is stopped, the next one takes them.
         """
-        job = self._job
-        uniform = tiles = Tile(self._whole).split(job.options.tile_px)
-        if job.options.refines:
+        uniform = tiles = Tile(self._whole).split(self._options.tile_px)
+        if self._options.refines:
             chosen = yield from self._choose(uniform)
-            tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, job.options)
-        job.total += len(tiles) - len(uniform)
+            areas = chosen.areas(self._whole)
+            tiles = add_inset_tiles(uniform, areas, self._whole, self._options)
+        self._progress.add_tiles(len(tiles) - len(uniform))
         for tile in tiles:
             yield from self._measure(tile)
-        reached = "all tiles"
-        if job.options.refines:
-            reached = yield from self._refine()
-        self._write(reached)
-        self._parts.remove()
+        if not self._options.refines:
+            return "all tiles"
+        return (yield from self._refine())
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
         """Boxes of the small objects that get tiles of their own."""
-        scene = self._job.path_scene
-        assert scene is not None
-        boxes = projected_bounds(self._poses, scene.objects, self._camera, scene.hidden)
+        scene = self._run.scene
+        boxes = projected_bounds(self._motion.poses, scene.objects, self._camera, scene.hidden)
         small = chosen = small_boxes(boxes, self._whole)
         most = MOST_TILED
-        if len(small) and self._job.options.time_limit_s:
+        if len(small) and self._options.time_limit_s:
             most = yield from self._affordable_tiles(uniform[0])
         if len(small) > most:
-            start_s = time.monotonic()
-            seen = np.zeros(len(small), dtype=bool)
-            for number, tile in enumerate(uniform):
-                camera, view = yield from self._job.look_tasks(
-                    self._frame, self._instant, number, tile.window
-                )
-                units = self._job.plan.metres_per_unit
-                seen |= in_sight(small, camera, tile.window, view, scene.opaque, units)
-            self._renders += len(uniform)
-            self._seconds += time.monotonic() - start_s
+            seen = yield from self._in_sight(small, uniform)
             chosen = rank_by_error(
-                small, seen, boxes, self._whole, self._camera, self._emitter_m, most
+                small, seen, boxes, self._whole, self._camera, self._tracer.transmitter_m, most
             )
         self._small, self._tiled = len(small), len(chosen)
         return chosen
+
+    def _in_sight(
+        self, small: ViewBoxes, uniform: Sequence[Tile]
+    ) -> Generator[PathTask, None, Mask]:
+        """Whether something of each box may be seen, (n,)."""
+        start_s = time.monotonic()
+        scene, units = self._run.scene, self._run.plan.metres_per_unit
+        seen = np.zeros(len(small), dtype=bool)
+        for number, tile in enumerate(uniform):
+            camera, view = yield from self._tracer.look_tasks(number, tile.window)
+            seen |= in_sight(small, camera, tile.window, view, scene.opaque, units)
+        self._renders += len(uniform)
+        self._seconds += time.monotonic() - start_s
+        return seen
 
     def _affordable_tiles(self, tile: Tile) -> Generator[PathTask, None, int]:
         """Tiles that may be laid over objects within a share of the time budget.
@@ -164,7 +182,7 @@ class FrameWork:
         A small tile takes as long as its renders take to begin, and that grows with the number of
         objects. The second render of two tells; the first one builds what all others use.
         """
-        options, window = self._job.options, tile.window
+        options, window = self._options, tile.window
         start_s = last_s = time.monotonic()
         width, height = min(window.width_px, _TRIED_PX), min(window.height_px, _TRIED_PX)
         few = dataclasses.replace(
@@ -176,7 +194,7 @@ class FrameWork:
         )
         for _ in range(2):
             last_s = time.monotonic()
-            yield from self._job.look_tasks(self._frame, self._instant, 0, few)
+            yield from self._tracer.look_tasks(0, few)
         now_s = time.monotonic()
         self._renders += 2
         self._seconds += now_s - start_s
@@ -185,7 +203,7 @@ class FrameWork:
 
     def _refine(self) -> Generator[PathTask, None, str]:
         """Split the worst tiles until a limit is reached; returns which one it was."""
-        options = self._job.options
+        options = self._options
         while True:
             if (
                 options.max_standard_error
@@ -210,7 +228,7 @@ class FrameWork:
                     return "time budget"
                 # The parts take the tile's place only when all of them are measured.
                 parts = self._tiles[number].tile.halved()
-                self._job.total += len(parts)
+                self._progress.add_tiles(len(parts))
                 for part in parts:
                     yield from self._measure(part)
                 del self._tiles[number], self._budget.powers[number]
@@ -220,15 +238,15 @@ class FrameWork:
         own = None if tile.own is None else hashlib.sha256(tile.own.tobytes()).hexdigest()
         key = self._parts.key(dataclasses.astuple(tile.window), tile.level, own)
         record = self._parts.find(key)
+        earlier = record is not None
         if record is None:
             record, powers = yield from self._trace(tile, number, key)
-            self._job.done += 1
-        else:  # an earlier session measured it
-            replicates = self._parts.replicates(key, record)
+        else:
             powers = [
-                self._grid.shift_powers(rows, len(record.rows), self._camera) for rows in replicates
+                self._grid.replicate_powers(rows, len(record.rows), self._camera)
+                for rows in self._parts.replicates(key, record)
             ]
-            self._job.found_done()
+        self._progress.tile_measured(earlier=earlier)
         quality, further = record.sums()
         self._tiles[number] = _Measured(tile, key, quality)
         self._further.append(further)
@@ -238,27 +256,24 @@ class FrameWork:
 
     def _trace(
         self, tile: Tile, number: int, key: str
-    ) -> Generator[PathTask, None, tuple[TileRecord, list[ShiftPowers]]]:
-        """Measure a tile shift by shift, each written before the next one."""
-        job = self._job
+    ) -> Generator[PathTask, None, tuple[TileRecord, list[ReplicatePowers]]]:
+        """Measure a tile replicate by replicate, each written before the next one."""
         start_s = time.monotonic()
-        count = job.options.replicates
+        count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         quality, further = QualitySums(), QualitySums()
-        powers: list[ShiftPowers] = []
+        powers: list[ReplicatePowers] = []
         rows_of: list[int] = []
         renders = 0
         with self._parts.writer(key) as part:
-            for shift in range(count):
-                rows, traced = yield from job.view_tasks(
-                    self._frame, self._instant, number, tile, shift, self._emitter_m
-                )
+            for replicate in range(count):
+                rows, traced = yield from self._tracer.replicate_tasks(number, tile, replicate)
                 renders += traced.renders
-                quality.add_view(traced, job.watts_per_unit / count)
-                # One shift of each tile of the unrefined frame asked for more than its paths.
-                further.add_beyond(traced, job.watts_per_unit)
+                quality.add_view(traced, watts_per_unit / count)
+                # One replicate of each tile of the unrefined frame asked for more than its paths.
+                further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 quality.add_rows(rows)
-                powers.append(self._grid.shift_powers(rows, count, self._camera))
+                powers.append(self._grid.replicate_powers(rows, count, self._camera))
                 rows_of.append(rows.size)
                 part.add(rows)
             digest = part.finish()
@@ -275,31 +290,70 @@ class FrameWork:
         self._parts.keep(key, record)
         return record, powers
 
+    # -- the table ---------------------------------------------------------------------------------
+
+    def write(self, stop_reason: str) -> contract.PathsRecord:
+        """Write the table, the motion and their record, and remove the tiles.
+
+        Parameters
+        ----------
+        stop_reason
+            From `measure`.
+        """
+        rows = self._write_table()
+        motion_file = self._motion.write(
+            self._folder, self._tracer.instant.time_s, self._run.versions
+        )
+        quality = QualitySums.joined(
+            [*(measured.quality for measured in self._tiles.values()), *self._further]
+        )
+        table = self._folder / contract.PATHS_TABLE
+        record = contract.PathsRecord(
+            **self._run.record_fields(),
+            **quality.record_fields(self._run.measurement.waveform.wavelength_m),
+            frame=self._tracer.frame,
+            time_s=self._tracer.instant.time_s,
+            receiver=self._camera,
+            transmitter=self._tracer.transmitter,
+            tiles=len(self._tiles),
+            small_objects=self._small,
+            small_objects_tiled=self._tiled,
+            finest_refinement_level=max((m.tile.level for m in self._tiles.values()), default=0),
+            renders=self._renders,
+            render_time_s=self._seconds,
+            path_count=rows,
+            relative_error=self._budget.relative_error(),
+            stop_reason=stop_reason,
+            table_file=table.name,
+            table_sha256=file_sha256(table),
+            motion_file=motion_file.name,
+            motion_sha256=file_sha256(motion_file),
+            warnings=self._warnings(quality),
+        )
+        write_record(self._folder / contract.PATHS_FILE, record)
+        self._parts.remove()
+        return record
+
+    def _write_table(self) -> int:
+        """All rows with their motion; returns their number."""
+        for chunk in self._chunks():
+            self._motion.collect(chunk)
+        self._motion.sample()
+        table = self._folder / contract.PATHS_TABLE
+        return write_table(table, (self._motion.complete(part) for part in self._chunks()))
+
     def _chunks(self) -> Iterator[PathRows]:
         """All rows, a part at a time."""
         for number, measured in self._tiles.items():
             yield from self._parts.chunks(measured.key, number)
 
-    def _write(self, reached: str) -> None:
-        job = self._job
-        table = self._folder / contract.PATHS_TABLE
-        for chunk in self._chunks():
-            self._motion.collect(chunk)
-        self._motion.sample()
-        rows = write_table(table, (self._motion.complete(part) for part in self._chunks()))
-        motion_file = self._motion.write(self._folder, self._instant.time_s, job.versions)
-        parts = [*(measured.quality for measured in self._tiles.values()), *self._further]
-        quality = QualitySums.joined(parts)
-        wavelength_m = job.measurement.waveform.wavelength_m
-        scene = job.path_scene
-        assert scene is not None
-        warnings = quality.warnings(wavelength_m, scene.objects)
+    def _warnings(self, quality: QualitySums) -> list[str]:
+        """What a user should know of the frame."""
+        scene, target = self._run.scene, self._options.max_standard_error
+        warnings = quality.warnings(self._run.measurement.waveform.wavelength_m, scene.objects)
+        met = quality.seen | quality.echoing | scene.hidden
         unseen = missed_objects_warning(
-            self._poses,
-            scene.objects,
-            quality.seen | quality.echoing | scene.hidden,
-            self._camera,
-            self._whole,
+            self._motion.poses, scene.objects, met, self._camera, self._whole
         )
         if unseen:
             warnings.append(unseen)
@@ -310,63 +364,11 @@ class FrameWork:
                 "measured by the rays of the frame. Raise the resolution for those."
             )
         warnings += self._motion.warnings
-        # where it was not met, `reached` says so
-        met = self._budget.relative_error() <= job.options.max_standard_error
-        if job.options.max_standard_error and met and job.options.refine_for != "ranges":
-            warnings += _uncertain(
-                self._budget.object_errors(), scene.objects, job.options.max_standard_error
-            )
-        record = contract.PathsRecord(
-            frame=self._frame,
-            time_s=self._instant.time_s,
-            metres_per_unit=job.plan.metres_per_unit,
-            range_encoding_length_m=job.plan.range_encoding_length_m,
-            extinction_length_m=job.plan.extinction_length_m,
-            range_encoding="world" if job.code_world else "materials",
-            coloured=quality.coloured,
-            amplitude_channel=job.options.amplitude,
-            carrier_hz=job.measurement.waveform.carrier_hz,
-            receiver=self._camera,
-            transmitter=self._emitter,
-            width_px=job.measurement.width_px,
-            height_px=job.measurement.height_px,
-            max_reflections=job.options.max_reflections,
-            max_unfollowed_fraction=job.options.residual,
-            seed=job.measurement.seed,
-            tiles=len(self._tiles),
-            replicates=job.options.replicates,
-            small_objects=self._small,
-            small_objects_tiled=self._tiled,
-            finest_refinement_level=max((m.tile.level for m in self._tiles.values()), default=0),
-            renders=self._renders,
-            render_time_s=self._seconds,
-            path_count=rows,
-            column_groups=COLUMN_GROUPS,
-            flags=PATH_FLAGS,
-            objects=scene.objects,
-            total_power_w=quality.total_w,
-            truncated_reflections_fraction=quality.share(quality.left_order_w),
-            truncated_reflections_stderr=quality.truncated_reflections_stderr,
-            truncated_transparency_fraction=quality.share(quality.left_depth_w),
-            mixed_power_fraction=quality.share(quality.mixed_w),
-            unranged_power_fraction=quality.share(quality.no_code_w),
-            mixed_bias_bound_m=quality.mixed_bias_bound_m,
-            length_sigma_m=quality.length_sigma_m,
-            length_sigma_wavelengths=quality.length_sigma_m / wavelength_m,
-            relative_error=self._budget.relative_error(),
-            error_scope=job.options.error_scope,
-            stop_reason=reached,
-            table_file=table.name,
-            table_sha256=file_sha256(table),
-            motion_file=motion_file.name,
-            motion_sha256=file_sha256(motion_file),
-            warnings=warnings,
-            versions=job.versions,
-        )
-        job.frame_warnings.add(self._frame, record.warnings)
-        known = f"{100 * record.relative_error:.2g} %" if rows else "unknown"
-        job.summary = (
-            f"{rows:,} paths, standard error {known}, lengths known to "
-            f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {reached}"
-        )
-        write_record(self._folder / contract.PATHS_FILE, record)
+        # where it was not met, `stop_reason` says so
+        if (
+            target
+            and self._budget.relative_error() <= target
+            and self._options.refine_for != "ranges"
+        ):
+            warnings += _uncertain(self._budget.object_errors(), scene.objects, target)
+        return warnings

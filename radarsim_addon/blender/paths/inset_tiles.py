@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finer tiles laid over the small objects in sight before anything is rendered. No bpy.
+"""Finer tiles laid over the small objects in sight before anything is rendered.
+
+Does not import bpy.
 
 An object that slips between all rays of a tile leaves no trace there, not in its error either; so
 refinement, which follows echoes, cannot find it. Where objects are is known without rendering.
@@ -31,9 +33,9 @@ def pixels_across(options: PathOptions) -> float:
     """Pixels across the shorter side of an object at which its edges are sure enough.
 
     A side of s pixels, parallel to the grid, holds s rounded up or down of its columns: a variance
-    of at most 1/4. Two sides and S shifts make a relative standard error of at most
+    of at most 1/4. Two sides and S replicates make a relative standard error of at most
     sqrt(1 / (2 S)) / s; edges aslant are better. Half the error asked for is planned for: pixels
-    are cheap here, and what the shifts say of the error has an error of its own.
+    are cheap here, and what the replicates say of the error has an error of its own.
     """
     if options.refine_for == "ranges":
         return _LEAST_ACROSS

@@ -9,42 +9,25 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
-from ...physics.radar_equation import effective_area_m2
 from ...sidecar import file_sha256, read_record
-from ...signal.decoding import pixel_rays
-from ...signal.paths import PathRows, shift_px
 from ..materials import SURFACE_TYPES, assigned_materials
 from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
-from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
+from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import evaluated_depsgraph, receiver_record, transmitter_record
-from ..views import (
-    Gate,
-    PathScene,
-    RenderRequest,
-    TracedView,
-    TraceLimits,
-    View,
-    ViewWindow,
-    rows_of_view,
-    trace_view,
-    view_seed,
-)
+from ..scene import evaluated_depsgraph
+from ..views import PathScene
 from .frame import FrameWork
-from .task import PathTask
 from .tile_checkpoints import TileCheckpoints
-from .tiles import Tile
+from .view_tracer import PathRun, PathTask, ViewTracer
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
@@ -72,14 +55,8 @@ class PathJob(MeasurementJob):
         )
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
-        self.path_scene: PathScene | None = None
-        self._view: View | None = None
-        self.code_world = _needs_world_code(view_layer, options)
-
-    @property
-    def measurement(self) -> Measurement:
-        """What is asked for."""
-        return self._measurement
+        self._restores: list[Callable[[], list[str]]] = []
+        self.code_world = _needs_world_encoding(view_layer, options)
 
     # -- before the first render -------------------------------------------------------------------
 
@@ -124,10 +101,23 @@ class PathJob(MeasurementJob):
                 self.plan.range_encoding_length_m,
                 self.code_world,
             )
+            self._restores.append(self.path_scene.restore)
             self.path_scene.apply()
         except BaseException:
             self.restore()
             raise
+        self._run = PathRun(
+            self.path_scene,
+            self.plan,
+            self._measurement,
+            self.options,
+            self.code_world,
+            self.versions,
+        )
+        self._count_tiles()
+
+    def _count_tiles(self) -> None:
+        """Tiles of the run, and those that earlier sessions measured."""
         frames = self._measurement.frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
         side = self.options.tile_px
@@ -183,19 +173,16 @@ class PathJob(MeasurementJob):
         self.total = self.done
 
     def start(self, task: Any) -> None:
-        """Set the gates of a render."""
-        assert self.path_scene is not None
-        self.path_scene.begin(task.request, self._vertex_map)
+        """Set the scene for a render."""
+        task.tracer.start(task.request)
 
     def render(self, task: Any) -> None:
         """Render and wait for the end (not for use in the UI)."""
-        assert self.path_scene is not None
         self.path_scene.render()
 
     def finish(self, task: Any) -> None:
         """Read what was rendered."""
-        assert self.path_scene is not None
-        self._view = self.path_scene.end()
+        task.tracer.finish()
         self._rendered += 1
 
     @property
@@ -208,14 +195,13 @@ class PathJob(MeasurementJob):
 
     def restore(self) -> None:
         """Give the user's scene back."""
-        if self.path_scene is not None:
-            self.unrestored += self.path_scene.restore()
+        for restore in self._restores:
+            self.unrestored += restore()
         super().restore()
 
     # -- one radar frame ---------------------------------------------------------------------------
 
     def _frame_tasks(self, frame: int) -> Generator[PathTask, None, None]:
-        assert self.path_scene is not None
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
         for render in range(self.options.visibility_updates):
@@ -225,7 +211,6 @@ class PathJob(MeasurementJob):
 
     def _render_tasks(self, frame: int, render: int) -> Generator[PathTask, None, None]:
         """One of the renders of a burst."""
-        assert self.path_scene is not None
         units = self.plan.metres_per_unit
         last = self.options.visibility_updates - 1
         sampling = SamplingPlan(
@@ -247,104 +232,35 @@ class PathJob(MeasurementJob):
             render=render,
         )
         depsgraph = motion.begin()
-        camera = receiver_record(
-            self.rig, depsgraph, units, self._measurement.width_px, self._measurement.height_px
-        )
-        emitter = transmitter_record(self.rig, depsgraph, units)
+        antennas = self._antenna_records(depsgraph, units)
         self.path_scene.place(depsgraph)
-        self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        work = FrameWork(self, frame, sampling.shown[1], camera, emitter, motion)
-        yield from work.run()
+        tracer = ViewTracer(self._run, frame, sampling.shown[1], *antennas)
+        work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
+        stop_reason = yield from work.measure()
+        record = work.write(stop_reason)
+        self.frame_warnings.add(frame, record.warnings)
+        known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
+        self.summary = (
+            f"{record.path_count:,} paths, standard error {known}, lengths known to "
+            f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
+        )
 
-    def found_done(self) -> None:
-        """A tile that an earlier session measured."""
+    # -- progress of a frame -----------------------------------------------------------------------
+
+    def add_tiles(self, count: int) -> None:
+        """See `Progress`."""
+        self.total += count
+
+    def tile_measured(self, *, earlier: bool) -> None:
+        """See `Progress`."""
         self.done += 1
-        self._done_before += 1
-
-    @property
-    def watts_per_unit(self) -> float:
-        """Received power of a unit of radiance times solid angle, per square Blender unit [W]."""
-        area_m2 = float(effective_area_m2(self._measurement.waveform.wavelength_m))
-        return area_m2 / self.plan.metres_per_unit**2
-
-    def look_tasks(
-        self, frame: int, instant: Instant, number: int, window: ViewWindow
-    ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
-        """One render of a part of the unrefined frame, for what is seen first in each pixel."""
-        assert self.path_scene is not None
-        record = self.path_scene.look(window, (0.0, 0.0), self._measurement.seed)
-        yield PathTask(frame, instant, number, 0, RenderRequest(Gate(order_max=1)))
-        assert self._view is not None
-        return record, self._view
-
-    def view_tasks(
-        self,
-        frame: int,
-        instant: Instant,
-        number: int,
-        tile: Tile,
-        shift: int,
-        emitter_m: NDArray[np.float64],
-    ) -> Generator[PathTask, None, tuple[PathRows, TracedView]]:
-        """All renders of one view; returns its rows, and what was found."""
-        assert self.path_scene is not None
-        options, window = self.options, tile.window
-        seed = view_seed(self._measurement.seed, window, shift)
-        record = self.path_scene.look(window, shift_px(shift), seed)
-        rays = pixel_rays(record, window.width_px, window.height_px)
-        limits = TraceLimits(
-            max_reflections=options.max_reflections,
-            max_depth=options.max_depth,
-            residual=options.residual,
-            deterministic_transmission=not self.code_world,
-            world_code=self.code_world,
-            amplitude=options.amplitude,
-            # What lies beyond is asked once, of the whole frame: finer tiles would ask it again.
-            probe=shift == 0 and tile.level == 0,
-            opaque=self.path_scene.opaque,
-        )
-        trace = trace_view(limits, rays.solid_angle_sr)
-        request = next(trace)
-        while True:
-            yield PathTask(frame, instant, number, shift, request)
-            assert self._view is not None
-            view = self._view
-            if tile.own is not None and not request.probe:
-                view = view.only(tile.own)
-            try:
-                request = trace.send(view)
-            except StopIteration as stop:
-                traced: TracedView = stop.value
-                break
-        rows = rows_of_view(
-            traced,
-            rays,
-            record,
-            emitter_m,
-            self.plan.range_encoding_length_m,
-            self.plan.metres_per_unit,
-            self._vertex_map,
-            float(effective_area_m2(self._measurement.waveform.wavelength_m)),
-            1 / options.replicates,
-            number,
-            shift,
-        )
-        return rows, traced
+        self._done_before += earlier
 
 
-def _vertex_map(
-    extent: Extent, camera: contract.ReceiverRecord, metres_per_unit: float
-) -> tuple[NDArray[np.float64], float]:
-    """Origin and scale that bring every point of the scene to colours from 1/2 to 3/2."""
-    position = np.array(camera.matrix_world, dtype=np.float64)[:3, 3] / metres_per_unit
-    reach = max(extent.from_receiver_m + extent.baseline_m, 1e-6) / metres_per_unit
-    return position.astype(np.float32).astype(np.float64), float(np.float32(0.5 / reach))
-
-
-def _needs_world_code(view_layer: Any, options: PathOptions) -> bool:
+def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    if options.code != "auto":
-        return options.code == "world"
+    if options.range_encoding != "auto":
+        return options.range_encoding == "world"
     for item in bpy.data.objects:
         if item.type not in SURFACE_TYPES or item.hide_render:
             continue

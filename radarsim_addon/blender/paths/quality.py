@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How good a table of paths is: what was left out, what is mixed, how exact lengths are. No bpy."""
+"""How good a table of paths is: what was left out, what is mixed, how exact lengths are.
+
+Does not import bpy.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from ...signal.paths import PathFlag, PathRows
-from ..views import TracedView
+from ..views import TracedReplicate
 
 #: Share of the power that may be in flawed rows before the run warns.
 _WARN_SHARE = 1e-3
@@ -21,29 +25,29 @@ class QualitySums:
     """Sums over views and rows; sums of tiles add up to those of the frame."""
 
     def __init__(self) -> None:
-        self.total_w = self.left_order_w = self.left_depth_w = 0.0
-        self.left_order_variance_w2 = 0.0
-        self.mixed_w = self.no_code_w = self._row_w = 0.0
+        self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0
+        self.truncated_reflections_variance_w2 = 0.0
+        self.mixed_w = self.unranged_w = self._row_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
         self.seen: set[int] = set()
         self.echoing: set[int] = set()
 
-    def add_view(self, traced: TracedView, watts_per_unit: float) -> None:
+    def add_view(self, traced: TracedReplicate, watts_per_unit: float) -> None:
         """Add what a view found; `watts_per_unit` turns its powers into watts."""
         self.total_w += traced.total * watts_per_unit
-        self.left_order_w += traced.left_order * watts_per_unit
-        self.left_depth_w += traced.left_depth * watts_per_unit
+        self.truncated_reflections_w += traced.truncated_reflections * watts_per_unit
+        self.truncated_transparency_w += traced.truncated_transparency * watts_per_unit
         self.coloured |= traced.coloured
         if traced.open_view is not None and traced.open_view.object_index is not None:
             self.seen.update(np.unique(traced.open_view.object_index).tolist())
 
-    def add_beyond(self, traced: TracedView, watts_per_unit: float) -> None:
+    def add_beyond(self, traced: TracedReplicate, watts_per_unit: float) -> None:
         """Add what a view found beyond the last order, as far as it was asked for."""
         beyond_w = traced.beyond * watts_per_unit
         self.total_w += beyond_w
-        self.left_order_w += beyond_w
-        self.left_order_variance_w2 += traced.beyond_variance * watts_per_unit**2
+        self.truncated_reflections_w += beyond_w
+        self.truncated_reflections_variance_w2 += traced.beyond_variance * watts_per_unit**2
 
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
@@ -54,7 +58,7 @@ class QualitySums:
         mixed = flags & PathFlag.MIXED != 0
         self._row_w += float(power.sum())
         self.mixed_w += float(power[mixed].sum())
-        self.no_code_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
+        self.unranged_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
         # A mixture's range lies between those mixed: it is off by less than the path's own length.
         self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
         sigma = rows["length_sigma_m"].astype(np.float64)
@@ -97,7 +101,7 @@ class QualitySums:
     @property
     def truncated_reflections_stderr(self) -> float:
         """Standard error of the share of power in orders that were not followed."""
-        return self.share(float(np.sqrt(self.left_order_variance_w2)))
+        return self.share(float(np.sqrt(self.truncated_reflections_variance_w2)))
 
     @property
     def length_sigma_m(self) -> float:
@@ -109,10 +113,25 @@ class QualitySums:
         """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
         return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
 
+    def record_fields(self, wavelength_m: float) -> dict[str, Any]:
+        """Return the fields of `contract.PathsRecord` that say how good a frame is."""
+        return {
+            "coloured": self.coloured,
+            "total_power_w": self.total_w,
+            "truncated_reflections_fraction": self.share(self.truncated_reflections_w),
+            "truncated_reflections_stderr": self.truncated_reflections_stderr,
+            "truncated_transparency_fraction": self.share(self.truncated_transparency_w),
+            "mixed_power_fraction": self.share(self.mixed_w),
+            "unranged_power_fraction": self.share(self.unranged_w),
+            "mixed_bias_bound_m": self.mixed_bias_bound_m,
+            "length_sigma_m": self.length_sigma_m,
+            "length_sigma_wavelengths": self.length_sigma_m / wavelength_m,
+        }
+
     def warnings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[str]:
         """What a user should know of this frame; `objects` names the numbers from 1."""
         found = []
-        left = self.share(self.left_order_w)
+        left = self.share(self.truncated_reflections_w)
         if max(left, self.truncated_reflections_stderr) > _WARN_SHARE:
             found.append(
                 f"{100 * left:.2g} % (standard error "
@@ -121,7 +140,7 @@ class QualitySums:
             )
         for share, text in (
             (
-                self.share(self.left_depth_w),
+                self.share(self.truncated_transparency_w),
                 "of the power is behind more transparent surfaces, or below the residual.",
             ),
             (
@@ -129,7 +148,7 @@ class QualitySums:
                 "of the power is in pixels that hold several paths even so (subsurface, volumes).",
             ),
             (
-                self.share(self.no_code_w),
+                self.share(self.unranged_w),
                 "of the power carries no range code; it is in the table without a length.",
             ),
         ):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the boxes of objects lie in a view of any kind. No bpy."""
+"""Where the boxes of objects lie in a view of any kind. Does not import bpy."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 """Which small objects get tiles of their own where there are more of them than that is good for.
 
 Each such tile costs renders of some milliseconds whatever it holds. So they go to those whose echo
-counts, that are not hidden, and whose error would be largest: those of fewest pixels. No bpy.
+counts, that are not hidden, and whose error would be largest: those of fewest pixels. Does not
+import bpy.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ def rank_by_error(
     boxes: ViewBoxes,
     frame: ViewWindow,
     camera: contract.ReceiverRecord,
-    emitter_m: Real,
+    transmitter_m: Real,
     most: int,
 ) -> ViewBoxes:
     """The boxes that get tiles: at most so many of those in sight.
@@ -115,22 +116,22 @@ def rank_by_error(
     frame, camera
         All of the view.
     emitter_m
-        Place of the emitter in world space, (3,) [m].
+        Place of the transmitter in world space, (3,) [m].
     most
         Number of boxes that get tiles.
     """
-    strongest = _echo(boxes, frame, camera, emitter_m).max(initial=0.0)
-    faint = _echo(small, frame, camera, emitter_m) <= FAINTEST * strongest
+    strongest = _echo(boxes, frame, camera, transmitter_m).max(initial=0.0)
+    faint = _echo(small, frame, camera, transmitter_m) <= FAINTEST * strongest
     across, down = small.pixels(frame)
     order = np.lexsort((across * down, faint))
     return small.take(np.sort(order[seen[order]][:most]))
 
 
 def _echo(
-    boxes: ViewBoxes, frame: ViewWindow, camera: contract.ReceiverRecord, emitter_m: Real
+    boxes: ViewBoxes, frame: ViewWindow, camera: contract.ReceiverRecord, transmitter_m: Real
 ) -> Real:
-    """Echo of each box up to a factor: solid angle over squared distance from the emitter."""
+    """Echo of each box up to a factor: solid angle over squared distance from the transmitter."""
     across, down = boxes.pixels(frame)
     pose = np.array(camera.matrix_world, dtype=np.float64)
-    away = np.linalg.norm(boxes.centre_m - (emitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
+    away = np.linalg.norm(boxes.centre_m - (transmitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
     return np.asarray(across * down * boxes.stretch / np.maximum(away, boxes.radius_m) ** 2)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measured tiles of a frame that is not whole yet, on disk: they bound the memory that a frame
-takes, and a run that was stopped goes on from them. No bpy.
+takes, and a run that was stopped goes on from them. Does not import bpy.
 
 A tile is its rows, as they are in memory, and a record beside them, written last: a tile with a
 record is whole.
@@ -34,8 +34,8 @@ _CHUNK = 1 << 17
 class TileRecord:
     """What is known of a measured tile besides its rows.
 
-    rows counts them shift by shift; quality and further are the sums of `QualitySums` (of the rows,
-    and of what lies beyond the last order); renders and seconds are what it cost.
+    rows counts them replicate by replicate; quality and further are the sums of `QualitySums` (of
+    the rows, and of what lies beyond the last order); renders and seconds are what it cost.
     """
 
     rows: list[int]
@@ -89,7 +89,7 @@ class TileCheckpoints:
         return self._folder / f"{key}.rows"
 
     def writer(self, key: str) -> PartWriter:
-        """To write a tile's rows with, shift by shift."""
+        """To write a tile's rows with, replicate by replicate."""
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -101,7 +101,7 @@ class TileCheckpoints:
         write_record(self._folder / f"{key}.json", record)
 
     def replicates(self, key: str, record: TileRecord) -> Iterator[PathRows]:
-        """Rows of a tile, one shift after the other."""
+        """Rows of a tile, one replicate after the other."""
         with open(self.rows_file(key), "rb") as stream:
             for count in record.rows:
                 yield np.fromfile(stream, dtype=PATH_DTYPE, count=count)
@@ -134,7 +134,7 @@ class PartWriter:
         return self
 
     def add(self, rows: PathRows) -> None:
-        """Append the rows of a shift."""
+        """Append the rows of a replicate."""
         data = np.ascontiguousarray(rows).view(np.uint8)
         self._digest.update(data)
         try:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The field of view as a partition: tiles, parts of tiles with finer pixels, shifts of their grids.
+"""The field of view as a partition: tiles, parts of tiles with finer pixels, replicates of their
+grids.
 
 Every pixel of every tile is either the tile's own or belongs to finer tiles that cover it exactly,
-so the view has no gap and no overlap whatever was refined. No bpy.
+so the view has no gap and no overlap whatever was refined. Does not import bpy.
 """
 
 from __future__ import annotations

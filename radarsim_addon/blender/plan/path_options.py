@@ -22,7 +22,7 @@ class PathOptions:
         Most reflections.
     max_depth
         Most transparent surfaces on the receiver's side.
-    residual
+    max_unfollowed_fraction
         Share of the total power that may stay unfollowed.
     replicates
         Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
@@ -46,15 +46,15 @@ class PathOptions:
     visibility_updates
         How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
         at its end and evenly between. Echoes fade from one to the next.
-    code
+    range_encoding
         "auto", "materials" or "world": what carries the range code.
-    amplitude
+    amplitude_channel
         Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
     """
 
     max_reflections: int = 1
     max_depth: int = 64
-    residual: float = 1e-4
+    max_unfollowed_fraction: float = 1e-4
     replicates: int = 4
     max_standard_error: float = 0.0
     refine_for: str = "both"
@@ -64,8 +64,8 @@ class PathOptions:
     motion: str = "kinematic"
     motion_samples: int = 4097
     visibility_updates: int = 1
-    code: str = "auto"
-    amplitude: str = "mean"
+    range_encoding: str = "auto"
+    amplitude_channel: str = "mean"
 
     def __post_init__(self) -> None:
         for name, value, low, high in (
@@ -80,7 +80,7 @@ class PathOptions:
             if not (isinstance(value, int) and low <= value <= high):
                 raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
         for name, number, top in (
-            ("Residual", self.residual, 1.0),
+            ("Residual", self.max_unfollowed_fraction, 1.0),
             ("Error target", self.max_standard_error, 10.0),
             ("Time budget", self.time_limit_s, 1e9),
         ):
@@ -88,10 +88,14 @@ class PathOptions:
                 raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
         if self.motion not in ("kinematic", "off"):
             raise ConfigError(f"Motion {self.motion!r}; expected 'kinematic' or 'off'.")
-        if self.code not in ("auto", "materials", "world"):
-            raise ConfigError(f"Code {self.code!r}; expected 'auto', 'materials' or 'world'.")
-        if self.amplitude not in ("mean", "R", "G", "B"):
-            raise ConfigError(f"Amplitude {self.amplitude!r}; expected 'mean', 'R', 'G' or 'B'.")
+        if self.range_encoding not in ("auto", "materials", "world"):
+            raise ConfigError(
+                f"Code {self.range_encoding!r}; expected 'auto', 'materials' or 'world'."
+            )
+        if self.amplitude_channel not in ("mean", "R", "G", "B"):
+            raise ConfigError(
+                f"Amplitude {self.amplitude_channel!r}; expected 'mean', 'R', 'G' or 'B'."
+            )
         if self.refine_for not in ("both", "ranges", "objects"):
             raise ConfigError(
                 f"Refinement by {self.refine_for!r}; expected 'both', 'ranges' or 'objects'."

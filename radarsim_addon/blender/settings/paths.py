@@ -136,8 +136,8 @@ def read_path_options(settings: Any, **overrides: Any) -> PathOptions:
         "motion": settings.path_motion,
         "motion_samples": int(settings.path_motion_samples),
         "visibility_updates": int(settings.path_visibility_updates),
-        "code": settings.path_code,
-        "amplitude": settings.path_amplitude,
+        "range_encoding": settings.path_code,
+        "amplitude_channel": settings.path_amplitude,
     }
     values.update({name: value for name, value in overrides.items() if value is not None})
     return PathOptions(**values)

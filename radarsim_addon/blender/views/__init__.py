@@ -4,21 +4,21 @@
 In: a window of the receiver's image. Out: rows of the path table.
 """
 
-from .path_classes import TracedView, TraceLimits, trace_view
-from .requests import Gate, RenderRequest, View
-from .rows import rows_of_view
+from .path_classes import TracedReplicate, TraceLimits, trace_replicate
+from .requests import PathClass, RenderRequest, View
+from .rows import rows_of_replicate
 from .view_scene import PathScene
-from .window import ViewWindow, view_seed
+from .window import ViewWindow, replicate_seed
 
 __all__ = [
-    "Gate",
+    "PathClass",
     "PathScene",
     "RenderRequest",
     "TraceLimits",
-    "TracedView",
+    "TracedReplicate",
     "View",
     "ViewWindow",
-    "rows_of_view",
-    "trace_view",
-    "view_seed",
+    "replicate_seed",
+    "rows_of_replicate",
+    "trace_replicate",
 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads the multilayer EXR files that Blender just wrote: passes by name. No bpy.
+"""Reads the multilayer EXR files that Blender just wrote: passes by name. Does not import bpy.
 
 Up to Blender 4.5 such a file has one part, from 5.0 on a part for each pass; channels are named
 ``Layer.Pass.Component`` in both.

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which gates to render so that each pixel holds one path, and when nothing is left. No bpy.
+"""Which path classes to render so that each pixel holds one path, and when nothing is left.
 
-A gate (n, t) lets the emitter shine only on paths of n reflections that passed t transparent
-surfaces on the camera's side. At one sample a pixel and gate there is one path, so its range is
-exact; an open gate, rendered with the same paths, says pixel by pixel what the gates must add up
-to. The plan below asks only for gates in which something is left.
+Does not import bpy.
+
+A path class (n, t) lets the transmitter shine only on paths of n reflections that passed t
+transparent surfaces on the camera's side. At one sample a pixel and path class there is one path,
+so its range is exact; an open path class, rendered with the same paths, says pixel by pixel what
+the path classes must add up to. The plan below asks only for path classes in which something is
+left.
 
 :func:`trace_view` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
 made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
@@ -20,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from .requests import Gate, Region, RenderRequest, View, bounding_region, coarse_variance
+from .requests import PathClass, Region, RenderRequest, View, bounding_region, coarse_variance
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
@@ -36,8 +39,8 @@ _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class GateLayer:
-    """Paths of one gate, at most one a pixel.
+class PathClassLayer:
+    """Paths of one path class, at most one a pixel.
 
     Attributes
     ----------
@@ -56,15 +59,15 @@ class GateLayer:
     order: int
     depth: int
     amplitude: Real
-    coded: View
+    encoded: View
     plain: View | None = None
     vertex: View | None = None
     position_is_first: bool = True
 
 
 @dataclass
-class TracedView:
-    """All that was found in one view (a tile at one sub-pixel shift).
+class TracedReplicate:
+    """All that was found in one view (a tile at one sub-pixel offset).
 
     Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
     left_depth of the part of it that was not followed, beyond of the orders above the limit (0
@@ -72,11 +75,11 @@ class TracedView:
     first render: what is seen first in each pixel.
     """
 
-    layers: list[GateLayer] = field(default_factory=list)
+    layers: list[PathClassLayer] = field(default_factory=list)
     open_view: View | None = None
     total: float = 0.0
-    left_order: float = 0.0
-    left_depth: float = 0.0
+    truncated_reflections: float = 0.0
+    truncated_transparency: float = 0.0
     beyond: float = 0.0
     beyond_variance: float = 0.0
     renders: int = 0
@@ -99,7 +102,7 @@ class TraceLimits:
         Radar Materials that let power through are made deterministic at order 1.
     world_code
         The code is in the world's volume: materials may be of any kind, coloured ones too.
-    amplitude
+    amplitude_channel
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
     probe
         One more render says how much power is in the next `PROBED_ORDERS` orders.
@@ -109,15 +112,17 @@ class TraceLimits:
 
     max_reflections: int = 1
     max_depth: int = 64
-    residual: float = 1e-4
+    max_unfollowed_fraction: float = 1e-4
     deterministic_transmission: bool = False
-    world_code: bool = False
-    amplitude: str = "mean"
+    world_encoding: bool = False
+    amplitude_channel: str = "mean"
     probe: bool = False
     opaque: frozenset[int] = frozenset()
 
 
-def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, View, TracedView]:
+def trace_replicate(
+    limits: TraceLimits, weight: Real
+) -> Generator[RenderRequest, View, TracedReplicate]:
     """Follow all paths of one view.
 
     Parameters
@@ -127,7 +132,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     weight
         Weight of each pixel's power (its solid angle), (h, w).
     """
-    found = TracedView()
+    found = TracedReplicate()
     tracer = _Tracer(limits, weight, found)
     if limits.deterministic_transmission:
         anything = yield from tracer.first_order_in_turn()
@@ -137,26 +142,26 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
     else:
         # The world's code leaves paths as they are: the sum needs none. Materials that carry it
         # weigh their lobes by it, so switching it would change the paths.
-        left = yield from tracer.open_render(Gate(order_max=limits.max_reflections))
+        left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
     for order in range(2 if limits.deterministic_transmission else 1, limits.max_reflections + 1):
-        if tracer.power(np.abs(left)) <= limits.residual * found.total:
+        if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
             break
         if order == limits.max_reflections == 1:
             base = left
         else:
             view = yield RenderRequest(
-                Gate(order_min=order, order_max=order), coded=not limits.world_code
+                PathClass(order_min=order, order_max=order), encoded=not limits.world_encoding
             )
             found.renders += 1
             base = tracer.amplitude(view)
         if tracer.power(base) > 0:
             yield from tracer.depths_of(order, base)
         left = left - base
-    found.left_order = tracer.power(np.maximum(left, 0.0))
+    found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
-        gate = Gate(limits.max_reflections + 1, limits.max_reflections + PROBED_ORDERS)
+        path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + PROBED_ORDERS)
         view = yield RenderRequest(
-            gate, coded=not limits.world_code, coarse=PROBE_COARSE, probe=True
+            path_class, encoded=not limits.world_encoding, coarse=PROBE_COARSE, probe=True
         )
         found.renders += 1
         probed = tracer.amplitude(view) * weight
@@ -168,7 +173,7 @@ def trace_view(limits: TraceLimits, weight: Real) -> Generator[RenderRequest, Vi
 class _Tracer:
     """The steps of :func:`trace_view` with what they share."""
 
-    def __init__(self, limits: TraceLimits, weight: Real, found: TracedView) -> None:
+    def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
         self._limits = limits
         self._weight = weight
         self._found = found
@@ -180,17 +185,17 @@ class _Tracer:
         """The channel that is the amplitude; blue, unless the scene is coloured."""
         if not self._found.coloured:
             return view.blue
-        if self._limits.amplitude == "mean":
+        if self._limits.amplitude_channel == "mean":
             return (view.red + view.green + view.blue) / 3
-        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude]
+        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude_channel]
 
-    def open_render(self, gate: Gate) -> Generator[RenderRequest, View, Real]:
-        """What the gates must add up to; also tells whether the scene is coloured."""
+    def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
+        """What the path classes must add up to; also tells whether the scene is coloured."""
         found, limits = self._found, self._limits
-        view = yield RenderRequest(gate, coded=not limits.world_code)
+        view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
         found.renders += 1
         found.open_view = view
-        found.coloured = limits.world_code and _is_coloured(view)
+        found.coloured = limits.world_encoding and _is_coloured(view)
         amplitude = self.amplitude(view)
         found.total = self.power(amplitude)
         return amplitude
@@ -200,8 +205,8 @@ class _Tracer:
         found, limits = self._found, self._limits
         if limits.max_reflections == 1:
             return np.zeros_like(self._weight)
-        gate = Gate(order_min=2, order_max=limits.max_reflections)
-        view = yield RenderRequest(gate, coded=not limits.world_code)
+        path_class = PathClass(order_min=2, order_max=limits.max_reflections)
+        view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
         found.renders += 1
         later = self.amplitude(view)
         found.total += self.power(later)
@@ -210,28 +215,28 @@ class _Tracer:
     def depths_of(self, order: int, base: Real) -> Generator[RenderRequest, View, None]:
         """All depths of one order, until they add up to `base`. Lobes are left to chance.
 
-        An empty gate is no reason to stop (a wholly transparent layer leaves a hole).
+        An empty path class is no reason to stop (a wholly transparent layer leaves a hole).
         """
         left = base.copy()
         region = bounding_region(base > 0)
         for depth in range(self._limits.max_depth + 1):
-            gate = Gate(order, order, depth, depth)
-            layer = yield from self.layer(order, depth, gate, region)
+            path_class = PathClass(order, order, depth, depth)
+            layer = yield from self.layer(order, depth, path_class, region)
             left -= layer.amplitude
             if self._spent(left):
                 break
             # Below this it is rounding of what was found.
             region = bounding_region(left > _ROUNDING * base)
-        self._found.left_depth += self.power(np.maximum(left, 0.0))
+        self._found.truncated_transparency += self.power(np.maximum(left, 0.0))
 
     def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
-        """Order 1, with every Radar Material in front of the gate passed deterministically.
+        """Order 1, with every Radar Material in front of the path class passed deterministically.
 
         How far to go is read from what is seen, not from a render of all that is left: in that
         one lobes are left to chance, and a small target behind a pane would go missing whenever
         the lot falls on the pane's reflection. Only from time to time is such a tail rendered,
         to end a long chain of layers whose rest is below the residual, and at the end, to tell
-        what lies beyond the last gate.
+        what lies beyond the last path class.
 
         Returns
         -------
@@ -244,14 +249,14 @@ class _Tracer:
         for depth in range(limits.max_depth + 1):
             if depth and depth % TAIL_EVERY == 0:
                 left = yield from self._tail(depth, region)
-                if left <= limits.residual * (in_layers + left):
+                if left <= limits.max_unfollowed_fraction * (in_layers + left):
                     break
-            gate = Gate(1, 1, depth, depth, surface_depth=depth)
-            layer = yield from self.layer(1, depth, gate, region)
+            path_class = PathClass(1, 1, depth, depth, surface_depth=depth)
+            layer = yield from self.layer(1, depth, path_class, region)
             if depth == 0:
-                found.open_view = layer.coded
+                found.open_view = layer.encoded
             in_layers += self.power(layer.amplitude)
-            open_pixels = self._lets_through(layer.coded)
+            open_pixels = self._lets_through(layer.encoded)
             left = 0.0
             if not open_pixels.any():
                 break
@@ -259,14 +264,16 @@ class _Tracer:
         else:
             left = yield from self._tail(limits.max_depth + 1, region)
         found.total = in_layers + left
-        found.left_depth += left
+        found.truncated_transparency += left
         index = found.open_view.object_index if found.open_view is not None else None
         return index is None or bool(np.any(index > 0))
 
     def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
         """Power of order 1 at this depth and behind, lobes behind it left to chance."""
-        gate = Gate(1, 1, depth, None, surface_depth=depth)
-        view = yield RenderRequest(gate, coded=not self._limits.world_code, region=region)
+        path_class = PathClass(1, 1, depth, None, surface_depth=depth)
+        view = yield RenderRequest(
+            path_class, encoded=not self._limits.world_encoding, region=region
+        )
         self._found.renders += 1
         return self.power(self.amplitude(view))
 
@@ -278,28 +285,30 @@ class _Tracer:
         return np.asarray(~closed)
 
     def layer(
-        self, order: int, depth: int, gate: Gate, region: Region | None
-    ) -> Generator[RenderRequest, View, GateLayer]:
+        self, order: int, depth: int, path_class: PathClass, region: Region | None
+    ) -> Generator[RenderRequest, View, PathClassLayer]:
         coloured = self._found.coloured
-        coded = yield RenderRequest(gate, region=region, all_channels=coloured)
+        encoded = yield RenderRequest(path_class, region=region, all_channels=coloured)
         self._found.renders += 1
         plain = None
         if coloured:
-            plain = yield RenderRequest(gate, coded=False, region=region)
+            plain = yield RenderRequest(path_class, encoded=False, region=region)
             self._found.renders += 1
-        amplitude = self.amplitude(plain or coded)
+        amplitude = self.amplitude(plain or encoded)
         vertex = None
         if order > 1 and np.any(amplitude > 0):
-            vertex = yield RenderRequest(gate, vertex=True, region=region, all_channels=coloured)
+            vertex = yield RenderRequest(
+                path_class, vertex=True, region=region, all_channels=coloured
+            )
             self._found.renders += 1
-        first = depth == 0 or gate.surface_depth is not None
-        layer = GateLayer(order, depth, amplitude, coded, plain, vertex, first)
+        first = depth == 0 or path_class.surface_depth is not None
+        layer = PathClassLayer(order, depth, amplitude, encoded, plain, vertex, first)
         if np.any(amplitude > 0):
             self._found.layers.append(layer)
         return layer
 
     def _spent(self, left: Real) -> bool:
-        return self.power(np.abs(left)) <= self._limits.residual * self._found.total
+        return self.power(np.abs(left)) <= self._limits.max_unfollowed_fraction * self._found.total
 
 
 def _is_coloured(view: View) -> bool:

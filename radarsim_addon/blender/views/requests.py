@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What one render is asked for and what comes out of it: gates, regions, views. No bpy."""
+"""What one render is asked for and what comes out of it: path classes, regions, views.
+
+Does not import bpy.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,10 @@ _LARGEST_REGION = 0.85
 
 
 @dataclass(frozen=True)
-class Gate:
-    """What the emitter lets through; None is no limit. Both ends are included.
+class PathClass:
+    """What the transmitter lets through; None is no limit. Both ends are included.
 
-    surface_depth makes the Radar Material deterministic in front of a gate: camera rays pass
+    surface_depth makes the Radar Material deterministic in front of a path class: camera rays pass
     straight through (with their transmission as weight) while fewer transparent surfaces than
     this lie behind them. None leaves lobes to chance.
     """
@@ -45,15 +48,15 @@ class Region:
 class RenderRequest:
     """One render.
 
-    coded: with the range code, all_channels: in blue too (a plain render tells the amplitude);
-    vertex: the emitter also carries where it shines; region: the only
+    coded: with the range encoding, all_channels: in blue too (a plain render tells the amplitude);
+    vertex: the transmitter also carries where it shines; region: the only
     pixels that can hold something (the others are 0 in the view), None for all; coarse: this many
     pixels a side may share one ray, for sums that need no more; probe: it asks for more than the
     paths, of all pixels whosever they are.
     """
 
-    gate: Gate
-    coded: bool = True
+    path_class: PathClass
+    encoded: bool = True
     vertex: bool = False
     region: Region | None = None
     coarse: int = 1
@@ -68,7 +71,7 @@ class View:
     Attributes
     ----------
     red, green, blue
-        Light of the radar's emitter, per square Blender unit.
+        Light of the radar's transmitter, per square Blender unit.
     position
         First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
     object_index

@@ -1,76 +1,73 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the renders of one view to rows of the path table. No bpy."""
+"""From the renders of one view to rows of the path table. Does not import bpy."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ... import contract
-from ...array_types import Real
-from ...signal.decoding import GatePixels, Geometry, PixelRays, assemble_rows, log_code_ratio
+from ...array_types import Indices, Real
+from ...signal.decoding import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
 from ...signal.paths import PATH_DTYPE, PathRows
-from .path_classes import GateLayer, TracedView
+from .path_classes import PathClassLayer, TracedReplicate
 
 
-def rows_of_view(
-    traced: TracedView,
-    rays: PixelRays,
-    camera: contract.ReceiverRecord,
-    emitter_m: Real,
-    range_encoding_length_m: float,
+def rows_of_replicate(
+    traced: TracedReplicate,
+    shared: TileReplicate,
     metres_per_unit: float,
     vertex_map: tuple[Real, float],
-    effective_area_m2: float,
-    share: float,
-    tile: int,
-    shift: int,
 ) -> PathRows:
-    """All paths of one view, as rows.
+    """Make the rows of all paths of one tile replicate.
 
     Parameters
     ----------
+    traced
+        What was found.
+    shared
+        Rays and transmitter.
+    metres_per_unit
+        Length of a Blender unit [m].
     vertex_map
-        Origin and scale of the last vertex in the emitter's colour, Blender units.
-    share
-        One over the number of shifts of the tile.
+        Origin (3,) and scale of the last vertex in the transmitter's colour, Blender units.
+
+    Returns
+    -------
+    ndarray
+        (paths,), of `PATH_DTYPE`, path class by path class.
     """
-    geometry = Geometry(emitter_m, range_encoding_length_m, camera.near_clip_m)
     parts = []
     for layer in traced.layers:
         row, col = np.nonzero(layer.amplitude > 0)
-        index = (row, col)
+        index = row, col
         pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)
-        parts.append(
-            assemble_rows(pixels, rays, index, geometry, effective_area_m2, share, tile, shift)
-        )
+        parts.append(assemble_rows(pixels, index, shared))
     return np.concatenate(parts) if parts else np.empty(0, dtype=PATH_DTYPE)
 
 
 def _pixels(
-    layer: GateLayer,
-    index: tuple[NDArray[np.intp], NDArray[np.intp]],
+    layer: PathClassLayer,
+    index: tuple[Indices, Indices],
     metres_per_unit: float,
     vertex_map: tuple[Real, float],
     coloured: bool,
-) -> GatePixels:
+) -> PathClassPixels:
     amplitude = layer.amplitude[index]
-    coded = layer.coded.channels()[:, index[0], index[1]]
+    encoded = layer.encoded.channels()[:, index[0], index[1]]
     mixing = np.full(amplitude.shape, np.nan)
     if coloured and layer.plain is not None:
         plain = layer.plain.channels()[:, index[0], index[1]]
-        log_ratio = _coloured_ratio(coded, plain)
+        log_ratio = _coloured_ratio(encoded, plain)
     else:
-        log_ratio = log_code_ratio(coded[0], coded[2])
-        usable = (coded[0] > 1e-37) & (coded[1] > 1e-37)
+        log_ratio = log_encoding_ratio(encoded[0], encoded[2])
+        usable = (encoded[0] > 1e-37) & (encoded[1] > 1e-37)
         # as (G/R)(B/R): R^2 may underflow
-        np.divide(coded[1], coded[0], out=mixing, where=usable)
-        mixing[usable] *= coded[2][usable] / coded[0][usable]
+        np.divide(encoded[1], encoded[0], out=mixing, where=usable)
+        mixing[usable] *= encoded[2][usable] / encoded[0][usable]
     nowhere = np.full((amplitude.size, 3), np.nan)
     position = nowhere
     unknown = np.zeros(amplitude.size, dtype=np.int32)
     first_object = unknown
-    view = layer.coded
+    view = layer.encoded
     if view.position is not None:
         position = view.position[index] * metres_per_unit
     if view.object_index is not None and layer.position_is_first:
@@ -79,10 +76,10 @@ def _pixels(
     if layer.vertex is not None:
         ratio = layer.vertex.channels()[:, index[0], index[1]]
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = ratio / coded
+            ratio = ratio / encoded
         origin, scale = vertex_map
         vertex = (origin + (ratio.T - 1) / scale) * metres_per_unit
-    return GatePixels(
+    return PathClassPixels(
         order=layer.order,
         depth=layer.depth,
         amplitude=amplitude / metres_per_unit**2,
@@ -96,9 +93,9 @@ def _pixels(
     )
 
 
-def _coloured_ratio(coded: Real, plain: Real) -> Real:
+def _coloured_ratio(encoded: Real, plain: Real) -> Real:
     """Coded length from the brightest channel; red and blue decay by 1/k, green by 2/k."""
     rates = np.array([1.0, 2.0, 1.0])[:, None]
-    ratios = log_code_ratio(coded, plain) / rates
+    ratios = log_encoding_ratio(encoded, plain) / rates
     best = np.argmax(np.where(np.isfinite(ratios), plain, -1.0), axis=0)
     return np.asarray(np.take_along_axis(ratios, best[None], axis=0)[0])

@@ -3,7 +3,7 @@
 
 On top of the measuring settings of the rings: a camera of our own that can look at any part of
 the field of view, one sample through the pixel centre, passes for position and object, and, where
-the materials do not carry the range code, a world volume that does.
+the materials do not carry the range encoding, a world volume that does.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
 from .pass_files import read_passes
-from .requests import Gate, Region, RenderRequest, View
+from .requests import PathClass, Region, RenderRequest, View
 from .view_setup import (
-    CODE_ALL,
-    CODE_RED_GREEN,
+    ENCODING_ALL,
+    ENCODING_RED_GREEN,
     LIGHT_GROUP,
-    add_code_world,
+    add_encoding_world,
     add_passes,
     number_objects,
 )
@@ -57,7 +57,7 @@ class PathScene:
     Parameters
     ----------
     scene, view_layer : bpy types
-    camera, emitter : bpy.types.Object
+    camera, transmitter : bpy.types.Object
     metres_per_unit
     range_encoding_length_m
         k.
@@ -70,16 +70,16 @@ class PathScene:
         scene: Any,
         view_layer: Any,
         camera: Any,
-        emitter: Any,
+        transmitter: Any,
         metres_per_unit: float,
         range_encoding_length_m: float,
-        world_code: bool,
+        world_encoding: bool,
     ) -> None:
         self._scene, self._view_layer = scene, view_layer
-        self._camera, self._emitter = camera, emitter
+        self._camera, self._emitter = camera, transmitter
         self._units = metres_per_unit
         self._inverse_k = metres_per_unit / range_encoding_length_m
-        self._world_code = world_code
+        self._world_encoding = world_encoding
         self._recorder = SettingsRestorer()
         self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
         self._recorder.on_restore(
@@ -91,7 +91,7 @@ class PathScene:
         self._size = self._canvas = (0, 0)
         self._threads = ("AUTO", 0)
         self._coarse = 1
-        self._request = RenderRequest(Gate())
+        self._request = RenderRequest(PathClass())
         self.objects: list[str] = []
         self.opaque: frozenset[int] = frozenset()
         self.hidden: frozenset[int] = frozenset()
@@ -122,8 +122,8 @@ class PathScene:
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
-            if self._world_code:
-                self._volume = add_code_world(self._recorder, self._scene)
+            if self._world_encoding:
+                self._volume = add_encoding_world(self._recorder, self._scene)
         except BaseException:
             self.restore()
             raise
@@ -142,13 +142,13 @@ class PathScene:
         self._view_layer.update()
 
     def look(
-        self, window: ViewWindow, shift_px: tuple[float, float], seed: int
+        self, window: ViewWindow, offset_px: tuple[float, float], seed: int
     ) -> contract.ReceiverRecord:
         """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
 
         The record is computed from the float32 numbers that Blender really holds. Each view has a
         seed of its own: with a common one the views would draw the same lots, pixel by pixel, and
-        shifts would be no replicates of one another.
+        replicates would be no replicates of one another.
         """
         data = self._view.data
         self._scene.cycles.seed = seed
@@ -158,8 +158,8 @@ class PathScene:
         # A smaller view is the upper left corner of what Blender can render.
         across, down = (max(count, _LEAST_PX) for count in self._size)
         self._canvas = (across, down)
-        left = window.left + shift_px[0] * pixel_u
-        top = window.top + shift_px[1] * pixel_v
+        left = window.left + offset_px[0] * pixel_u
+        top = window.top + offset_px[1] * pixel_v
         wanted = (left, left + across * pixel_u, top - down * pixel_v, top)
         left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
         return contract.ReceiverRecord(
@@ -175,7 +175,7 @@ class PathScene:
     # -- one render --------------------------------------------------------------------------------
 
     def begin(self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None) -> None:
-        """Set the gates for a render.
+        """Set the path classes for a render.
 
         Parameters
         ----------
@@ -184,23 +184,27 @@ class PathScene:
         vertex
             Origin and scale for the last vertex, Blender units.
         """
-        scene, gate = self._scene, request.gate
+        scene, path_class = self._scene, request.path_class
         self._request = request
         self._set_frame(request.region, request.coarse)
-        scene[attributes.ATTR_ORDER_MIN] = gate.order_min - 0.5
-        scene[attributes.ATTR_ORDER_MAX] = 0.0 if gate.order_max is None else gate.order_max + 0.5
-        scene[attributes.ATTR_DEPTH_MIN] = gate.depth_min + 0.5
-        scene[attributes.ATTR_DEPTH_MAX] = 0.0 if gate.depth_max is None else gate.depth_max + 1.5
-        self._set_surfaces(gate)
-        if gate.order_max is not None:
-            for name in _BOUNCES:  # nothing beyond the gate is worth its time
-                setattr(scene.cycles, name, gate.order_max - 1)
+        scene[attributes.ATTR_ORDER_MIN] = path_class.order_min - 0.5
+        scene[attributes.ATTR_ORDER_MAX] = (
+            0.0 if path_class.order_max is None else path_class.order_max + 0.5
+        )
+        scene[attributes.ATTR_DEPTH_MIN] = path_class.depth_min + 0.5
+        scene[attributes.ATTR_DEPTH_MAX] = (
+            0.0 if path_class.depth_max is None else path_class.depth_max + 1.5
+        )
+        self._set_surfaces(path_class)
+        if path_class.order_max is not None:
+            for name in _BOUNCES:  # nothing beyond the path class is worth its time
+                setattr(scene.cycles, name, path_class.order_max - 1)
         scene[attributes.ATTR_VERTEX_SCALE] = 0.0
         if request.vertex and vertex is not None:
             scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
             scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
-        inverse_k = self._inverse_k if request.coded else 0.0
-        if self._world_code:
+        inverse_k = self._inverse_k if request.encoded else 0.0
+        if self._world_encoding:
             self._set_channels(request)
             scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
             scene[attributes.ATTR_WORLD_CODE] = inverse_k
@@ -210,9 +214,9 @@ class PathScene:
 
     def _set_channels(self, request: RenderRequest) -> None:
         """Which channels the world's volume attenuates; renders without code do not ask."""
-        if not request.coded:
+        if not request.encoded:
             return
-        colour = CODE_ALL if request.all_channels else CODE_RED_GREEN
+        colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
         socket = self._volume.inputs["Color"]
         if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
             socket.default_value = colour
@@ -242,16 +246,18 @@ class PathScene:
             render.border_min_y = (height - region.bottom + 0.25) / height
             render.border_max_y = min((height - region.top + 0.25) / height, 1.0)
 
-    def _set_surfaces(self, gate: Gate) -> None:
+    def _set_surfaces(self, path_class: PathClass) -> None:
         scene = self._scene
-        certain = gate.surface_depth is not None
-        scene[attributes.ATTR_SURFACE_DEPTH] = (gate.surface_depth or 0) + 0.5 if certain else 0.0
-        # The gate itself ends camera rays; a tail (no upper limit) lets them go on.
-        stop = certain and gate.depth_max is not None
-        scene[attributes.ATTR_SURFACE_STOP] = (gate.surface_depth or 0) + 0.5 if stop else 0.0
+        certain = path_class.surface_depth is not None
+        scene[attributes.ATTR_SURFACE_DEPTH] = (
+            (path_class.surface_depth or 0) + 0.5 if certain else 0.0
+        )
+        # The path class itself ends camera rays; a tail (no upper limit) lets them go on.
+        stop = certain and path_class.depth_max is not None
+        scene[attributes.ATTR_SURFACE_STOP] = (path_class.surface_depth or 0) + 0.5 if stop else 0.0
         # Cycles is told by this of the custom properties, too: writing those from Python tells it
-        # nothing, and an update tag of the whole scene would take several times as long.
-        # With rays that end at the gate, position and object are those of the gate's surface.
+        # nothing, and an update tag of the whole scene would take several times as long. With rays
+        # that end at the path class, position and object are those of the path class's surface.
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
     def render(self) -> None:

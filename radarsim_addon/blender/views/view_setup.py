@@ -18,8 +18,8 @@ LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range code (temporary)"
 
 #: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
-CODE_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
-CODE_ALL = (0.5, 0.0, 0.5, 1.0)
+ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
+ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ def number_objects(recorder: SettingsRestorer) -> NumberedObjects:
     return NumberedObjects(names, frozenset(opaque), frozenset(hidden))
 
 
-def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, emitter: Any) -> None:
-    """Position, object, and a light group of the emitter alone."""
+def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmitter: Any) -> None:
+    """Position, object, and a light group of the transmitter alone."""
     recorder.set(view_layer, "use_pass_position", True)
     recorder.set(view_layer, "use_pass_object_index", True)
     recorder.set(view_layer, "pass_alpha_threshold", 0.0)
@@ -59,7 +59,7 @@ def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, emitter:
     with bpy.context.temp_override(scene=scene, view_layer=view_layer):
         bpy.ops.scene.view_layer_add_lightgroup(name=LIGHT_GROUP)
     recorder.on_restore("light group", lambda: _remove_lightgroup(scene, view_layer))
-    recorder.set(emitter, "lightgroup", LIGHT_GROUP)
+    recorder.set(transmitter, "lightgroup", LIGHT_GROUP)
 
 
 def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
@@ -70,7 +70,7 @@ def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
             bpy.ops.scene.view_layer_remove_lightgroup()
 
 
-def add_code_world(recorder: SettingsRestorer, scene: Any) -> Any:
+def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
     """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
     by 1/k where the scene is coloured; returns the volume's node."""
     world = bpy.data.worlds.new(_WORLD)
@@ -83,7 +83,7 @@ def add_code_world(recorder: SettingsRestorer, scene: Any) -> Any:
     background = tree.nodes.new("ShaderNodeBackground")
     background.inputs["Strength"].default_value = 0.0
     volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
-    volume.inputs["Color"].default_value = CODE_RED_GREEN
+    volume.inputs["Color"].default_value = ENCODING_RED_GREEN
     rate = tree.nodes.new("ShaderNodeAttribute")
     rate.attribute_type, rate.attribute_name = "VIEW_LAYER", attributes.ATTR_WORLD_CODE
     # The Vector output: Fac is the mean of three channels, which rounds.

@@ -47,8 +47,9 @@ class ViewWindow:
         return max(self.step_u * self.stretch, self.step_v)
 
 
-def view_seed(seed: int, window: ViewWindow, shift: int) -> int:
-    """Cycles' seed for one view: by where it looks and by its shift, not by the tiles' order."""
+def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
+    """Cycles' seed for one view: by where it looks and by its replicate, not by the tiles'
+    order."""
     edges = (window.left, window.right, window.bottom, window.top)
-    key = struct.pack("<4q4d", seed, shift, window.width_px, window.height_px, *edges)
+    key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)
     return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1

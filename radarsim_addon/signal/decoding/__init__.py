@@ -5,7 +5,7 @@ In: the colour channels of renders. Out: path lengths [m], range rates [m/s], `P
 """
 
 from .cameras import PixelRays, pixel_rays
-from .path_class_pixels import GatePixels, Geometry, assemble_rows, log_code_ratio
+from .path_class_pixels import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
 from .paths_of_frame import frame_paths, iter_path_chunks, table_paths
 from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
 from .shell_geometry import single_vertex_m
@@ -14,15 +14,15 @@ from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
 __all__ = [
     "MAX_RANGE_RATE_MPS",
     "Decoded",
-    "GatePixels",
-    "Geometry",
+    "PathClassPixels",
     "PixelGrid",
     "PixelRays",
+    "TileReplicate",
     "assemble_rows",
     "decode",
     "frame_paths",
     "iter_path_chunks",
-    "log_code_ratio",
+    "log_encoding_ratio",
     "pixel_grid",
     "pixel_rays",
     "range_rate",

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
-from ..paths import PATH_DTYPE, PathFlag, PathRows
+from ...array_types import Indices, Real
+from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows
 from .cameras import PixelRays
 
 #: Rounding of one float32 operation, relative (one standard deviation).
@@ -24,8 +24,8 @@ _LEAST_DENOMINATOR = 1e-3
 
 
 @dataclass(frozen=True)
-class GatePixels:
-    """One gate's renders, flattened to the pixels that hold a path.
+class PathClassPixels:
+    """One path class's renders, flattened to the pixels that hold a path.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class GatePixels:
     position_m
         First surface seen, from the Position pass [m], (n, 3); NaN where unknown.
     vertex_m
-        Last vertex from the emitter's colours [m], (n, 3); NaN where unknown.
+        Last vertex from the transmitter's colours [m], (n, 3); NaN where unknown.
     object, first_object
         Numbers of the objects at the last and at the first vertex, (n,); 0 where unknown.
     position_is_first
@@ -61,25 +61,59 @@ class GatePixels:
 
 
 @dataclass(frozen=True)
-class Geometry:
-    """What all pixels of a view share: antennas and the code."""
+class TileReplicate:
+    """What all pixels of one tile at one sub-pixel offset share.
 
-    emitter_m: Real
+    Attributes
+    ----------
+    rays
+        Of all pixels.
+    transmitter_m
+        Place of the transmitter in world space, (3,) [m].
+    range_encoding_length_m
+        k of exp(-l/k) [m].
+    near_clip_m
+        What the near clip surface cuts from the first segment [m].
+    effective_area_m2
+        lambda^2/(4 pi) of the receiver [m^2].
+    fraction
+        One over the number of replicates of the tile, which share its solid angle.
+    tile, replicate
+        Their numbers.
+    """
+
+    rays: PixelRays
+    transmitter_m: Real
     range_encoding_length_m: float
     near_clip_m: float
+    effective_area_m2: float
+    fraction: float
+    tile: int
+    replicate: int
 
 
-def log_code_ratio(coded: Real, plain: Real) -> Real:
+@dataclass(frozen=True)
+class _Vertices:
+    """Scatterers, lengths and what is known of them."""
+
+    first_m: Real
+    last_m: Real
+    length_m: Real
+    sigma_m: Real
+    flags: Flags
+
+
+def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
     """ln(coded/plain) per pixel; -inf where red is beyond what float32 carries."""
     ratio = np.zeros_like(plain)
-    usable = (coded >= _TINY) & (plain > 0)
-    np.divide(coded, plain, out=ratio, where=usable)
+    usable = (encoded >= _TINY) & (plain > 0)
+    np.divide(encoded, plain, out=ratio, where=usable)
     with np.errstate(divide="ignore"):
         return np.log(ratio)
 
 
 def first_vertex_order_2(
-    camera_m: Real, direction: Real, last_scatterer_m: Real, emitter_m: Real, length_m: Real
+    camera_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
     """First vertex of a path with two reflections, in closed form.
 
@@ -94,7 +128,7 @@ def first_vertex_order_2(
         The denominator over 2 s, (n,): the result is poor where it is small.
     """
     to_last = last_scatterer_m - camera_m
-    s = length_m - np.linalg.norm(last_scatterer_m - emitter_m, axis=-1)
+    s = length_m - np.linalg.norm(last_scatterer_m - transmitter_m, axis=-1)
     denominator = s - np.sum(direction * to_last, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         r = (s**2 - np.sum(to_last**2, axis=-1)) / (2 * denominator)
@@ -103,134 +137,140 @@ def first_vertex_order_2(
 
 
 def assemble_rows(
-    pixels: GatePixels,
-    rays: PixelRays,
-    index: tuple[NDArray[np.intp], NDArray[np.intp]],
-    geometry: Geometry,
-    effective_area_m2: float,
-    share: float,
-    tile: int,
-    shift: int,
+    pixels: PathClassPixels, index: tuple[Indices, Indices], shared: TileReplicate
 ) -> PathRows:
-    """Rows of one gate.
+    """Make the rows of one path class.
 
-    Lengths come from vertex positions in float64 where the whole path is known and agrees with
-    the code (order 1 seen directly: the Position pass lies on the surface to float32 of the
-    *object's* distance from the origin, so its range stays exact at long stand-off), else from
-    the code.
+    Lengths come from vertex positions in float64 where the whole path is known and agrees with the
+    range encoding (order 1 seen directly: the Position pass lies on the surface to float32 of the
+    *object's* distance from the origin, so its range stays exact at long stand-off), else from the
+    encoding.
 
     Parameters
     ----------
     pixels
-        The gate's pixels with a path.
-    rays
-        Of the whole view.
+        The path class's n pixels with a path.
     index
-        Row and column of each pixel in the view.
-    geometry
-        Emitter and code.
-    effective_area_m2
-        lambda^2/(4 pi) of the receiver.
-    share
-        One over the number of shifts of this tile: replicates share the solid angle.
-    """
-    count = pixels.amplitude.size
-    rows = np.zeros(count, dtype=PATH_DTYPE)
-    direction = rays.direction[index]
-    origin = rays.origin_m if rays.origin_m.ndim == 1 else rays.origin_m[index]
-    solid = rays.solid_angle_sr[index] * share
-    flags = np.zeros(count, dtype=np.uint16)
+        Row and column of each of them in the tile, (n,) each.
+    shared
+        What they share.
 
+    Returns
+    -------
+    ndarray
+        (n,), of `PATH_DTYPE`.
+    """
+    rays = shared.rays
+    direction = rays.direction[index]
+    origin_m = rays.origin_m if rays.origin_m.ndim == 1 else rays.origin_m[index]
+    solid_angle_sr = rays.solid_angle_sr[index] * shared.fraction
+    encoded_m, sigma_m = _encoded_length(pixels, rays.near_cosine[index], shared)
+    find = _one_reflection if pixels.order == 1 else _several_reflections
+    found = find(pixels, origin_m, direction, encoded_m, sigma_m, shared.transmitter_m)
     known = np.isfinite(pixels.log_ratio)
-    coded_m = np.where(known, -geometry.range_encoding_length_m * pixels.log_ratio, 0.0)
-    coded_m = np.maximum(coded_m, 0.0) + geometry.near_clip_m / rays.near_cosine[index]
-    # Each segment's exponential and each product rounds once: the sum of their relative errors.
-    factors = 2.0 * (pixels.order + 1)
-    sigma = geometry.range_encoding_length_m * _EPS32 * np.sqrt(factors) + coded_m * _EPS32
+    flags = found.flags
     flags[~known] |= PathFlag.NO_RANGE
     with np.errstate(invalid="ignore"):
         flags[np.abs(pixels.mixing - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
 
-    length = coded_m
-    if pixels.order == 1:
-        scale = np.max(np.abs(pixels.position_m), axis=-1, initial=0.0)
-        position_sigma = np.maximum(1e-9, scale * _EPS32)
-        first, from_code = _first_order(
-            pixels, origin, direction, coded_m, sigma + position_sigma, geometry
-        )
-        last = first
-        geometric = np.linalg.norm(first - origin, axis=-1) + np.linalg.norm(
-            first - geometry.emitter_m, axis=-1
-        )
-        length = np.where(from_code, coded_m, geometric)
-        # Behind transparent surfaces a delay below the code's noise would go unnoticed.
-        exact = ~from_code & (pixels.depth == 0)
-        sigma = np.where(exact, position_sigma, sigma)
-        flags[from_code] |= PathFlag.ENCODED_LENGTH
-    else:
-        last = pixels.vertex_m
-        flags |= PathFlag.ENCODED_LENGTH
-        first = np.full((count, 3), np.nan)
-        if pixels.order == 2:
-            first, conditioning = first_vertex_order_2(
-                np.broadcast_to(origin, direction.shape),
-                direction,
-                last,
-                geometry.emitter_m,
-                coded_m,
-            )
-            first[~(conditioning > _LEAST_DENOMINATOR)] = np.nan
-        if pixels.position_is_first:
-            seen = np.isfinite(pixels.position_m).all(axis=-1)
-            first = np.where(seen[:, None], pixels.position_m, first)
-        flags[~np.isfinite(first).all(axis=-1)] |= PathFlag.NO_FIRST_VERTEX
-
-    rows["power_w"] = pixels.amplitude * solid * effective_area_m2
-    rows["length_m"] = np.where(known | (flags & PathFlag.ENCODED_LENGTH == 0), length, 0.0)
-    rows["length_sigma_m"] = sigma
-    rows["order"] = pixels.order
-    rows["transparent_depth"] = pixels.depth
-    rows["first_scatterer_m"], rows["last_scatterer_m"] = first, last
+    rows = np.zeros(pixels.amplitude.size, dtype=PATH_DTYPE)
+    rows["power_w"] = pixels.amplitude * solid_angle_sr * shared.effective_area_m2
+    measured = known | (flags & PathFlag.ENCODED_LENGTH == 0)
+    rows["length_m"] = np.where(measured, found.length_m, 0.0)
+    rows["length_sigma_m"] = found.sigma_m
+    rows["order"], rows["transparent_depth"] = pixels.order, pixels.depth
+    rows["first_scatterer_m"], rows["last_scatterer_m"] = found.first_m, found.last_m
     rows["direction"] = direction
-    rows["solid_angle_sr"] = solid
+    rows["solid_angle_sr"] = solid_angle_sr
     rows["last_object"], rows["first_object"] = pixels.object, pixels.first_object
-    rows["tile"], rows["replicate"] = tile, shift
+    rows["tile"], rows["replicate"] = shared.tile, shared.replicate
     rows["flags"] = flags
     return rows
 
 
-def _first_order(
-    pixels: GatePixels,
-    origin: Real,
+def _encoded_length(
+    pixels: PathClassPixels, near_cosine: Real, shared: TileReplicate
+) -> tuple[Real, Real]:
+    """Lengths by the range encoding, and their standard deviation from float32, (n,) each."""
+    scale_m = shared.range_encoding_length_m
+    known = np.isfinite(pixels.log_ratio)
+    length_m = np.where(known, -scale_m * pixels.log_ratio, 0.0)
+    length_m = np.maximum(length_m, 0.0) + shared.near_clip_m / near_cosine
+    # Each segment's exponential and each product rounds once: the sum of their relative errors.
+    factors = 2.0 * (pixels.order + 1)
+    return length_m, scale_m * _EPS32 * np.sqrt(factors) + length_m * _EPS32
+
+
+def _one_reflection(
+    pixels: PathClassPixels,
+    origin_m: Real,
     direction: Real,
-    coded_m: Real,
-    sigma: Real,
-    geometry: Geometry,
-) -> tuple[Real, NDArray[np.bool_]]:
-    """Scatterer of order 1, and whether its length must come from the code."""
-    along = _range_of_length(origin, direction, geometry.emitter_m, coded_m)
-    coded_point = origin + along[:, None] * direction
-    if not pixels.position_is_first:
-        return coded_point, np.ones(coded_m.size, dtype=bool)
-    position = pixels.position_m
-    geometric = np.linalg.norm(position - origin, axis=-1) + np.linalg.norm(
-        position - geometry.emitter_m, axis=-1
+    encoded_m: Real,
+    sigma_m: Real,
+    transmitter_m: Real,
+) -> _Vertices:
+    """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
+    scale_m = np.max(np.abs(pixels.position_m), axis=-1, initial=0.0)
+    position_sigma_m = np.maximum(1e-9, scale_m * _EPS32)
+    along_m = _range_of_length(origin_m, direction, transmitter_m, encoded_m)
+    point_m = origin_m + along_m[:, None] * direction
+    by_encoding = np.ones(encoded_m.size, dtype=bool)
+    if pixels.position_is_first:
+        seen_m = _length_over(pixels.position_m, origin_m, transmitter_m)
+        # A dielectric on the way delays what geometry cannot see; the encoding does, down to its
+        # noise. More than that noise must not be let pass: at long range it would be wavelengths.
+        with np.errstate(invalid="ignore"):
+            agrees = np.abs(seen_m - encoded_m) <= _AGREES_WITHIN * (sigma_m + position_sigma_m)
+        seen = np.isfinite(seen_m)
+        point_m = np.where(seen[:, None], pixels.position_m, point_m)
+        unencoded = ~np.isfinite(pixels.log_ratio) & (pixels.depth == 0)
+        by_encoding = ~(seen & (agrees | unencoded))
+    geometric_m = _length_over(point_m, origin_m, transmitter_m)
+    # Behind transparent surfaces a delay below the encoding's noise would go unnoticed.
+    exact = ~by_encoding & (pixels.depth == 0)
+    return _Vertices(
+        point_m,
+        point_m,
+        np.where(by_encoding, encoded_m, geometric_m),
+        np.where(exact, position_sigma_m, sigma_m),
+        np.where(by_encoding, PathFlag.ENCODED_LENGTH, 0).astype(np.uint16),
     )
-    # A dielectric on the way delays what geometry cannot see; the code does, down to its noise.
-    # More than that noise must not be let pass: at long range it would be wavelengths.
-    allowed = _AGREES_WITHIN * sigma
-    uncoded = ~np.isfinite(pixels.log_ratio)
-    with np.errstate(invalid="ignore"):
-        agrees = np.abs(geometric - coded_m) <= allowed
-    seen = np.isfinite(geometric)
-    point = np.where(seen[:, None], position, coded_point)
-    return point, ~(seen & (agrees | (uncoded & (pixels.depth == 0))))
 
 
-def _range_of_length(origin: Real, direction: Real, emitter_m: Real, length_m: Real) -> Real:
+def _several_reflections(
+    pixels: PathClassPixels,
+    origin_m: Real,
+    direction: Real,
+    encoded_m: Real,
+    sigma_m: Real,
+    transmitter_m: Real,
+) -> _Vertices:
+    """Orders above 1: the last scatterer is rendered, the first one seen or computed."""
+    first_m = np.full(direction.shape, np.nan)
+    if pixels.order == 2:
+        origins_m = np.broadcast_to(origin_m, direction.shape)
+        first_m, conditioning = first_vertex_order_2(
+            origins_m, direction, pixels.vertex_m, transmitter_m, encoded_m
+        )
+        first_m[~(conditioning > _LEAST_DENOMINATOR)] = np.nan
+    if pixels.position_is_first:
+        seen = np.isfinite(pixels.position_m).all(axis=-1)
+        first_m = np.where(seen[:, None], pixels.position_m, first_m)
+    flags = np.full(encoded_m.size, PathFlag.ENCODED_LENGTH, dtype=np.uint16)
+    flags[~np.isfinite(first_m).all(axis=-1)] |= PathFlag.NO_FIRST_VERTEX
+    return _Vertices(first_m, pixels.vertex_m, encoded_m, sigma_m, flags)
+
+
+def _length_over(point_m: Real, origin_m: Real, transmitter_m: Real) -> Real:
+    """Length from the receiver over a point to the transmitter, (n,) [m]."""
+    there_m = np.linalg.norm(point_m - origin_m, axis=-1)
+    return np.asarray(there_m + np.linalg.norm(point_m - transmitter_m, axis=-1))
+
+
+def _range_of_length(origin: Real, direction: Real, transmitter_m: Real, length_m: Real) -> Real:
     """Distance r along the ray where r + |P - T| is the length (an ellipsoid's intersection)."""
-    to_emitter = emitter_m - origin
-    squared = np.sum(np.broadcast_to(to_emitter, direction.shape) ** 2, axis=-1)
-    denominator = length_m - np.sum(direction * to_emitter, axis=-1)
+    to_transmitter = transmitter_m - origin
+    squared = np.sum(np.broadcast_to(to_transmitter, direction.shape) ** 2, axis=-1)
+    denominator = length_m - np.sum(direction * to_transmitter, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(length_m > 0, (length_m**2 - squared) / (2 * denominator), 0.0)

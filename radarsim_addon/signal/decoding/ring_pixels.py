@@ -77,7 +77,7 @@ class Decoded:
     Attributes
     ----------
     total_length_m
-        Length l of the path from camera over the scatterers to the emitter [m]; 0 where masked.
+        Length l of the path from camera over the scatterers to the transmitter [m]; 0 where masked.
     radiance
         L in W per m^2 per sr; 0 where masked.
     mask

@@ -48,7 +48,7 @@ class RingReader:
 
     @property
     def antennas(self) -> tuple[ReceiverRecord, TransmitterRecord]:
-        """Receiver and emitter at t."""
+        """Receiver and transmitter at t."""
         assert self._antennas is not None
         return self._antennas
 

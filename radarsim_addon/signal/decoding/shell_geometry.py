@@ -11,13 +11,13 @@ from ..paths import PathGeometry
 from .ring_pixels import Decoded
 
 
-def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, emitter_m: Real) -> Real:
+def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
     """Scatterer of paths with one reflection, from direction and total length, (n, 3) [m].
 
     On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
     baseline b = |C - T|. NaN where the length is below the baseline.
     """
-    baseline_m = np.asarray(receiver_m - emitter_m, dtype=np.float64)
+    baseline_m = np.asarray(receiver_m - transmitter_m, dtype=np.float64)
     square = length_m**2 - baseline_m @ baseline_m
     below = 2 * (length_m + direction @ baseline_m)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -30,7 +30,7 @@ def ring_geometry(
     row: Integers,
     col: Integers,
     camera: ReceiverRecord,
-    emitter: TransmitterRecord,
+    transmitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
     """Geometry of some pixels of a ring.
@@ -41,7 +41,7 @@ def ring_geometry(
         The ring.
     row, col
         Pixels, (n,).
-    camera, emitter
+    camera, transmitter
         Poses at t.
     single
         Whether every path has one reflection. Else vertices and orders are unknown (NaN and 0).
@@ -53,9 +53,9 @@ def ring_geometry(
     zeros = np.zeros(row.size, dtype=np.int32)
     vertex = np.full((row.size, 3), np.nan)
     if single:
-        emitter_m = np.asarray(emitter.matrix_world, dtype=np.float64)[:3, 3]
+        transmitter_m = np.asarray(transmitter.matrix_world, dtype=np.float64)[:3, 3]
         vertex = single_vertex_m(
-            decoded.total_length_m[row, col], direction, pose[:3, 3], emitter_m
+            decoded.total_length_m[row, col], direction, pose[:3, 3], transmitter_m
         )
     return PathGeometry(
         order=zeros + (1 if single else 0),

@@ -34,7 +34,7 @@ from ..paths import (
     radiance_of,
     spread,
     steps_of,
-    views_by_shift,
+    tiles_by_replicate,
 )
 from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
 from ..runs import RadarFrame
@@ -135,7 +135,7 @@ def expected_power(
         along = _smear(_smear_doppler(powers, doppler), response)
         return _smear(powers.sum(axis=0)[None], response)[0], along
 
-    for views in views_by_shift(table, record.replicates):
+    for views in tiles_by_replicate(table, record.replicates):
         grid = np.zeros(finer.size)
         for rows in views:
             gain = np.ones(rows.size)

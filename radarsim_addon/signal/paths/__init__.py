@@ -6,10 +6,10 @@ radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 """
 
 from .flags import PATH_FLAGS, Flags, PathFlag
-from .footprints import Points, Steps, spread, steps_of, views_by_shift
+from .footprints import Points, Steps, spread, steps_of, tiles_by_replicate
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_amplitude, path_power_w
-from .replicates import edge_variances, lone_variances, shift_px
+from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .table import COLUMN_GROUPS, PATH_DTYPE, PathRows, iter_rows, open_table, write_table
 from .table_files import (
     frame_motion,
@@ -46,10 +46,10 @@ __all__ = [
     "path_power_w",
     "radiance_of",
     "read_paths_record",
-    "shift_px",
+    "replicate_offset_px",
     "spread",
     "steps_of",
+    "tiles_by_replicate",
     "usable",
-    "views_by_shift",
     "write_table",
 ]

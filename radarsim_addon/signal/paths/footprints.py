@@ -80,11 +80,11 @@ def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
     Parameters
     ----------
     rows
-        Of one tile at one shift, with lengths.
+        Of one tile at one replicate, with lengths.
     camera
         The frame's.
     count
-        Number of shifts of the tile.
+        Number of replicates of the tile.
     """
     found = Steps(*np.zeros((3, rows.size, 2, 2)))
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, camera))
@@ -96,11 +96,11 @@ def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
     depth, power = mine["transparent_depth"], mine["power_w"]
     moving = bool(np.any(mine["range_rate_mps"]))
     names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
-    # All gates in one image, one below the other, each with two empty pixels all around: nothing
-    # wraps, and every ray has two on each side.
+    # All path classes in one image, one below the other, each with two empty pixels all around:
+    # nothing wraps, and every ray has two on each side.
     height = 0
-    for gate in np.unique(depth):
-        here = depth == gate
+    for path_class in np.unique(depth):
+        here = depth == path_class
         row[here] += height + 2 - row[here].min()
         col[here] += 2 - col[here].min()
         height = int(row[here].max()) + 1
@@ -170,7 +170,7 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
     Parameters
     ----------
     rows
-        Of one tile at one shift.
+        Of one tile at one replicate.
     steps
         Of these rows, from `steps_of`.
     cell_m
@@ -214,14 +214,14 @@ def _points(rows: PathRows, steps: Steps, along: Indices, start: int) -> Points:
     return Points(start + row, length, rate, share)
 
 
-def views_by_shift(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
-    """For each shift of the grid the rows with a length of each tile, one after the other."""
-    tile, shift = np.asarray(table["tile"]), np.asarray(table["replicate"])
-    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(shift) != 0)) + 1
+def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
+    """For each replicate of the grid the rows with a length of each tile, one after the other."""
+    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
+    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size]
     stops = np.concatenate([cuts, [table.size]])[: starts.size]
     for number in range(replicates):
-        mine = np.flatnonzero(shift[starts] == number)
+        mine = np.flatnonzero(replicate[starts] == number)
         yield (_rows_with_length(table[starts[i] : stops[i]]) for i in mine)
 
 

@@ -37,11 +37,11 @@ def grid_places(rows: PathRows, camera: ReceiverRecord, count: int) -> tuple[Int
     Parameters
     ----------
     rows
-        Of one tile at one shift, all of them `placed`, one at least.
+        Of one tile at one replicate, all of them `placed`, one at least.
     camera
         The frame's.
     count
-        Number of shifts of the tile, which share the solid angle.
+        Number of replicates of the tile, which share the solid angle.
     """
     pose = np.array(camera.matrix_world, dtype=np.float64)
     # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sub-pixel shifts of a pixel grid as replicates, and what edges along the grid make uncertain.
+"""Sub-pixel replicates of a pixel grid as replicates, and what edges along the grid make uncertain.
 
-The scatter of the shifts tells the error of their mean, but for edges that run along the grid: a
-side of 20.1 pixels holds 20 columns in all shifts, more often than not, and nothing of the
+The scatter of the replicates tells the error of their mean, but for edges that run along the grid:
+a side of 20.1 pixels holds 20 columns in all replicates, more often than not, and nothing of the
 tenth of a column is seen in their scatter. What can be said of such an edge is that it lies
 somewhere between the rays nearest to it. That bounds the error from below, run by run of pixels
 whose edge lies in one line; an edge aslant has short runs and adds little.
 
-One shift alone has no replicates. Its error is that of its edges, and what neighbouring pixels of
-one surface differ by.
+One replicate alone has no replicates. Its error is that of its edges, and what neighbouring pixels
+of one surface differ by.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from .table import PathRows
 
 #: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
 _R2 = (0.7548776662466927, 0.5698402909980532)
-#: Shifts whose pairs are summed up; the variance of more is taken to fall as their number does.
+#: Replicates whose pairs are summed up; the variance of more is taken to fall as their number does.
 _MOST_PAIRED = 1024
 
 
-def shift_px(index: int) -> tuple[float, float]:
-    """Sub-pixel shift number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
+def replicate_offset_px(index: int) -> tuple[float, float]:
+    """Sub-pixel replicate number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
     sequence that starts off the pixel centre (a ray exactly on the shared edge of two triangles
     counts both)."""
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
@@ -40,11 +40,12 @@ def shift_px(index: int) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def shift_variances(count: int) -> tuple[float, float]:
-    """Variance of a side in pixels, of any length and place, as told by the first `count` shifts.
+def replicate_variances(count: int) -> tuple[float, float]:
+    """Variance of a side in pixels, of any length and place, as told by the first `count`
+    replicates.
 
-    The points x_i of the shifts in an interval, less its length, are psi(a) - psi(b) with psi the
-    mean of the first Bernoulli polynomials of a - x_i; over all a and b the square of it is on
+    The points x_i of the replicates in an interval, less its length, are psi(a) - psi(b) with psi
+    the mean of the first Bernoulli polynomials of a - x_i; over all a and b the square of it is on
     average (1/S^2) sum_ij B_2(frac(x_i - x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of
     intervals on a circle (Kuipers & Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2).
     Evenly spaced points have 1/(6 S^2).
@@ -55,7 +56,7 @@ def shift_variances(count: int) -> tuple[float, float]:
         Across and down [square pixels].
     """
     paired = min(count, _MOST_PAIRED)
-    replicates = np.array([shift_px(i) for i in range(paired)])
+    replicates = np.array([replicate_offset_px(i) for i in range(paired)])
     across, down = (
         float(np.mean(x**2 - x + 1 / 6))
         for x in ((place[:, None] - place) % 1.0 for place in replicates.T)
@@ -71,15 +72,15 @@ def edge_variances(
     Parameters
     ----------
     rows
-        Of one tile at one shift.
+        Of one tile at one replicate.
     label
         What each row belongs to, from 1; 0: nothing, (n,).
     value
-        What is summed up, such as the power of the shift alone, (n,).
+        What is summed up, such as the power of the replicate alone, (n,).
     camera
         The frame's.
     count
-        Number of shifts that are averaged.
+        Number of replicates that are averaged.
 
     Returns
     -------
@@ -93,14 +94,14 @@ def edge_variances(
 
 
 def lone_variances(rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord) -> Real:
-    """Variance of the value of what bears a label, where there is one shift alone.
+    """Variance of the value of what bears a label, where there is one replicate alone.
 
     To what the edges leave open comes what differs within a surface: a grid of rays samples it
-    systematically, and neighbours of one surface and gate have the same expectation but for what
-    changes from one pixel to the next, so half the mean squared difference of two is the variance
-    of one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007,
-    ch. 8). Reflections left to chance and texture show in it; of a smooth surface little is left.
-    A pixel without neighbours may be wrong by all of itself.
+    systematically, and neighbours of one surface and path class have the same expectation but for
+    what changes from one pixel to the next, so half the mean squared difference of two is the
+    variance of one, or more (successive differences: Wolter, Introduction to Variance Estimation,
+    2007, ch. 8). Reflections left to chance and texture show in it; of a smooth surface little is
+    left. A pixel without neighbours may be wrong by all of itself.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: Receive
 def _images(
     rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord, count: int
 ) -> Iterator[tuple[Integers, Real]]:
-    """Labels and values on the grid of pixels, gate by gate, with an empty rim."""
+    """Labels and values on the grid of pixels, path class by path class, with an empty rim."""
     kept = np.flatnonzero((label > 0) & placed(rows, camera))
     if kept.size == 0:
         return
@@ -134,9 +135,9 @@ def _images(
     shape = (int(row.max()) + 3, int(col.max()) + 3)
     if shape[0] * shape[1] > MOST_PX:
         return
-    gate = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
-    for one in np.unique(gate):
-        here = gate == one
+    path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
+    for one in np.unique(path_class):
+        here = path_class == one
         place = (row[here] + 1, col[here] + 1)
         labels, values = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         labels[place], values[place] = label[here], value[here]
@@ -144,9 +145,9 @@ def _images(
 
 
 def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Real:
-    """By label, for the mean of so many shifts."""
+    """By label, for the mean of so many replicates."""
     total = np.zeros(size)
-    for axis, variance in zip((1, 0), shift_variances(count), strict=True):
+    for axis, variance in zip((1, 0), replicate_variances(count), strict=True):
         for step in (1, -1):
             edge = (labels > 0) & (np.roll(labels, step, axis) != labels)
             # a side has two edges, and the variance is that of a side

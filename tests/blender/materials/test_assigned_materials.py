@@ -274,7 +274,9 @@ def test_run_through_it(way: Callable[[Path], None], code: str, tmp_path: Path) 
         for item in bpy.data.objects:
             if item.name in (WALL, "Instance"):
                 item.hide_render = hidden
-        run = ph.run_paths(tmp_path / f"run_{hidden}", options={"max_reflections": 1, "code": code})
+        run = ph.run_paths(
+            tmp_path / f"run_{hidden}", options={"max_reflections": 1, "range_encoding": code}
+        )
         plate = run.table()  # the wall is a mirror, which echoes nothing
         assert len(plate) > 10
         powers.append(float(plate["power_w"].sum()))
@@ -354,7 +356,7 @@ def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: P
     bpy.context.scene.collection.objects.unlink(bare)
     collection.objects.link(bare)
     instanced(collection)
-    options = {"max_reflections": 1, "code": "materials"}
+    options = {"max_reflections": 1, "range_encoding": "materials"}
     run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
     assert any("No Radar Material on 'Bare'" in text for text in run.job.warnings)
     lengths = run.table()["length_m"]

@@ -18,12 +18,12 @@ from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths import PATH_DTYPE, shift_px
+from radarsim_addon.signal.paths import PATH_DTYPE, replicate_offset_px
 
 
 def test_shifts_fill_the_pixel() -> None:
     """Low discrepancy: the first n leave no square of the pixel of 3/n unvisited, none repeats."""
-    replicates = np.array([shift_px(i) for i in range(256)])
+    replicates = np.array([replicate_offset_px(i) for i in range(256)])
     assert np.all(np.abs(replicates) <= 0.5)
     assert len({tuple(s) for s in replicates}) == 256
     assert np.all(np.abs(replicates[0]) > 0.01)  # off the centre
@@ -45,7 +45,7 @@ def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np
 
 def powers_of(grid: CellGrid, replicates: list[np.ndarray]) -> CellPowers:
     """Cell powers of a tile from the rows of its shifts."""
-    return grid.powers([grid.shift_powers(rows, len(replicates)) for rows in replicates])
+    return grid.powers([grid.replicate_powers(rows, len(replicates)) for rows in replicates])
 
 
 def many(length: float, power: float, number: int, hits: int = 400) -> np.ndarray:
@@ -155,7 +155,7 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
     rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15]
     rows["order"], rows["last_object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
     grid = CellGrid(bin_m=1.0, bins=10)
-    powers = grid.powers([grid.shift_powers(rows.ravel(), 1, seen)])
+    powers = grid.powers([grid.replicate_powers(rows.ravel(), 1, seen)])
     place = powers.cells.tolist().index(grid.first_object + 1)
     # two sides of ten pixels, each known to 1/6 of a squared pixel
     assert powers.mean[place] == pytest.approx(1.0)

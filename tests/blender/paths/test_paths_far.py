@@ -112,7 +112,10 @@ def test_plate_from_10_m_to_10_km(tmp_path: Path, code: str) -> None:
     levels_db = []
     for range_m in RANGES_M:
         run = far_run(
-            tmp_path / f"{range_m:g}", range_m, 0.8, options={"replicates": 8, "code": code}
+            tmp_path / f"{range_m:g}",
+            range_m,
+            0.8,
+            options={"replicates": 8, "range_encoding": code},
         )
         rows = run.table()
         assert rows.size > 8 * 300

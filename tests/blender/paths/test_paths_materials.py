@@ -14,7 +14,10 @@ from radarsim_addon.signal import PathFlag
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.paths import view_tracer
+from radarsim_addon.blender.views import TracedReplicate
 from radarsim_addon.physics.fresnel import unpolarised_reflectance
+from radarsim_addon.signal.decoding import TileReplicate
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -63,7 +66,6 @@ def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
 
 def test_gates_hold_one_path(tmp_path: Path) -> None:
     """G B/R^2 in every pixel and gate within 1e-5, while the open render is far off."""
-    from radarsim_addon.blender.paths import path_job
     from radarsim_addon.blender.views import PathScene
 
     rs.new_scene()
@@ -72,13 +74,15 @@ def test_gates_hold_one_path(tmp_path: Path) -> None:
     for y in SHEETS_M:
         ph.plate_at(y, 40, material)
     kept, views = [], []
-    original, end = path_job.rows_of_view, PathScene.end
-    path_job.rows_of_view = lambda traced, *rest: kept.append(traced) or original(traced, *rest)
+    original, end = view_tracer.rows_of_replicate, PathScene.end
+    view_tracer.rows_of_replicate = lambda traced, *rest: (
+        kept.append(traced) or original(traced, *rest)
+    )
     PathScene.end = lambda self: views.append(end(self)) or views[-1]
     try:
         ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_reflections": 3})
     finally:
-        path_job.rows_of_view, PathScene.end = original, end
+        view_tracer.rows_of_replicate, PathScene.end = original, end
     (traced,) = kept
 
     def mixing(view: object, where: np.ndarray) -> np.ndarray:
@@ -90,7 +94,7 @@ def test_gates_hold_one_path(tmp_path: Path) -> None:
     # After one reflection a path hits the sheets from behind, where no lamp shines: no order 2.
     assert {layer.order for layer in traced.layers} == {1, 3}
     for layer in traced.layers:
-        np.testing.assert_allclose(mixing(layer.coded, layer.amplitude > 0), 1, atol=1e-5)
+        np.testing.assert_allclose(mixing(layer.encoded, layer.amplitude > 0), 1, atol=1e-5)
 
 
 def test_eight_foreign_sheets_are_unbiased(tmp_path: Path) -> None:
@@ -197,7 +201,6 @@ def test_a_slab_delays(tmp_path: Path) -> None:
 
 def test_coloured_and_textured_materials(tmp_path: Path) -> None:
     """Principled, saturated and textured: the *coded* range of orders 1 and 2 against geometry."""
-    from radarsim_addon.blender.paths import path_job
 
     rs.new_scene()
     ph.field_of_view(30)
@@ -215,24 +218,26 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
     ph.quad("Floor", [(-10, 2, -2), (10, 2, -2), (10, 40, -2), (-10, 40, -2)], textured)
 
     logs = []
-    original = path_job.rows_of_view
+    original = view_tracer.rows_of_replicate
 
-    def spy(
-        traced: object, rays: object, camera: object, emitter_m: object, k: float, *rest: object
-    ) -> object:
+    def spy(traced: TracedReplicate, shared: TileReplicate, *rest: object) -> object:
         from radarsim_addon.blender.views.rows import _coloured_ratio
 
-        for layer in traced.layers:  # type: ignore[attr-defined]
+        for layer in traced.layers:
             index = np.nonzero(layer.amplitude > 0)
-            coded, plain = (v.channels()[:, index[0], index[1]] for v in (layer.coded, layer.plain))
-            logs.append((layer.order, -k * _coloured_ratio(coded, plain)))
-        return original(traced, rays, camera, emitter_m, k, *rest)
+            encoded, plain = (
+                v.channels()[:, index[0], index[1]] for v in (layer.encoded, layer.plain)
+            )
+            logs.append(
+                (layer.order, -shared.range_encoding_length_m * _coloured_ratio(encoded, plain))
+            )
+        return original(traced, shared, *rest)
 
-    path_job.rows_of_view = spy
+    view_tracer.rows_of_replicate = spy
     try:
         run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_reflections": 2})
     finally:
-        path_job.rows_of_view = original
+        view_tracer.rows_of_replicate = original
     rows, record = run.table(), run.record()
     assert (record.range_encoding, record.coloured, record.unranged_power_fraction) == (
         "world",
@@ -246,8 +251,8 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
         length = np.linalg.norm(first, axis=1) + np.linalg.norm(last, axis=1)
         if order == 2:
             length += np.linalg.norm(last - first, axis=1)
-        coded = np.concatenate([values for number, values in logs if number == order])
-        np.testing.assert_allclose(coded, length, rtol=1e-5)
+        encoded = np.concatenate([values for number, values in logs if number == order])
+        np.testing.assert_allclose(encoded, length, rtol=1e-5)
         np.testing.assert_allclose(mine["length_m"], length, rtol=1e-5)
     assert set(rows["last_object"][rows["order"] == 1]) == {1, 2, 3, 4, 5}
 
@@ -261,7 +266,7 @@ def test_one_channel_is_enough(tmp_path: Path, colour: tuple[float, float, float
     ph.quad("Floor", [(-20, -5, -1), (20, -5, -1), (20, 12, -1), (-20, 12, -1)], pure)
     ph.quad("Wall", [(-20, 12, -1), (20, 12, -1), (20, 12, 20), (-20, 12, 20)], pure)
     channel = "RGB"[int(np.argmax(colour))]
-    options = {"max_reflections": 2, "amplitude": channel}
+    options = {"max_reflections": 2, "amplitude_channel": channel}
     run = ph.run_paths(tmp_path, width_px=16, height_px=16, options=options)
     rows, record = run.table(), run.record()
     assert record.unranged_power_fraction == 0

@@ -14,12 +14,12 @@ pytest.importorskip("bpy")
 
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import (
-    Gate,
+    PathClass,
     RenderRequest,
-    TracedView,
+    TracedReplicate,
     TraceLimits,
     View,
-    trace_view,
+    trace_replicate,
 )
 from radarsim_addon.blender.views.requests import coarse_variance
 from radarsim_addon.errors import ConfigError
@@ -55,46 +55,46 @@ class Tracer:
 
     def render(self, request: RenderRequest) -> View:
         self.asked.append(request)
-        gate, planes = request.gate, np.zeros((3, *SHAPE))
+        path_class, planes = request.path_class, np.zeros((3, *SHAPE))
         for path in self.paths:
-            if not gate.order_min <= path.order <= (gate.order_max or math.inf):
+            if not path_class.order_min <= path.order <= (path_class.order_max or math.inf):
                 continue
-            most = math.inf if gate.depth_max is None else gate.depth_max
-            if not gate.depth_min <= path.depth <= most:
+            most = math.inf if path_class.depth_max is None else path_class.depth_max
+            if not path_class.depth_min <= path.depth <= most:
                 continue
-            behind = path.depth > (gate.surface_depth or 0)
+            behind = path.depth > (path_class.surface_depth or 0)
             if behind and (path.row, path.col) in self.unlucky:
                 continue
-            code = np.array([1.0, 2.0, 0.0]) * path.length / K * request.coded
+            code = np.array([1.0, 2.0, 0.0]) * path.length / K * request.encoded
             planes[:, path.row, path.col] += path.amplitude * np.array(path.rgb) * np.exp(-code)
-        return View(*planes, object_index=self._surfaces(gate))
+        return View(*planes, object_index=self._surfaces(path_class))
 
-    def _surfaces(self, gate: Gate) -> np.ndarray:
+    def _surfaces(self, path_class: PathClass) -> np.ndarray:
         """Number 1 where there is a surface at the gate, behind those that are passed."""
         count = np.zeros(SHAPE, dtype=np.int32)
         for path in self.paths:
             count[path.row, path.col] = max(count[path.row, path.col], path.depth + 1)
-        return (count > (gate.surface_depth or 0)).astype(np.int32)
+        return (count > (path_class.surface_depth or 0)).astype(np.int32)
 
-    def run(self, weight: np.ndarray | None = None, **limits: object) -> TracedView:
-        trace = trace_view(TraceLimits(**limits), np.ones(SHAPE) if weight is None else weight)
+    def run(self, weight: np.ndarray | None = None, **limits: object) -> TracedReplicate:
+        trace = trace_replicate(TraceLimits(**limits), np.ones(SHAPE) if weight is None else weight)
         request = next(trace)
         while True:
             try:
                 request = trace.send(self.render(request))
             except StopIteration as stop:
-                found: TracedView = stop.value
+                found: TracedReplicate = stop.value
                 assert found.renders == len(self.asked)
                 return found
 
 
-def layers_as_paths(found: TracedView) -> set[tuple[object, ...]]:
+def layers_as_paths(found: TracedReplicate) -> set[tuple[object, ...]]:
     """What the layers say, each pixel decoded by R/B (or against the plain render)."""
     paths = set()
     for layer in found.layers:
-        base = layer.plain.red if layer.plain is not None else layer.coded.blue
+        base = layer.plain.red if layer.plain is not None else layer.encoded.blue
         for row, col in zip(*np.nonzero(layer.amplitude), strict=True):
-            length = -K * math.log(layer.coded.red[row, col] / base[row, col])
+            length = -K * math.log(layer.encoded.red[row, col] / base[row, col])
             amplitude = float(layer.amplitude[row, col])
             key = (layer.order, layer.depth, round(length, 6), round(amplitude, 9))
             paths.add((int(row), int(col), *key))
@@ -130,24 +130,26 @@ def random_paths(orders: int, depths: int, seed: int = 0) -> list[Path]:
     return paths
 
 
-@pytest.mark.parametrize("world_code", [False, True])
+@pytest.mark.parametrize("world_encoding", [False, True])
 @pytest.mark.parametrize("deterministic_transmission", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_every_gate_is_found(seed: int, deterministic_transmission: bool, world_code: bool) -> None:
+def test_every_path_class_is_found(
+    seed: int, deterministic_transmission: bool, world_encoding: bool
+) -> None:
     paths = random_paths(orders=3, depths=5, seed=seed)
     tracer = Tracer(paths)
     found = tracer.run(
         max_reflections=3,
-        residual=1e-9,
+        max_unfollowed_fraction=1e-9,
         deterministic_transmission=deterministic_transmission,
-        world_code=world_code,
+        world_encoding=world_encoding,
     )
     assert layers_as_paths(found) == wanted(paths)
     assert found.total == pytest.approx(sum(p.amplitude for p in paths))
-    assert found.left_order <= 1e-9 * found.total
-    assert found.left_depth <= 1e-9 * found.total
-    gates = [(layer.order, layer.depth) for layer in found.layers]
-    assert len(gates) == len(set(gates))
+    assert found.truncated_reflections <= 1e-9 * found.total
+    assert found.truncated_transparency <= 1e-9 * found.total
+    path_classes = [(layer.order, layer.depth) for layer in found.layers]
+    assert len(path_classes) == len(set(path_classes))
     for layer in found.layers:
         assert (layer.vertex is not None) == (layer.order > 1)
         assert layer.position_is_first == (
@@ -160,7 +162,9 @@ def test_holes_do_not_stop_it(deterministic_transmission: bool) -> None:
     """An empty order (a mirror) and empty depths (wholly transparent layers)."""
     paths = [Path(0, 0, 1, 6, 20.0, 1.0), Path(1, 1, 3, 4, 50.0, 0.5)]
     found = Tracer(paths).run(
-        max_reflections=3, residual=1e-6, deterministic_transmission=deterministic_transmission
+        max_reflections=3,
+        max_unfollowed_fraction=1e-6,
+        deterministic_transmission=deterministic_transmission,
     )
     assert layers_as_paths(found) == wanted(paths)
     assert [(layer.order, layer.depth) for layer in found.layers] == [(1, 6), (3, 4)]
@@ -172,7 +176,11 @@ def test_nothing_to_see(deterministic_transmission: bool) -> None:
     tracer = Tracer([])
     found = tracer.run(max_reflections=5, deterministic_transmission=deterministic_transmission)
     assert found.layers == []
-    assert (found.total, found.left_order, found.left_depth) == (0.0, 0.0, 0.0)
+    assert (found.total, found.truncated_reflections, found.truncated_transparency) == (
+        0.0,
+        0.0,
+        0.0,
+    )
     assert len(tracer.asked) == 1
 
 
@@ -194,17 +202,19 @@ def test_what_is_left_out_is_told(
         weight,
         max_reflections=max_reflections,
         max_depth=max_depth,
-        residual=1e-9,
+        max_unfollowed_fraction=1e-9,
         deterministic_transmission=deterministic_transmission,
         probe=True,
     )
-    assert found.left_order <= 1e-9 * found.total
+    assert found.truncated_reflections <= 1e-9 * found.total
     assert found.beyond == pytest.approx(power(lambda p: p.order > max_reflections), abs=1e-9)
     assert found.total + found.beyond == pytest.approx(power(lambda p: True))
     too_deep = power(lambda p: p.order <= max_reflections and p.depth > max_depth)
-    assert found.left_depth == pytest.approx(too_deep, abs=1e-9)
+    assert found.truncated_transparency == pytest.approx(too_deep, abs=1e-9)
     in_layers = sum(float(np.sum(layer.amplitude * weight)) for layer in found.layers)
-    assert in_layers + found.left_order + found.left_depth == pytest.approx(found.total)
+    assert in_layers + found.truncated_reflections + found.truncated_transparency == pytest.approx(
+        found.total
+    )
 
 
 @pytest.mark.parametrize("coarse", [1, 4])
@@ -235,11 +245,13 @@ def test_the_residual_ends_it() -> None:
     """What lies below the threshold is not rendered, and is in the sums."""
     paths = [Path(0, 0, 1, d, 10.0 + d, 10.0**-d) for d in range(8)]
     tracer = Tracer(paths)
-    found = tracer.run(max_reflections=1, residual=1e-3, deterministic_transmission=False)
+    found = tracer.run(
+        max_reflections=1, max_unfollowed_fraction=1e-3, deterministic_transmission=False
+    )
     assert [layer.depth for layer in found.layers] == [0, 1, 2]
     left = sum(p.amplitude for p in paths[3:])
-    assert found.left_depth == pytest.approx(left)
-    assert found.left_depth <= 1e-3 * found.total * 1.2
+    assert found.truncated_transparency == pytest.approx(left)
+    assert found.truncated_transparency <= 1e-3 * found.total * 1.2
 
 
 def test_coloured_scenes_take_two_renders() -> None:
@@ -251,7 +263,10 @@ def test_coloured_scenes_take_two_renders() -> None:
     ]
     for channel in ("mean", "R", "G", "B"):
         found = Tracer(paths).run(
-            max_reflections=2, residual=1e-9, world_code=True, amplitude=channel
+            max_reflections=2,
+            max_unfollowed_fraction=1e-9,
+            world_encoding=True,
+            amplitude_channel=channel,
         )
         assert found.coloured
         assert all(layer.plain is not None for layer in found.layers)
@@ -260,9 +275,9 @@ def test_coloured_scenes_take_two_renders() -> None:
 
 def test_grey_is_not_coloured_by_rounding() -> None:
     paths = [Path(0, 0, 1, 0, 22.0, 1.0, (1.0, 1 + 3e-6, 1 - 3e-6))]
-    assert not Tracer(paths).run(world_code=True).coloured
+    assert not Tracer(paths).run(world_encoding=True).coloured
     paths = [Path(0, 0, 1, 0, 22.0, 1.0, (1.0, 1 + 3e-4, 1.0))]
-    assert Tracer(paths).run(world_code=True).coloured
+    assert Tracer(paths).run(world_encoding=True).coloured
 
 
 def test_a_small_target_behind_a_pane_is_never_lost() -> None:
@@ -286,8 +301,8 @@ def test_gates_of_certain_surfaces() -> None:
     tracer = Tracer([Path(0, 0, 1, 1, 20.0, 1.0)])
     tracer.run(deterministic_transmission=True)
     for request in tracer.asked:
-        assert request.gate.surface_depth == request.gate.depth_min
-    assert Gate(1, 1, 1, 1, surface_depth=1) in [r.gate for r in tracer.asked]
+        assert request.path_class.surface_depth == request.path_class.depth_min
+    assert PathClass(1, 1, 1, 1, surface_depth=1) in [r.path_class for r in tracer.asked]
 
 
 @pytest.mark.parametrize(
@@ -297,12 +312,12 @@ def test_gates_of_certain_surfaces() -> None:
         ({"replicates": 0}, "Shifts"),
         ({"replicates": 1.5}, "Shifts"),
         ({"tile_px": 2}, "Tile size"),
-        ({"residual": -1.0}, "Residual"),
-        ({"residual": math.nan}, "Residual"),
+        ({"max_unfollowed_fraction": -1.0}, "Residual"),
+        ({"max_unfollowed_fraction": math.nan}, "Residual"),
         ({"max_standard_error": 0.1, "replicates": 1}, "at least 2 shifts"),
         ({"time_limit_s": math.inf}, "Time budget"),
-        ({"code": "colour"}, "'world'"),
-        ({"amplitude": "A"}, "'mean'"),
+        ({"range_encoding": "colour"}, "'world'"),
+        ({"amplitude_channel": "A"}, "'mean'"),
     ],
 )
 def test_bad_options_are_named(changes: dict[str, object], text: str) -> None:

@@ -13,7 +13,7 @@ pytest.importorskip("bpy")
 from radarsim_addon.blender.paths.inset_tiles import add_inset_tiles, pixels_across
 from radarsim_addon.blender.paths.tiles import Area, Tile, lay_in
 from radarsim_addon.blender.plan import PathOptions
-from radarsim_addon.blender.views import ViewWindow, view_seed
+from radarsim_addon.blender.views import ViewWindow, replicate_seed
 
 FRAME = ViewWindow(-0.31, 0.42, -0.17, 0.29, 53, 37)
 PITCH_U = (FRAME.right - FRAME.left) / FRAME.width_px
@@ -182,8 +182,8 @@ def owns(tile: Tile, u: float, v: float) -> bool:
 def test_seeds_tell_views_apart() -> None:
     """By place, pixels and shift, whatever the order; within what Cycles takes."""
     tiles = [t.window for tile in Tile(FRAME).split(16) for t in (tile, *tile.halved())]
-    seeds = [view_seed(7, tile, shift) for tile in tiles for shift in range(8)]
+    seeds = [replicate_seed(7, tile, shift) for tile in tiles for shift in range(8)]
     assert len(set(seeds)) == len(seeds)
     assert all(0 <= seed < 2**31 for seed in seeds)
-    assert view_seed(7, tiles[0], 3) == seeds[3]
-    assert view_seed(8, tiles[0], 3) != seeds[3]
+    assert replicate_seed(7, tiles[0], 3) == seeds[3]
+    assert replicate_seed(8, tiles[0], 3) != seeds[3]

@@ -14,6 +14,7 @@ from radarsim_addon.signal import PathFlag
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.paths import view_tracer
 from radarsim_addon.signal.radar import Waveform
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -41,16 +42,17 @@ def corridor() -> None:
 @pytest.mark.parametrize("code", ["materials", "world"])
 def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
     """Orders 1 to 3 over 10 to 12 km of path: all coded, lengths those of the mirror images."""
-    from radarsim_addon.blender.paths import path_job
 
     corridor()
-    kept, original = [], path_job.rows_of_view
-    path_job.rows_of_view = lambda traced, *rest: kept.append(traced) or original(traced, *rest)
+    kept, original = [], view_tracer.rows_of_replicate
+    view_tracer.rows_of_replicate = lambda traced, *rest: (
+        kept.append(traced) or original(traced, *rest)
+    )
     try:
-        options = {"max_reflections": 3, "code": code}
+        options = {"max_reflections": 3, "range_encoding": code}
         run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     finally:
-        path_job.rows_of_view = original
+        view_tracer.rows_of_replicate = original
     rows, record = run.table(), run.record()
     direction = rows["direction"]
     unfolded = direction * (END_M / direction[:, 1:2])
@@ -65,7 +67,7 @@ def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
     for layer in traced.layers:
         lit = layer.amplitude > 0
         assert lit.any()
-        values = layer.coded.channels()[:, lit]
+        values = layer.encoded.channels()[:, lit]
         assert np.all(np.isfinite(values))
         assert values.min() > np.finfo(np.float32).tiny
     # R = exp(-length / k): even over the longest path allowed for it stays above exp(-8).

@@ -12,11 +12,11 @@ import pytest
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal import PathFlag
 from radarsim_addon.signal.decoding import (
-    GatePixels,
-    Geometry,
+    PathClassPixels,
     PixelRays,
+    TileReplicate,
     assemble_rows,
-    log_code_ratio,
+    log_encoding_ratio,
     pixel_rays,
 )
 from radarsim_addon.signal.decoding.path_class_pixels import first_vertex_order_2
@@ -40,16 +40,16 @@ def every_pixel() -> tuple[np.ndarray, np.ndarray]:
     return rows, cols
 
 
-def gate(length_m: np.ndarray, view: PixelRays, **changes: Any) -> GatePixels:
+def path_class(length_m: np.ndarray, view: PixelRays, **changes: Any) -> PathClassPixels:
     """Order 1, depth 0, code exact to float64, nothing else known."""
     n = length_m.size
     nowhere = np.full((n, 3), np.nan)
-    coded = length_m - CLIP_M / view.near_cosine[every_pixel()]
+    encoded = length_m - CLIP_M / view.near_cosine[every_pixel()]
     values: dict[str, Any] = {
         "order": 1,
         "depth": 0,
         "amplitude": np.full(n, 2.0),
-        "log_ratio": -coded / K_M,
+        "log_ratio": -encoded / K_M,
         "mixing": np.ones(n),
         "position_m": nowhere,
         "vertex_m": nowhere,
@@ -58,12 +58,13 @@ def gate(length_m: np.ndarray, view: PixelRays, **changes: Any) -> GatePixels:
         "position_is_first": True,
     }
     values.update(changes)
-    return GatePixels(**values)
+    return PathClassPixels(**values)
 
 
-def rows_of(pixels: GatePixels, view: PixelRays, emitter_m: Any) -> PathRows:
-    geometry = Geometry(np.asarray(emitter_m, dtype=np.float64), K_M, CLIP_M)
-    return assemble_rows(pixels, view, every_pixel(), geometry, 0.5, 0.25, 3, 2)
+def rows_of(pixels: PathClassPixels, view: PixelRays, emitter_m: Any) -> PathRows:
+    transmitter_m = np.asarray(emitter_m, dtype=np.float64)
+    shared = TileReplicate(view, transmitter_m, K_M, CLIP_M, 0.5, 0.25, 3, 2)
+    return assemble_rows(pixels, every_pixel(), shared)
 
 
 def plate_points(view: PixelRays, distance_m: float, origin: Any = (0, 0, 0)) -> np.ndarray:
@@ -111,7 +112,7 @@ def test_order_1_from_the_code_alone(emitter: tuple[float, float, float]) -> Non
     view = rays()
     points = plate_points(view, 30.0)
     length = np.linalg.norm(points, axis=1) + np.linalg.norm(points - np.array(emitter), axis=1)
-    rows = rows_of(gate(length, view), view, emitter)
+    rows = rows_of(path_class(length, view), view, emitter)
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-14)
     np.testing.assert_allclose(rows["last_scatterer_m"], points, atol=1e-11)
     np.testing.assert_array_equal(rows["first_scatterer_m"], rows["last_scatterer_m"])
@@ -125,7 +126,7 @@ def test_order_1_from_positions() -> None:
     points = plate_points(view, 10_000.0, origin)
     length = 2 * np.linalg.norm(points - np.array(origin), axis=1)
     noisy = length * (1 + 5e-8 * np.cos(np.arange(length.size)))  # float32 of the code
-    rows = rows_of(gate(noisy, view, position_m=points), view, origin)
+    rows = rows_of(path_class(noisy, view, position_m=points), view, origin)
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-15)
     assert np.all(rows["flags"] == 0)
     assert rows["length_sigma_m"].max() < 1e-6
@@ -136,7 +137,7 @@ def test_a_delay_on_the_way_comes_from_the_code() -> None:
     view = rays()
     points = plate_points(view, 30.0)
     geometric = 2 * np.linalg.norm(points, axis=1)
-    rows = rows_of(gate(geometric + 0.3, view, position_m=points, depth=2), view, (0, 0, 0))
+    rows = rows_of(path_class(geometric + 0.3, view, position_m=points, depth=2), view, (0, 0, 0))
     np.testing.assert_allclose(rows["length_m"], geometric + 0.3, rtol=1e-14)
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
     # The scatterer is where it is seen, not where the delayed code would put it.
@@ -148,11 +149,12 @@ def test_a_thin_delay_far_away_comes_from_the_code() -> None:
     view = rays(half=1e-3)
     points = plate_points(view, 2000.0)
     geometric = 2 * np.linalg.norm(points, axis=1)
-    pixels = gate(geometric + 0.03, view, position_m=points, depth=2)
-    geometry = Geometry(np.zeros(3), 500.0, CLIP_M)
-    coded = geometric + 0.03 - CLIP_M / view.near_cosine[every_pixel()]
-    pixels = GatePixels(**{**vars(pixels), "log_ratio": -coded / 500.0})
-    rows = assemble_rows(pixels, view, every_pixel(), geometry, 0.5, 1.0, 0, 0)
+    pixels = path_class(geometric + 0.03, view, position_m=points, depth=2)
+    encoded = geometric + 0.03 - CLIP_M / view.near_cosine[every_pixel()]
+    pixels = PathClassPixels(**{**vars(pixels), "log_ratio": -encoded / 500.0})
+    rows = assemble_rows(
+        pixels, every_pixel(), TileReplicate(view, np.zeros(3), 500.0, CLIP_M, 0.5, 1.0, 0, 0)
+    )
     np.testing.assert_allclose(rows["length_m"], geometric + 0.03, rtol=1e-12)
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
 
@@ -170,7 +172,7 @@ def test_order_2() -> None:
         + np.linalg.norm(last - first, axis=1)
         + np.linalg.norm(last - emitter, axis=1)
     )
-    pixels = gate(length, view, order=2, vertex_m=last, position_is_first=False)
+    pixels = path_class(length, view, order=2, vertex_m=last, position_is_first=False)
     rows = rows_of(pixels, view, emitter)
     np.testing.assert_allclose(rows["first_scatterer_m"], first, atol=1e-9)
     np.testing.assert_array_equal(rows["last_scatterer_m"], last)
@@ -182,11 +184,11 @@ def test_order_3_has_no_first_vertex_unless_seen() -> None:
     view = rays()
     points = plate_points(view, 15.0)
     length = np.full(SIZE * SIZE, 60.0)
-    hidden = gate(length, view, order=3, vertex_m=points, position_is_first=False)
+    hidden = path_class(length, view, order=3, vertex_m=points, position_is_first=False)
     rows = rows_of(hidden, view, (0, 0, 0))
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH | PathFlag.NO_FIRST_VERTEX)
     assert np.all(np.isnan(rows["first_scatterer_m"]))
-    seen = gate(length, view, order=3, vertex_m=points, position_m=points * 0.5)
+    seen = path_class(length, view, order=3, vertex_m=points, position_m=points * 0.5)
     rows = rows_of(seen, view, (0, 0, 0))
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
     np.testing.assert_allclose(rows["first_scatterer_m"], points * 0.5)
@@ -198,10 +200,10 @@ def test_without_code() -> None:
     points = plate_points(view, 30.0)
     nothing = np.full(SIZE * SIZE, -np.inf)
     length = 2 * np.linalg.norm(points, axis=1)
-    rows = rows_of(gate(length, view, log_ratio=nothing, position_m=points), view, (0, 0, 0))
+    rows = rows_of(path_class(length, view, log_ratio=nothing, position_m=points), view, (0, 0, 0))
     np.testing.assert_allclose(rows["length_m"], length, rtol=1e-14)
     assert np.all(rows["flags"] == PathFlag.NO_RANGE)
-    behind = gate(length, view, log_ratio=nothing, position_m=points, depth=2)
+    behind = path_class(length, view, log_ratio=nothing, position_m=points, depth=2)
     rows = rows_of(behind, view, (0, 0, 0))
     assert np.all(rows["length_m"] == 0)
     assert np.all(rows["flags"] & PathFlag.NO_RANGE)
@@ -212,7 +214,7 @@ def test_mixtures_are_flagged() -> None:
     points = plate_points(view, 30.0)
     mixing = np.where(np.arange(SIZE * SIZE) % 2, 1 + 3e-6, 1.001)
     length = 2 * np.linalg.norm(points, axis=1)
-    rows = rows_of(gate(length, view, mixing=mixing, position_m=points), view, (0, 0, 0))
+    rows = rows_of(path_class(length, view, mixing=mixing, position_m=points), view, (0, 0, 0))
     assert np.all((rows["flags"] & PathFlag.MIXED != 0) == (mixing > 1.0001))
 
 
@@ -221,7 +223,7 @@ def test_powers_and_numbers() -> None:
     view = rays()
     points = plate_points(view, 30.0)
     length = 2 * np.linalg.norm(points, axis=1)
-    rows = rows_of(gate(length, view, position_m=points), view, (0, 0, 0))
+    rows = rows_of(path_class(length, view, position_m=points), view, (0, 0, 0))
     solid = view.solid_angle_sr[every_pixel()] * 0.25
     np.testing.assert_allclose(rows["solid_angle_sr"], solid)
     np.testing.assert_allclose(rows["power_w"], 2.0 * 0.5 * solid)
@@ -232,8 +234,8 @@ def test_powers_and_numbers() -> None:
 
 def test_log_ratio_does_not_trust_denormals() -> None:
     """Red below the least normal float32 has lost its digits."""
-    coded = np.array([0.5, 1e-39, 0.0, 0.3])
+    encoded = np.array([0.5, 1e-39, 0.0, 0.3])
     plain = np.array([1.0, 1.0, 1.0, 0.0])
-    found = log_code_ratio(coded, plain)
+    found = log_encoding_ratio(encoded, plain)
     assert found[0] == pytest.approx(math.log(0.5))
     assert np.all(np.isneginf(found[1:]))

@@ -24,10 +24,10 @@ from radarsim_addon.signal.paths import (
     PATH_DTYPE,
     PathRows,
     Steps,
-    shift_px,
+    replicate_offset_px,
     spread,
     steps_of,
-    views_by_shift,
+    tiles_by_replicate,
 )
 from tests.signal import path_runs as pr
 
@@ -58,7 +58,7 @@ def rows_of(camera: contract.ReceiverRecord, size_px: int, replicates: int) -> P
     emitter = contract.TransmitterRecord(camera.matrix_world, 5.0)
     parts = []
     for shift in range(replicates):
-        u, v = shift_px(shift) if replicates > 1 else (0.0, 0.0)
+        u, v = replicate_offset_px(shift) if replicates > 1 else (0.0, 0.0)
         rows = pr.trace([GROUND], shifted(camera, u * pitch, v * pitch), emitter, size_px)
         rows["power_w"] /= replicates
         rows["solid_angle_sr"] /= replicates
@@ -138,7 +138,7 @@ def test_one_shift_has_no_error(tmp_path: Path) -> None:
 def test_power_is_kept_and_the_map_holds_it_too(tmp_path: Path) -> None:
     camera = view(0.0)
     rows = rows_of(camera, 48, SHIFTS)
-    for view_rows in [r for views in views_by_shift(rows, SHIFTS) for r in views]:
+    for view_rows in [r for views in tiles_by_replicate(rows, SHIFTS) for r in views]:
         steps = steps_of(view_rows, camera, SHIFTS)
         for part in spread(view_rows, steps, 1.0, np.inf):
             share = np.bincount(part.row, part.share, minlength=view_rows.size)

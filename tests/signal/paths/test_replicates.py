@@ -10,8 +10,13 @@ import pytest
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths import PATH_DTYPE, edge_variances, lone_variances, shift_px
-from radarsim_addon.signal.paths.replicates import shift_variances
+from radarsim_addon.signal.paths import (
+    PATH_DTYPE,
+    edge_variances,
+    lone_variances,
+    replicate_offset_px,
+)
+from radarsim_addon.signal.paths.replicates import replicate_variances
 
 PX = 1e-3
 SIZE = 28
@@ -33,7 +38,7 @@ def estimate(shape: object, kind: str, count: int) -> tuple[float, float, float]
     least by edges."""
     sums, least = [], 0.0
     for number in range(count):
-        seen = camera(kind, shift_px(number))
+        seen = camera(kind, replicate_offset_px(number))
         rays = pixel_rays(seen, SIZE, SIZE)
         u = seen.left / PX + 0.5 + np.arange(SIZE)
         v = seen.top / PX - 0.5 - np.arange(SIZE)
@@ -74,8 +79,8 @@ def errors(width: float, height: float, kind: str, count: int) -> np.ndarray:
 def test_variance_of_a_side_by_trial(count: int) -> None:
     """Intervals of any length and place, against the closed form."""
     rng = np.random.default_rng(1)
-    replicates = np.array([shift_px(i) for i in range(count)])
-    for axis, variance in enumerate(shift_variances(count)):
+    replicates = np.array([replicate_offset_px(i) for i in range(count)])
+    for axis, variance in enumerate(replicate_variances(count)):
         start, length = rng.random((2, 200_000, 1))
         inside = (replicates[:, axis] - start) % 1.0 < length
         trial = np.mean((inside.mean(axis=1) - length[:, 0]) ** 2)

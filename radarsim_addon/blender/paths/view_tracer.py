@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders of parts of the field of view, and the rows of the path table that come out of them.
+
+The tracer yields a `PathTask` for each render. Whoever drives it calls `start`, `render` and
+`finish` of the task before the next one: a loop headless, a timer in the user interface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ... import contract
+from ...array_types import Real
+from ...physics.radar_equation import effective_area_m2
+from ...signal.decoding import TileReplicate, pixel_rays
+from ...signal.paths import COLUMN_GROUPS, PATH_FLAGS, PathRows, replicate_offset_px
+from ..plan import Instant, Measurement, PathOptions, Plan
+from ..views import (
+    PathClass,
+    PathScene,
+    RenderRequest,
+    TracedReplicate,
+    TraceLimits,
+    View,
+    ViewWindow,
+    replicate_seed,
+    rows_of_replicate,
+    trace_replicate,
+)
+from .tiles import Tile
+
+
+@dataclass(frozen=True)
+class PathRun:
+    """What all frames of a run share: the scene, and what is asked for.
+
+    `world_encoding` says whether a world volume carries the range encoding instead of the
+    materials; `versions` are those of the programs.
+    """
+
+    scene: PathScene
+    plan: Plan
+    measurement: Measurement
+    options: PathOptions
+    world_encoding: bool
+    versions: dict[str, str]
+
+    @cached_property
+    def effective_area_m2(self) -> float:
+        """Effective area of an isotropic receiver, lambda^2 / (4 pi) [m^2]."""
+        return float(effective_area_m2(self.measurement.waveform.wavelength_m))
+
+    @property
+    def watts_per_unit(self) -> float:
+        """Received power of a unit of radiance times solid angle, per square Blender unit [W]."""
+        return self.effective_area_m2 / self.plan.metres_per_unit**2
+
+    def record_fields(self) -> dict[str, Any]:
+        """Return the fields of `contract.PathsRecord` that are the same in all frames."""
+        measurement, options, plan = self.measurement, self.options, self.plan
+        return {
+            "metres_per_unit": plan.metres_per_unit,
+            "range_encoding_length_m": plan.range_encoding_length_m,
+            "extinction_length_m": plan.extinction_length_m,
+            "range_encoding": "world" if self.world_encoding else "materials",
+            "amplitude_channel": options.amplitude_channel,
+            "carrier_hz": measurement.waveform.carrier_hz,
+            "width_px": measurement.width_px,
+            "height_px": measurement.height_px,
+            "max_reflections": options.max_reflections,
+            "max_unfollowed_fraction": options.max_unfollowed_fraction,
+            "seed": measurement.seed,
+            "replicates": options.replicates,
+            "error_scope": options.error_scope,
+            "objects": self.scene.objects,
+            "column_groups": COLUMN_GROUPS,
+            "flags": PATH_FLAGS,
+            "versions": self.versions,
+        }
+
+
+@dataclass(frozen=True)
+class PathTask:
+    """One render of a tile replicate, as the drivers of a job see it."""
+
+    tracer: ViewTracer
+    tile: int
+    replicate: int
+    request: RenderRequest
+
+    @property
+    def frame(self) -> int:
+        """Number of the radar frame."""
+        return self.tracer.frame
+
+    @property
+    def instant(self) -> Instant:
+        """Moment that is rendered."""
+        return self.tracer.instant
+
+    @property
+    def exr_path(self) -> str:
+        """What an error message calls this render."""
+        return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
+
+
+class ViewTracer:
+    """Makes the renders of one radar frame.
+
+    Parameters
+    ----------
+    run
+        What all frames share. Its scene is at the frame's moment.
+    frame, instant
+        Number of the radar frame, and the moment that is rendered.
+    receiver, transmitter
+        Antennas at that moment.
+    """
+
+    def __init__(
+        self,
+        run: PathRun,
+        frame: int,
+        instant: Instant,
+        receiver: contract.ReceiverRecord,
+        transmitter: contract.TransmitterRecord,
+    ) -> None:
+        self.run, self.frame, self.instant = run, frame, instant
+        self.receiver, self.transmitter = receiver, transmitter
+        self.transmitter_m: Real = np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        self._vertex_map = _vertex_map(run.plan, receiver)
+        self._finished: list[View] = []
+
+    # -- one render --------------------------------------------------------------------------------
+
+    def start(self, request: RenderRequest) -> None:
+        """Set the scene for a render."""
+        self.run.scene.begin(request, self._vertex_map)
+
+    def finish(self) -> None:
+        """Read what was rendered."""
+        self._finished.append(self.run.scene.end())
+
+    def _render(
+        self, tile: int, replicate: int, request: RenderRequest
+    ) -> Generator[PathTask, None, View]:
+        yield PathTask(self, tile, replicate, request)
+        return self._finished.pop()
+
+    # -- several renders ---------------------------------------------------------------------------
+
+    def look_tasks(
+        self, number: int, window: ViewWindow
+    ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
+        """Render a part of the unrefined frame once, for what is seen first in each pixel."""
+        camera = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
+        view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
+        return camera, view
+
+    def replicate_tasks(
+        self, number: int, tile: Tile, replicate: int
+    ) -> Generator[PathTask, None, tuple[PathRows, TracedReplicate]]:
+        """Make all renders of a tile replicate; return its rows, and what was found."""
+        run, window = self.run, tile.window
+        seed = replicate_seed(run.measurement.seed, window, replicate)
+        camera = run.scene.look(window, replicate_offset_px(replicate), seed)
+        rays = pixel_rays(camera, window.width_px, window.height_px)
+        # Power beyond the last order is asked for once: finer tiles would ask for it again.
+        trace = trace_replicate(
+            self._limits(replicate == 0 and tile.level == 0), rays.solid_angle_sr
+        )
+        request = next(trace)
+        while True:
+            view = yield from self._render(number, replicate, request)
+            if tile.own is not None and not request.probe:
+                view = view.only(tile.own)
+            try:
+                request = trace.send(view)
+            except StopIteration as stop:
+                traced: TracedReplicate = stop.value
+                break
+        shared = TileReplicate(
+            rays,
+            self.transmitter_m,
+            run.plan.range_encoding_length_m,
+            camera.near_clip_m,
+            run.effective_area_m2,
+            1 / run.options.replicates,
+            number,
+            replicate,
+        )
+        return rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map), traced
+
+    def _limits(self, probe: bool) -> TraceLimits:
+        run = self.run
+        return TraceLimits(
+            max_reflections=run.options.max_reflections,
+            max_depth=run.options.max_depth,
+            max_unfollowed_fraction=run.options.max_unfollowed_fraction,
+            deterministic_transmission=not run.world_encoding,
+            world_encoding=run.world_encoding,
+            amplitude_channel=run.options.amplitude_channel,
+            probe=probe,
+            opaque=run.scene.opaque,
+        )
+
+
+def _vertex_map(plan: Plan, camera: contract.ReceiverRecord) -> tuple[Real, float]:
+    """Origin and scale that bring every point of the scene to colours from 1/2 to 3/2."""
+    units = plan.metres_per_unit
+    position = np.array(camera.matrix_world, dtype=np.float64)[:3, 3] / units
+    reach = max(plan.extent.from_receiver_m + plan.extent.baseline_m, 1e-6) / units
+    return position.astype(np.float32).astype(np.float64), float(np.float32(0.5 / reach))
