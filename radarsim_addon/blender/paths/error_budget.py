@@ -38,10 +38,14 @@ FAINTEST = 1e-8
 
 @dataclass
 class CellPowers:
-    """Powers of one tile by cell (range bins, then objects): mean over the replicates and its
-    variance.
+    """Powers of one tile by cell (range bins, then objects).
 
-    `cells` are the numbers of those that hold power; `variance` is of the mean.
+    Attributes
+    ----------
+    cells
+        Numbers of the cells that hold power, (n,).
+    mean, variance
+        Mean power over the replicates [W], and the variance of that mean, (n,).
     """
 
     cells: NDArray[np.int64]
@@ -51,9 +55,18 @@ class CellPowers:
 
 @dataclass(frozen=True)
 class ReplicatePowers:
-    """One replicate of a tile: power of its cells that are not zero, the pixels on each object as a
-    share of one of all replicates, and the least variance of its mean power by its edges, likewise;
-    where there is one replicate alone, all of the variance."""
+    """Powers of one replicate of a tile.
+
+    Attributes
+    ----------
+    cells, power
+        Cells whose power is not zero, and their power [W], (n,).
+    hits
+        Pixels on each object, as a fraction of one of all replicates, by object number.
+    edges
+        Least variance of each object's mean power by its edges, likewise; where there is one
+        replicate alone, all of its variance.
+    """
 
     cells: NDArray[np.int64]
     power: Real
@@ -75,23 +88,25 @@ class CellGrid:
         return self.bins + 1
 
     def replicate_powers(
-        self, rows: PathRows, count: int, camera: contract.ReceiverRecord | None = None
+        self, rows: PathRows, count: int, receiver: contract.ReceiverRecord | None = None
     ) -> ReplicatePowers:
-        """Cell powers of one of `count` replicates of a tile (each row's power is its share);
-        without a camera nothing is known of edges along the grid."""
+        """Compute the powers of one of `count` replicates of a tile, whose rows hold its fraction.
+
+        Without a camera nothing is known of edges along the grid.
+        """
         size = self.first_object
         power = rows["power_w"] * count
-        by_bin = self._by_bin(rows, count, camera) if self.ranges else np.zeros(1)
+        by_bin = self._by_bin(rows, count, receiver) if self.ranges else np.zeros(1)
         by_object = np.bincount(rows["last_object"], power, minlength=1)
         bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
         hits = np.bincount(rows["last_object"], minlength=1) / count
         edges = np.zeros(hits.size)
-        if camera is not None:
+        if receiver is not None:
             number = rows["last_object"].astype(np.int64)
             if count > 1:
-                edges = edge_variances(rows, number, power, camera, count) / count
+                edges = edge_variances(rows, number, power, receiver, count) / count
             else:
-                edges = lone_variances(rows, number, power, camera)
+                edges = lone_variances(rows, number, power, receiver)
         return ReplicatePowers(
             np.concatenate([bins, objects + size]),
             np.concatenate([by_bin[bins], by_object[objects]]),
@@ -99,15 +114,15 @@ class CellGrid:
             edges,
         )
 
-    def _by_bin(self, rows: PathRows, count: int, camera: contract.ReceiverRecord | None) -> Real:
+    def _by_bin(self, rows: PathRows, count: int, receiver: contract.ReceiverRecord | None) -> Real:
         """Power of range bins, each row spread over what its pixel covers, as in the profile."""
         rows = rows[rows["flags"] & PathFlag.NO_RANGE == 0]
         parts: Iterable[Points]
-        if camera is None:
+        if receiver is None:
             whole = np.arange(rows.size)
             parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
         else:
-            parts = spread(rows, steps_of(rows, camera, count), self.bin_m, math.inf)
+            parts = spread(rows, steps_of(rows, receiver, count), self.bin_m, math.inf)
         total = np.zeros(self.bins + 1)
         for part in parts:
             place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)

@@ -93,13 +93,13 @@ class FrameWork:
         self, tracer: ViewTracer, motion: BurstMotion, folder: Path, progress: Progress
     ) -> None:
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._run, self._camera = tracer.run, tracer.receiver
+        self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
         self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
         # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
-        asked, camera = self._run.measurement, self._camera
+        asked, receiver = self._run.measurement, self._receiver
         carrier_hz = asked.waveform.carrier_hz
         self._parts = TileCheckpoints(
             folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
@@ -116,13 +116,13 @@ class FrameWork:
         )
         self._budget = ErrorBudget(self._grid.first_object, self._options.error_scope)
         self._whole = ViewWindow(
-            camera.left,
-            camera.right,
-            camera.bottom,
-            camera.top,
+            receiver.left,
+            receiver.right,
+            receiver.bottom,
+            receiver.top,
             asked.width_px,
             asked.height_px,
-            sphere=camera.kind == "equirectangular",
+            sphere=receiver.kind == "equirectangular",
         )
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
@@ -149,7 +149,7 @@ class FrameWork:
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
         """Boxes of the small objects that get tiles of their own."""
         scene = self._run.scene
-        boxes = projected_bounds(self._motion.poses, scene.objects, self._camera, scene.hidden)
+        boxes = projected_bounds(self._motion.poses, scene.objects, self._receiver, scene.hidden)
         small = chosen = small_boxes(boxes, self._whole)
         most = MOST_TILED
         if len(small) and self._options.time_limit_s:
@@ -157,7 +157,7 @@ class FrameWork:
         if len(small) > most:
             seen = yield from self._in_sight(small, uniform)
             chosen = rank_by_error(
-                small, seen, boxes, self._whole, self._camera, self._tracer.transmitter_m, most
+                small, seen, boxes, self._whole, self._receiver, self._tracer.transmitter_m, most
             )
         self._small, self._tiled = len(small), len(chosen)
         return chosen
@@ -170,8 +170,8 @@ class FrameWork:
         scene, units = self._run.scene, self._run.plan.metres_per_unit
         seen = np.zeros(len(small), dtype=bool)
         for number, tile in enumerate(uniform):
-            camera, view = yield from self._tracer.look_tasks(number, tile.window)
-            seen |= in_sight(small, camera, tile.window, view, scene.opaque, units)
+            receiver, view = yield from self._tracer.look_tasks(number, tile.window)
+            seen |= in_sight(small, receiver, tile.window, view, scene.opaque, units)
         self._renders += len(uniform)
         self._seconds += time.monotonic() - start_s
         return seen
@@ -243,7 +243,7 @@ class FrameWork:
             record, powers = yield from self._trace(tile, number, key)
         else:
             powers = [
-                self._grid.replicate_powers(rows, len(record.rows), self._camera)
+                self._grid.replicate_powers(rows, len(record.rows), self._receiver)
                 for rows in self._parts.replicates(key, record)
             ]
         self._progress.tile_measured(earlier=earlier)
@@ -273,7 +273,7 @@ class FrameWork:
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 quality.add_rows(rows)
-                powers.append(self._grid.replicate_powers(rows, count, self._camera))
+                powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
                 part.add(rows)
             digest = part.finish()
@@ -313,7 +313,7 @@ class FrameWork:
             **quality.record_fields(self._run.measurement.waveform.wavelength_m),
             frame=self._tracer.frame,
             time_s=self._tracer.instant.time_s,
-            receiver=self._camera,
+            receiver=self._receiver,
             transmitter=self._tracer.transmitter,
             tiles=len(self._tiles),
             small_objects=self._small,
@@ -353,7 +353,7 @@ class FrameWork:
         warnings = quality.warnings(self._run.measurement.waveform.wavelength_m, scene.objects)
         met = quality.seen | quality.echoing | scene.hidden
         unseen = missed_objects_warning(
-            self._motion.poses, scene.objects, met, self._camera, self._whole
+            self._motion.poses, scene.objects, met, self._receiver, self._whole
         )
         if unseen:
             warnings.append(unseen)

@@ -21,7 +21,7 @@ def missed_objects_warning(
     poses: Poses,
     names: Sequence[str],
     met: Collection[int],
-    camera: contract.ReceiverRecord,
+    receiver: contract.ReceiverRecord,
     frame: ViewWindow,
 ) -> str | None:
     """What to say of objects that no ray met although they are in sight.
@@ -37,10 +37,10 @@ def missed_objects_warning(
         Names of the object numbers, from 1.
     met
         Numbers that some ray met.
-    camera, frame
+    receiver, frame
         The frame before any refinement.
     """
-    boxes = projected_bounds(poses, names, camera, met)
+    boxes = projected_bounds(poses, names, receiver, met)
     # The side of fewer pixels decides whether it can slip through between rays.
     slips = np.minimum(*boxes.pixels(frame)) < _SURELY_HIT_PX
     small = [names[number - 1] for number in np.unique(boxes.number[slips])]

@@ -34,7 +34,21 @@ _RANGE_MARGIN = 1.25
 
 
 class PathJob(MeasurementJob):
-    """A run that measures paths. Parameters as `MeasurementJob`, and how paths are followed."""
+    """A run that measures paths.
+
+    Parameters
+    ----------
+    scene, view_layer : bpy types
+    measurement, folder
+        As for `MeasurementJob`, and so are the keywords.
+    options
+        How paths are followed, and when the result is good enough.
+
+    Raises
+    ------
+    SceneError, ConfigError, OutputError
+        From `prepare`, as for `MeasurementJob`.
+    """
 
     unit = "tiles"
     any_projection = True
@@ -65,7 +79,8 @@ class PathJob(MeasurementJob):
         return (float(frame), frame + self._span_s * self._fps())
 
     def _make_plan(self, extent: Extent) -> Plan:
-        # One "ring" as wide as the scene: the range window, and what the code has to reach.
+        # One "ring" as wide as the scene: the range window, and what the range encoding has to
+        # reach.
         reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
         self._measurement = dataclasses.replace(
             self._measurement, rings=1, ring_step_m=max(reach_m, self._metres_per_unit() * 1e-3)

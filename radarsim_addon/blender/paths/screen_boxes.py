@@ -85,7 +85,7 @@ class ViewBoxes:
 def projected_bounds(
     poses: Poses,
     names: Sequence[str],
-    camera: contract.ReceiverRecord,
+    receiver: contract.ReceiverRecord,
     left_out: Collection[int] = (),
 ) -> ViewBoxes:
     """Areas around the boxes of all that is in view.
@@ -99,7 +99,7 @@ def projected_bounds(
         What is shown.
     names
         Names of the object numbers, from 1.
-    camera
+    receiver
         The frame.
     left_out
         Numbers that are not asked for.
@@ -111,30 +111,30 @@ def projected_bounds(
         for shown in poses.objects.get(name, {}).values()
     ]
     starts = range(0, len(found), _CHUNK) or (0,)
-    parts = [_boxes_in_view(found[start : start + _CHUNK], camera) for start in starts]
+    parts = [_boxes_in_view(found[start : start + _CHUNK], receiver) for start in starts]
     return ViewBoxes(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ViewBoxes)}
     )
 
 
 def _boxes_in_view(
-    found: Sequence[tuple[int, InstancePose]], camera: contract.ReceiverRecord
+    found: Sequence[tuple[int, InstancePose]], receiver: contract.ReceiverRecord
 ) -> ViewBoxes:
     count = len(found)
     number = np.fromiter((number for number, _ in found), dtype=np.intp, count=count)
-    local = _corners(found, np.array(camera.matrix_world, dtype=np.float64))
+    local = _corners(found, np.array(receiver.matrix_world, dtype=np.float64))
     depth = -local[..., 2]
     centre = (local.min(axis=1) + local.max(axis=1)) / 2
     distance = np.linalg.norm(centre, axis=1)
     stretch = np.ones(count)
-    if camera.kind == "equirectangular":
+    if receiver.kind == "equirectangular":
         left, right, bottom, top, known = _on_sphere(local)
         nearest = np.clip(0.0, bottom, top)  # to the equator
         stretch = np.maximum(np.cos(nearest), _LEAST_STRETCH)
-        known &= _meets_turned(left, right, camera)
+        known &= _meets_turned(left, right, receiver)
     else:
         u, v = local[..., 0], local[..., 1]
-        if camera.kind == "perspective":
+        if receiver.kind == "perspective":
             known = depth.min(axis=1) > 0
             safe = np.where(known[:, None], depth, 1.0)
             u, v = u / safe, v / safe
@@ -143,8 +143,8 @@ def _boxes_in_view(
             distance = -centre[:, 2]
         left, right = u.min(axis=1), u.max(axis=1)
         bottom, top = v.min(axis=1), v.max(axis=1)
-        known &= (right > camera.left) & (left < camera.right)
-    known &= (top > camera.bottom) & (bottom < camera.top)
+        known &= (right > receiver.left) & (left < receiver.right)
+    known &= (top > receiver.bottom) & (bottom < receiver.top)
     radius = np.linalg.norm(local.max(axis=1) - local.min(axis=1), axis=1) / 2
     boxes = ViewBoxes(number, left, right, bottom, top, stretch, centre, distance, radius)
     return boxes.take(known)
@@ -202,8 +202,8 @@ def _latitudes_within(a: Real, b: Real) -> Real:
     return np.asarray(np.arctan2(point[..., 1], np.hypot(point[..., 0], point[..., 2])))
 
 
-def _meets_turned(left: Real, right: Real, camera: contract.ReceiverRecord) -> NDArray[np.bool_]:
+def _meets_turned(left: Real, right: Real, receiver: contract.ReceiverRecord) -> NDArray[np.bool_]:
     met = np.zeros(left.shape, dtype=bool)
     for turn in (-2 * math.pi, 0.0, 2 * math.pi):
-        met |= (right + turn > camera.left) & (left + turn < camera.right)
+        met |= (right + turn > receiver.left) & (left + turn < receiver.right)
     return met

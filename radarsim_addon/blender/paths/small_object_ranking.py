@@ -35,7 +35,7 @@ def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
 
 def in_sight(
     boxes: ViewBoxes,
-    camera: contract.ReceiverRecord,
+    receiver: contract.ReceiverRecord,
     window: ViewWindow,
     view: View,
     opaque: frozenset[int],
@@ -50,7 +50,7 @@ def in_sight(
     ----------
     boxes
         Small ones.
-    camera, window, view
+    receiver, window, view
         Camera of the part, its pixels, and their first surfaces.
     opaque
         Numbers of the objects that nothing passes through.
@@ -60,9 +60,9 @@ def in_sight(
     seen = np.zeros(len(boxes), dtype=bool)
     if view.position is None or view.object_index is None:
         return ~seen
-    pose = np.array(camera.matrix_world, dtype=np.float64)
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
     local = (view.position * metres_per_unit - pose[:3, 3]) @ pose[:3, :3]
-    ortho = camera.kind == "orthographic"
+    ortho = receiver.kind == "orthographic"
     reach = -local[..., 2] if ortho else np.linalg.norm(local, axis=-1)
     # What light passes, and the sky, hide nothing.
     hides = np.isin(view.object_index, sorted(opaque)) & np.isfinite(reach)
@@ -94,7 +94,7 @@ def rank_by_error(
     seen: Mask,
     boxes: ViewBoxes,
     frame: ViewWindow,
-    camera: contract.ReceiverRecord,
+    receiver: contract.ReceiverRecord,
     transmitter_m: Real,
     most: int,
 ) -> ViewBoxes:
@@ -113,25 +113,25 @@ def rank_by_error(
         Whether something of each may be seen.
     boxes
         All in view.
-    frame, camera
+    frame, receiver
         All of the view.
     emitter_m
         Place of the transmitter in world space, (3,) [m].
     most
         Number of boxes that get tiles.
     """
-    strongest = _echo(boxes, frame, camera, transmitter_m).max(initial=0.0)
-    faint = _echo(small, frame, camera, transmitter_m) <= FAINTEST * strongest
+    strongest = _echo(boxes, frame, receiver, transmitter_m).max(initial=0.0)
+    faint = _echo(small, frame, receiver, transmitter_m) <= FAINTEST * strongest
     across, down = small.pixels(frame)
     order = np.lexsort((across * down, faint))
     return small.take(np.sort(order[seen[order]][:most]))
 
 
 def _echo(
-    boxes: ViewBoxes, frame: ViewWindow, camera: contract.ReceiverRecord, transmitter_m: Real
+    boxes: ViewBoxes, frame: ViewWindow, receiver: contract.ReceiverRecord, transmitter_m: Real
 ) -> Real:
     """Echo of each box up to a factor: solid angle over squared distance from the transmitter."""
     across, down = boxes.pixels(frame)
-    pose = np.array(camera.matrix_world, dtype=np.float64)
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
     away = np.linalg.norm(boxes.centre_m - (transmitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
     return np.asarray(across * down * boxes.stretch / np.maximum(away, boxes.radius_m) ** 2)

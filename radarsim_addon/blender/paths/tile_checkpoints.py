@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measured tiles of a frame that is not whole yet, on disk: they bound the memory that a frame
-takes, and a run that was stopped goes on from them. Does not import bpy.
+"""Measured tiles of an unfinished frame, on disk.
 
-A tile is its rows, as they are in memory, and a record beside them, written last: a tile with a
-record is whole.
+They bound the memory that a frame takes, and a run that was stopped resumes from them. A tile is
+its rows, as they are in memory, and a record next to them, written last: a tile with a record is
+whole. Does not import bpy.
 """
 
 from __future__ import annotations

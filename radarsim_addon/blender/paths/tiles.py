@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The field of view as a partition: tiles, parts of tiles with finer pixels, replicates of their
-grids.
+"""The field of view as a partition: tiles, and tiles of finer pixels that replace parts of them.
 
 Every pixel of every tile is either the tile's own or belongs to finer tiles that cover it exactly,
 so the view has no gap and no overlap whatever was refined. Does not import bpy.
@@ -62,8 +61,10 @@ class Tile:
     def finer(
         self, left: int, right: int, top: int, bottom: int, across: int, down: int | None = None
     ) -> Tile:
-        """Columns left to right, rows top to bottom (exclusive), each pixel cut `across` times,
-        and `down` times if that is another number."""
+        """Return columns left to right and rows top to bottom (exclusive) with finer pixels.
+
+        Each pixel is cut `across` times, and `down` times if that is another number.
+        """
         down = across if down is None else down
         part = part_of(self.window, left, right, top, bottom)
         window = dataclasses.replace(
@@ -77,8 +78,10 @@ class Tile:
         return Tile(window, self.level + math.ceil(math.log2(max(across, down))), own)
 
     def split(self, most_px: int) -> list[Tile]:
-        """Tiles of at most `most_px` pixels a side, alike in size, that cover this one; those
-        without pixels of their own are left out."""
+        """Return tiles of at most `most_px` pixels a side, alike in size, that cover this one.
+
+        Those without pixels of their own are left out.
+        """
         rows, cols = (
             _even_edges(n, most_px) for n in (self.window.height_px, self.window.width_px)
         )
@@ -90,9 +93,11 @@ class Tile:
         return [part for part in parts if part.own_pixels()]
 
     def halved(self) -> list[Tile]:
-        """Tiles with pixels of half the pitch that cover this one: four, less those without pixels
-        of their own; one where that is still small, because a render costs some milliseconds
-        whatever its size."""
+        """Return tiles with pixels of half the pitch that cover this one.
+
+        They are four, less those without pixels of their own; one where that is still small,
+        because a render costs some milliseconds whatever its size.
+        """
         w, h = self.window.width_px, self.window.height_px
         double = self.finer(0, w, 0, h, 2)
         if 4 * w * h <= _WHOLE_UP_TO_PX:

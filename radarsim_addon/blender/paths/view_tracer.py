@@ -158,9 +158,9 @@ class ViewTracer:
         self, number: int, window: ViewWindow
     ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
         """Render a part of the unrefined frame once, for what is seen first in each pixel."""
-        camera = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
+        receiver = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
         view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
-        return camera, view
+        return receiver, view
 
     def replicate_tasks(
         self, number: int, tile: Tile, replicate: int
@@ -168,8 +168,8 @@ class ViewTracer:
         """Make all renders of a tile replicate; return its rows, and what was found."""
         run, window = self.run, tile.window
         seed = replicate_seed(run.measurement.seed, window, replicate)
-        camera = run.scene.look(window, replicate_offset_px(replicate), seed)
-        rays = pixel_rays(camera, window.width_px, window.height_px)
+        receiver = run.scene.look(window, replicate_offset_px(replicate), seed)
+        rays = pixel_rays(receiver, window.width_px, window.height_px)
         # Power beyond the last order is asked for once: finer tiles would ask for it again.
         trace = trace_replicate(
             self._limits(replicate == 0 and tile.level == 0), rays.solid_angle_sr
@@ -188,7 +188,7 @@ class ViewTracer:
             rays,
             self.transmitter_m,
             run.plan.range_encoding_length_m,
-            camera.near_clip_m,
+            receiver.near_clip_m,
             run.effective_area_m2,
             1 / run.options.replicates,
             number,
@@ -210,9 +210,9 @@ class ViewTracer:
         )
 
 
-def _vertex_map(plan: Plan, camera: contract.ReceiverRecord) -> tuple[Real, float]:
+def _vertex_map(plan: Plan, receiver: contract.ReceiverRecord) -> tuple[Real, float]:
     """Origin and scale that bring every point of the scene to colours from 1/2 to 3/2."""
     units = plan.metres_per_unit
-    position = np.array(camera.matrix_world, dtype=np.float64)[:3, 3] / units
+    position = np.array(receiver.matrix_world, dtype=np.float64)[:3, 3] / units
     reach = max(plan.extent.from_receiver_m + plan.extent.baseline_m, 1e-6) / units
     return position.astype(np.float32).astype(np.float64), float(np.float32(0.5 / reach))

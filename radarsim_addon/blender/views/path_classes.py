@@ -48,12 +48,13 @@ class PathClassLayer:
         Reflections, and transparent surfaces passed on the camera's side.
     amplitude
         Radiance (h, w), 0 where there is no path.
-    coded
-        The coded render, and plain the same paths without code where the scene is coloured.
+    encoded
+        The encoded render, and plain the same paths without range encoding where the scene is
+        coloured.
     vertex
         Render with the last vertex in its colours; orders above 1.
     position_is_first
-        Whether the coded view's position is where the path first scatters.
+        Whether the encoded view's position is where the path first scatters.
     """
 
     order: int
@@ -67,12 +68,27 @@ class PathClassLayer:
 
 @dataclass
 class TracedReplicate:
-    """All that was found in one view (a tile at one sub-pixel offset).
+    """All that was found in one tile replicate.
 
-    Powers are sums of amplitude times weight: total of all orders up to the limit, left_order and
-    left_depth of the part of it that was not followed, beyond of the orders above the limit (0
-    unless it was asked for), beyond_variance the square of its standard error. open_view is the
-    first render: what is seen first in each pixel.
+    Powers are sums of amplitude times weight: W per square Blender unit.
+
+    Attributes
+    ----------
+    layers
+        Paths by class.
+    open_view
+        The first render: what is seen first in each pixel.
+    total
+        Power of all orders up to the limit.
+    truncated_reflections, truncated_transparency
+        Parts of it in higher orders and behind more transparent surfaces that were not followed.
+    beyond, beyond_variance
+        Power of the orders above the limit, and the square of its standard error; 0 unless asked
+        for.
+    renders
+        Number of renders.
+    coloured
+        Whether the channels differ.
     """
 
     layers: list[PathClassLayer] = field(default_factory=list)
@@ -96,12 +112,13 @@ class TraceLimits:
         Most reflections.
     max_depth
         Most transparent surfaces on the camera's side.
-    residual
+    max_unfollowed_fraction
         Share of the total power below which what is left is not followed.
     deterministic_transmission
         Radar Materials that let power through are made deterministic at order 1.
-    world_code
-        The code is in the world's volume: materials may be of any kind, coloured ones too.
+    world_encoding
+        The range encoding is in the world's volume: materials may be of any kind, coloured ones
+        too.
     amplitude_channel
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
     probe
@@ -123,7 +140,7 @@ class TraceLimits:
 def trace_replicate(
     limits: TraceLimits, weight: Real
 ) -> Generator[RenderRequest, View, TracedReplicate]:
-    """Follow all paths of one view.
+    """Follow all paths of one tile replicate.
 
     Parameters
     ----------
@@ -131,6 +148,16 @@ def trace_replicate(
         How far.
     weight
         Weight of each pixel's power (its solid angle), (h, w).
+
+    Yields
+    ------
+    RenderRequest
+        The render that is needed next; send the `View` that came out of it.
+
+    Returns
+    -------
+    TracedReplicate
+        What was found.
     """
     found = TracedReplicate()
     tracer = _Tracer(limits, weight, found)
@@ -140,8 +167,8 @@ def trace_replicate(
             return found
         left = yield from tracer.orders_from_2()
     else:
-        # The world's code leaves paths as they are: the sum needs none. Materials that carry it
-        # weigh their lobes by it, so switching it would change the paths.
+        # The world's range encoding leaves paths as they are: the sum needs none. Materials that
+        # carry it weigh their lobes by it, so switching it would change the paths.
         left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
     for order in range(2 if limits.deterministic_transmission else 1, limits.max_reflections + 1):
         if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
@@ -235,7 +262,7 @@ class _Tracer:
         How far to go is read from what is seen, not from a render of all that is left: in that
         one lobes are left to chance, and a small target behind a pane would go missing whenever
         the lot falls on the pane's reflection. Only from time to time is such a tail rendered,
-        to end a long chain of layers whose rest is below the residual, and at the end, to tell
+        to end a long chain of layers whose rest may stay unfollowed, and at the end, to tell
         what lies beyond the last path class.
 
         Returns

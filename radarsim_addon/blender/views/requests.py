@@ -20,11 +20,20 @@ _LARGEST_REGION = 0.85
 
 @dataclass(frozen=True)
 class PathClass:
-    """What the transmitter lets through; None is no limit. Both ends are included.
+    """Paths that the transmitter shines on, by reflections and by transparent surfaces passed.
 
-    surface_depth makes the Radar Material deterministic in front of a path class: camera rays pass
-    straight through (with their transmission as weight) while fewer transparent surfaces than
-    this lie behind them. None leaves lobes to chance.
+    Both ends are included; None is no limit.
+
+    Attributes
+    ----------
+    order_min, order_max
+        Reflections.
+    depth_min, depth_max
+        Transparent surfaces passed on the receiver's side.
+    surface_depth
+        Makes the Radar Material deterministic in front of the class: camera rays pass straight
+        through (with their transmission as weight) while fewer transparent surfaces than this lie
+        behind them. None leaves lobes to chance.
     """
 
     order_min: int = 1
@@ -48,11 +57,22 @@ class Region:
 class RenderRequest:
     """One render.
 
-    coded: with the range encoding, all_channels: in blue too (a plain render tells the amplitude);
-    vertex: the transmitter also carries where it shines; region: the only
-    pixels that can hold something (the others are 0 in the view), None for all; coarse: this many
-    pixels a side may share one ray, for sums that need no more; probe: it asks for more than the
-    paths, of all pixels whosever they are.
+    Attributes
+    ----------
+    path_class
+        Paths that echo.
+    encoded
+        With range encoding; a plain render tells the amplitude.
+    vertex
+        The transmitter's colours tell where it shines: the last vertex.
+    region
+        The only pixels that can hold something (the others are 0 in the view); None: all.
+    coarse
+        Pixels a side that may share one ray, for sums that need no more.
+    all_channels
+        Range encoding in blue, too.
+    probe
+        Asks for more than the paths, of all pixels whosever they are.
     """
 
     path_class: PathClass
@@ -88,12 +108,12 @@ class View:
     coarse: int = 1
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
-        """The same view with no light but in these pixels; what is seen there stays."""
+        """Return the view without the light outside these pixels; what is seen there stays."""
         red, green, blue = (np.where(pixels, c, 0.0) for c in (self.red, self.green, self.blue))
         return dataclasses.replace(self, red=red, green=green, blue=blue)
 
     def channels(self) -> Real:
-        """(3, h, w) red, green, blue."""
+        """Return red, green and blue, (3, h, w)."""
         return np.stack([self.red, self.green, self.blue])
 
 

@@ -61,8 +61,8 @@ class PathScene:
     metres_per_unit
     range_encoding_length_m
         k.
-    world_code
-        The code is carried by a world volume instead of by Radar Materials.
+    world_encoding
+        The range encoding is carried by a world volume instead of by Radar Materials.
     """
 
     def __init__(
@@ -147,8 +147,8 @@ class PathScene:
         """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
 
         The record is computed from the float32 numbers that Blender really holds. Each view has a
-        seed of its own: with a common one the views would draw the same lots, pixel by pixel, and
-        replicates would be no replicates of one another.
+        seed of its own: with a common one Cycles would take the same random numbers in all views,
+        and they would be no replicates of one another.
         """
         data = self._view.data
         self._scene.cycles.seed = seed
@@ -213,7 +213,8 @@ class PathScene:
         scene.render.filepath = str(self._folder / "view")
 
     def _set_channels(self, request: RenderRequest) -> None:
-        """Which channels the world's volume attenuates; renders without code do not ask."""
+        """Which channels the world's volume attenuates; renders without range encoding do not
+        ask."""
         if not request.encoded:
             return
         colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is added to a scene for one path per pixel: passes, numbers of objects, the code's world."""
+"""What is added to a scene for one path per pixel: passes, numbers of objects, the range encoding's
+world."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from ..scene import PATTERN_PROPERTY
 from ..state import SettingsRestorer
 
 LIGHT_GROUP = "radarsim"
-_WORLD = "radarsim range code (temporary)"
+_WORLD = "radarsim range encoding (temporary)"
 
 #: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
 ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
@@ -24,8 +25,15 @@ ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
 
 @dataclass(frozen=True)
 class NumberedObjects:
-    """Object n of `names` has pass index n, from 1; `opaque` are the numbers of those that let
-    nothing through, `hidden` of those that are not rendered."""
+    """Surfaces by their pass index.
+
+    Attributes
+    ----------
+    names
+        Object n has pass index n, from 1.
+    opaque, hidden
+        Numbers of those that let nothing through, and of those that are not rendered.
+    """
 
     names: list[str]
     opaque: frozenset[int]
@@ -71,8 +79,10 @@ def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
 
 
 def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
-    """Black world with a volume that attenuates red by 1/k and green by 2/k per unit, and blue
-    by 1/k where the scene is coloured; returns the volume's node."""
+    """Add a black world whose volume carries the range encoding; return the volume's node.
+
+    It attenuates red by 1/k and green by 2/k per unit, and blue by 1/k where the scene is coloured.
+    """
     world = bpy.data.worlds.new(_WORLD)
     recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
     if world.node_tree is None:

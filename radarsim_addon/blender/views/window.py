@@ -13,7 +13,14 @@ from dataclasses import dataclass
 class ViewWindow:
     """A part of the field of view: its edges in the camera's coordinates, and its pixels.
 
-    The coordinates are tangents, metres, or, where it is part of a sphere, longitude and latitude.
+    Attributes
+    ----------
+    left, right, bottom, top
+        Edges: tangents, metres (orthographic), or longitude and latitude [rad] (`sphere`).
+    width_px, height_px
+        Pixels.
+    sphere
+        Whether the coordinates are longitude and latitude.
     """
 
     left: float
@@ -48,8 +55,17 @@ class ViewWindow:
 
 
 def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
-    """Cycles' seed for one view: by where it looks and by its replicate, not by the tiles'
-    order."""
+    """Return Cycles' seed for one tile replicate: by where it looks, not by the tiles' order.
+
+    Parameters
+    ----------
+    seed
+        Of the run.
+    window
+        The tile.
+    replicate
+        Its number.
+    """
     edges = (window.left, window.right, window.bottom, window.top)
     key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)
     return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1

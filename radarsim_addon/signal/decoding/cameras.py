@@ -43,18 +43,18 @@ class PixelRays:
     solid_angle_sr: Real
 
 
-def pixel_centres(camera: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
+def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
     """Camera coordinates u (w,) and v (h,) of the pixel centres.
 
     Tangents (perspective), metres (orthographic) or longitude and latitude in radians
     (equirectangular); v falls with the row.
     """
-    u = camera.left + (np.arange(width_px) + 0.5) * ((camera.right - camera.left) / width_px)
-    v = camera.top - (np.arange(height_px) + 0.5) * ((camera.top - camera.bottom) / height_px)
+    u = receiver.left + (np.arange(width_px) + 0.5) * ((receiver.right - receiver.left) / width_px)
+    v = receiver.top - (np.arange(height_px) + 0.5) * ((receiver.top - receiver.bottom) / height_px)
     return np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
 
 
-def solid_angles_sr(camera: ReceiverRecord, width_px: int, height_px: int) -> Real:
+def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> Real:
     """Solid angle of every pixel (h, w), so that they add up to that of the frame.
 
     Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv over the pixel by 3 x 3 point
@@ -62,10 +62,10 @@ def solid_angles_sr(camera: ReceiverRecord, width_px: int, height_px: int) -> Re
     the closed form with arctangents, which loses all digits for pixels of a microradian.
     Equirectangular, exact: 2 sin(dlat/2) cos(lat) dlon. Orthographic: the area [m^2].
     """
-    u, v = pixel_centres(camera, width_px, height_px)
-    du = abs(camera.right - camera.left) / width_px
-    dv = abs(camera.top - camera.bottom) / height_px
-    if camera.kind == "perspective":
+    u, v = pixel_centres(receiver, width_px, height_px)
+    du = abs(receiver.right - receiver.left) / width_px
+    dv = abs(receiver.top - receiver.bottom) / height_px
+    if receiver.kind == "perspective":
         nodes = math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
         weights = np.array([5.0, 8.0, 5.0]) / 18
         solid = np.zeros((height_px, width_px))
@@ -74,44 +74,51 @@ def solid_angles_sr(camera: ReceiverRecord, width_px: int, height_px: int) -> Re
                 square = 1 + (u + du * node_u)[None, :] ** 2 + (v + dv * node_v)[:, None] ** 2
                 solid += weight_u * weight_v / (square * np.sqrt(square))
         return solid * (du * dv)
-    if camera.kind == "equirectangular":
+    if receiver.kind == "equirectangular":
         strip = 2 * np.sin(dv / 2) * np.cos(v) * du
         return np.asarray(np.broadcast_to(strip[:, None], (height_px, width_px)))
-    if camera.kind == "orthographic":
+    if receiver.kind == "orthographic":
         return np.full((height_px, width_px), du * dv)
-    raise _unknown(camera.kind)
+    raise _unknown(receiver.kind)
 
 
-def pixel_rays(camera: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
-    """Origins, directions and solid angles of all pixels.
+def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
+    """Compute origins, directions and solid angles of all pixels.
+
+    Parameters
+    ----------
+    receiver
+        Receiver: projection, edges of the image and pose.
+    width_px, height_px
+        Pixels of the image.
 
     Raises
     ------
     SchemaError
         The camera is of a kind that this version does not know.
     """
-    u, v = pixel_centres(camera, width_px, height_px)
+    u, v = pixel_centres(receiver, width_px, height_px)
     uu, vv = np.broadcast_arrays(u[None, :], v[:, None])
-    pose = np.asarray(camera.matrix_world, dtype=np.float64)
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     rotation, position = pose[:3, :3], pose[:3, 3]
     origin = position
-    if camera.kind == "perspective":
+    if receiver.kind == "perspective":
         local = np.stack([uu, vv, np.full_like(uu, -1.0)], axis=-1)
         local = local / np.sqrt(1 + uu**2 + vv**2)[..., None]
-    elif camera.kind == "equirectangular":
+    elif receiver.kind == "equirectangular":
         cos_lat = np.cos(vv)
         local = np.stack([np.sin(uu) * cos_lat, np.sin(vv), -np.cos(uu) * cos_lat], axis=-1)
-    elif camera.kind == "orthographic":
+    elif receiver.kind == "orthographic":
         local = np.zeros((*uu.shape, 3))
         local[..., 2] = -1.0
         origin = position + np.stack([uu, vv, np.zeros_like(uu)], axis=-1) @ rotation.T
     else:
-        raise _unknown(camera.kind)
+        raise _unknown(receiver.kind)
     return PixelRays(
         origin_m=origin,
         direction=local @ rotation.T,
-        near_cosine=np.ones_like(uu) if camera.kind == "equirectangular" else -local[..., 2],
-        solid_angle_sr=solid_angles_sr(camera, width_px, height_px),
+        near_cosine=np.ones_like(uu) if receiver.kind == "equirectangular" else -local[..., 2],
+        solid_angle_sr=solid_angles_sr(receiver, width_px, height_px),
     )
 
 

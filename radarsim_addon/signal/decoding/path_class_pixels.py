@@ -17,7 +17,7 @@ _EPS32 = float(np.finfo(np.float32).eps) / 2
 _TINY = float(np.finfo(np.float32).tiny)
 #: |G B/R^2 - 1| above which a gated pixel still holds several paths; float32 noise is below 4e-6.
 MIXED_TOLERANCE = 1e-5
-#: Standard deviations within which code and geometry are taken to tell the same length.
+#: Standard deviations within which range encoding and geometry are taken to tell the same length.
 _AGREES_WITHIN = 20.0
 #: Least denominator of the order-2 closed form, relative to the length: below, P1 is flagged.
 _LEAST_DENOMINATOR = 1e-3
@@ -34,7 +34,8 @@ class PathClassPixels:
     amplitude
         Radiance [W m^-2 sr^-1], (n,).
     log_ratio
-        ln(coded / plain), minus the coded length in code lengths, (n,); -inf where unknown.
+        ln(encoded / plain), minus the encoded length over that of the range encoding, (n,); -inf
+        where unknown.
     mixing
         G B / R^2, (n,); NaN where undefined.
     position_m
@@ -104,7 +105,13 @@ class _Vertices:
 
 
 def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
-    """ln(coded/plain) per pixel; -inf where red is beyond what float32 carries."""
+    """Return ln(encoded / plain) of each pixel; -inf where float32 does not carry the encoded one.
+
+    Parameters
+    ----------
+    encoded, plain
+        The same channel with and without range encoding, of one shape.
+    """
     ratio = np.zeros_like(plain)
     usable = (encoded >= _TINY) & (plain > 0)
     np.divide(encoded, plain, out=ratio, where=usable)
@@ -113,12 +120,20 @@ def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
 
 
 def first_vertex_order_2(
-    camera_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
+    receiver_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
-    """First vertex of a path with two reflections, in closed form.
+    """Compute the first vertex of paths with two reflections, in closed form.
 
-    |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives
-    r = (s^2 - |P2 - C|^2) / (2 (s - d . (P2 - C))), s = L - |P2 - T|.
+    Parameters
+    ----------
+    receiver_m, direction
+        Where the rays start, and where they go (unit vectors), (n, 3) each.
+    last_scatterer_m
+        Second vertex, (n, 3).
+    transmitter_m
+        (3,).
+    length_m
+        Total lengths, (n,).
 
     Returns
     -------
@@ -126,14 +141,19 @@ def first_vertex_order_2(
         (n, 3).
     conditioning
         The denominator over 2 s, (n,): the result is poor where it is small.
+
+    Notes
+    -----
+    |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives
+    r = (s^2 - |P2 - C|^2) / (2 (s - d . (P2 - C))), s = L - |P2 - T|.
     """
-    to_last = last_scatterer_m - camera_m
+    to_last = last_scatterer_m - receiver_m
     s = length_m - np.linalg.norm(last_scatterer_m - transmitter_m, axis=-1)
     denominator = s - np.sum(direction * to_last, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         r = (s**2 - np.sum(to_last**2, axis=-1)) / (2 * denominator)
         conditioning = denominator / s
-    return camera_m + r[:, None] * direction, conditioning
+    return receiver_m + r[:, None] * direction, conditioning
 
 
 def assemble_rows(

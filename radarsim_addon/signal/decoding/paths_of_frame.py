@@ -32,7 +32,7 @@ from .shell_geometry import ring_geometry
 from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
 
 #: |G B/R^2 - 1| above which a pixel counts as mixed. float32 noise stays below 2e-6; 1e-5 is a
-#: spread of ranges (rms, one-way) of 0.16 % of the code length.
+#: spread of ranges (rms, one-way) of 0.16 % of the range encoding length.
 MIXED_TOLERANCE = 1e-5
 
 
@@ -137,7 +137,10 @@ def frame_paths(
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Paths:
-    """Return all paths of one radar frame, see :func:`iter_path_chunks`."""
+    """Return all paths of one radar frame.
+
+    Parameters and exceptions are those of :func:`iter_path_chunks`.
+    """
     return Paths.join(
         iter_path_chunks(
             frame, max_range_rate_mps=max_range_rate_mps, mixed_tolerance=mixed_tolerance

@@ -25,7 +25,7 @@ from .cameras import pixel_centres, solid_angles_sr
 
 #: Below this a float32 is denormal: its last digits are gone, and the range with them.
 _SMALLEST_NORMAL = float(np.finfo(np.float32).tiny)
-#: R may exceed B by this factor through float32 rounding at zero length; beyond, it is no code.
+#: R may exceed B by this factor through float32 rounding at zero length; beyond, it is not encoded.
 _ROUNDING = 1e-5
 
 
@@ -48,26 +48,33 @@ class PixelGrid:
     solid_angle_sr: Real
 
 
-def pixel_grid(camera: ReceiverRecord, width_px: int, height_px: int) -> PixelGrid:
-    """Directions and solid angles of all pixels, see :mod:`.decoding.cameras`.
+def pixel_grid(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelGrid:
+    """Compute directions and solid angles of all pixels of a perspective camera.
+
+    Parameters
+    ----------
+    receiver
+        Of the frame.
+    width_px, height_px
+        Pixels of the image.
 
     Raises
     ------
     SchemaError
         The camera is of another kind, or its frame has no extent.
     """
-    if camera.kind != "perspective":
+    if receiver.kind != "perspective":
         raise SchemaError(
-            f"Camera of kind {camera.kind!r}; this version decodes 'perspective' only. "
+            f"Camera of kind {receiver.kind!r}; this version decodes 'perspective' only. "
             "Update radarsim, or render with a perspective camera."
         )
-    if not (camera.right > camera.left and camera.top > camera.bottom):
+    if not (receiver.right > receiver.left and receiver.top > receiver.bottom):
         raise SchemaError(
-            f"Camera frame from {camera.left} to {camera.right} and {camera.bottom} to "
-            f"{camera.top}; expected left < right and bottom < top. Render the run again."
+            f"Camera frame from {receiver.left} to {receiver.right} and {receiver.bottom} to "
+            f"{receiver.top}; expected left < right and bottom < top. Render the run again."
         )
-    u, v = pixel_centres(camera, width_px, height_px)
-    return PixelGrid(u, v, solid_angles_sr(camera, width_px, height_px))
+    u, v = pixel_centres(receiver, width_px, height_px)
+    return PixelGrid(u, v, solid_angles_sr(receiver, width_px, height_px))
 
 
 @dataclass(frozen=True)
@@ -77,7 +84,8 @@ class Decoded:
     Attributes
     ----------
     total_length_m
-        Length l of the path from camera over the scatterers to the transmitter [m]; 0 where masked.
+        Length l of the path from receiver over the scatterers to the transmitter [m]; 0 where
+        masked.
     radiance
         L in W per m^2 per sr; 0 where masked.
     mask
@@ -87,9 +95,10 @@ class Decoded:
     solid_angle_sr, u, v
         Of the pixels, see :class:`PixelGrid`.
     range_encoding_underflow
-        Pixels with an echo whose R is denormal or zero: too far for this code length. Masked.
+        Pixels with an echo whose R is denormal or zero: too far for this range encoding length.
+        Masked.
     no_range_encoding
-        Pixels with R above B: light that does not carry the code. Masked.
+        Pixels with R above B: light that does not carry the range encoding. Masked.
     """
 
     total_length_m: Real
@@ -111,12 +120,12 @@ class Decoded:
 def decode(
     record: RenderRecord, channels: Mapping[str, Single], grid: PixelGrid | None = None
 ) -> Decoded:
-    """Decode one render (Eq. 4).
+    """Decode one render to lengths and radiances (Eq. 4 of Costa et al.).
 
     Parameters
     ----------
     record
-        Its sidecar: code length, scale and camera.
+        Its sidecar: range encoding length, scale and camera.
     channels
         Float32 arrays (height, width) "R", "G", "B", in W per (Blender unit)^2 per sr.
     grid

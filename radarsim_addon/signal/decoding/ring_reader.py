@@ -15,7 +15,7 @@ class RingReader:
     Raises
     ------
     FrameFileError, SchemaError
-        As :meth:`.frames.RadarFrame.image`; SchemaError also where the passes' times do not fit.
+        As :meth:`.frames.RadarFrame.image`; SchemaError also where the snapshots' times do not fit.
     """
 
     def __init__(self, frame: RadarFrame) -> None:
@@ -26,16 +26,16 @@ class RingReader:
         self._times_s: dict[int, float] = {}
 
     def get(self, ring: int, snapshot_index: int) -> Decoded:
-        """Pixels of a ring at one pass."""
+        """Pixels of a ring in one snapshot."""
         key = (ring, snapshot_index)
         if key not in self._kept:
             record, channels = self._frame.image(ring, snapshot_index)
             time_s = self._times_s.setdefault(snapshot_index, record.time_s)
             if time_s != record.time_s:
                 raise SchemaError(
-                    f"{self._frame.path}: ring {ring}, pass {snapshot_index} is at "
+                    f"{self._frame.path}: ring {ring}, snapshot {snapshot_index} is at "
                     f"{record.time_s} s, "
-                    f"other rings of the pass at {time_s} s. Render this frame again."
+                    f"other rings of the snapshot at {time_s} s. Render this frame again."
                 )
             if snapshot_index == 0:
                 self._antennas = record.receiver, record.transmitter
@@ -54,14 +54,14 @@ class RingReader:
 
     @property
     def snapshot_interval_s(self) -> float:
-        """Time between the passes, as the sidecars have it [s]."""
+        """Time between the snapshots, as the sidecars have it [s]."""
         measured_s = self._times_s[1] - self._times_s[0]
         planned_s = self._frame.record.snapshot_interval_s
         # the difference of two scene times keeps fewer digits than delta t itself
         slack_s = 1e-6 * planned_s + 1e-12 * abs(self._times_s[1])
         if abs(measured_s - planned_s) > slack_s:
             raise SchemaError(
-                f"{self._frame.path}: the passes are {measured_s!r} s apart, the run's plan has "
+                f"{self._frame.path}: the snapshots are {measured_s!r} s apart, the run's plan has "
                 f"{planned_s!r} s. Render this frame again."
             )
         return planned_s

@@ -12,10 +12,26 @@ from .ring_pixels import Decoded
 
 
 def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
-    """Scatterer of paths with one reflection, from direction and total length, (n, 3) [m].
+    """Compute the scatterer of paths with one reflection from direction and total length.
 
+    Parameters
+    ----------
+    length_m
+        Total lengths L, (n,) [m].
+    direction
+        From the receiver, unit vectors d, (n, 3).
+    receiver_m, transmitter_m
+        Places C and T, (3,) [m].
+
+    Returns
+    -------
+    ndarray
+        (n, 3) [m]; NaN where the length is below the baseline.
+
+    Notes
+    -----
     On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
-    baseline b = |C - T|. NaN where the length is below the baseline.
+    baseline b = |C - T|.
     """
     baseline_m = np.asarray(receiver_m - transmitter_m, dtype=np.float64)
     square = length_m**2 - baseline_m @ baseline_m
@@ -29,7 +45,7 @@ def ring_geometry(
     decoded: Decoded,
     row: Integers,
     col: Integers,
-    camera: ReceiverRecord,
+    receiver: ReceiverRecord,
     transmitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
@@ -41,12 +57,12 @@ def ring_geometry(
         The ring.
     row, col
         Pixels, (n,).
-    camera, transmitter
+    receiver, transmitter
         Poses at t.
     single
         Whether every path has one reflection. Else vertices and orders are unknown (NaN and 0).
     """
-    pose = np.asarray(camera.matrix_world, dtype=np.float64)
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
     direction = local @ pose[:3, :3].T

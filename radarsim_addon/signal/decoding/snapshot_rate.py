@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Range rate per pixel from two passes (Eq. 12 of the paper, with this project's sign).
+"""Range rate per pixel from two snapshots (Eq. 12 of the paper, with this project's sign).
 
     v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
 
@@ -22,7 +22,7 @@ from ..paths import Flags, PathFlag
 from .ring_pixels import Decoded
 
 #: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
-#: second pass: the background appearing behind a target's edge.
+#: second snapshot: the background appearing behind a target's edge.
 MAX_RANGE_RATE_MPS = 300.0
 
 
@@ -33,31 +33,36 @@ def range_rate(
     neighbours: Sequence[tuple[Decoded, Decoded]] = (),
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
 ) -> tuple[Real, Flags]:
-    """Range rate of every pixel of one ring.
+    """Compute the range rate of every pixel of one ring (Eq. 12).
 
     Parameters
     ----------
     first, second
         The ring at t and at t + delta t.
     snapshot_interval_s
-        Time between the passes [s].
+        Time between the snapshots [s].
     neighbours
         The rings before and behind, each at both times. An echo that has none of its own ring in
-        the second pass (or an unbelievable one) is looked for there, among echoes that were not
+        the second snapshot (or an unbelievable one) is looked for there, among echoes that were not
         there at t.
     max_range_rate_mps
-        Limit of a believable |range rate| [m/s].
+        Largest |range rate| that is accepted [m/s].
 
     Returns
     -------
     rate_mps, flags
         Arrays (height, width). The rate is positive when receding, and 0 where a flag says that
         it is unknown (`PathFlag.SINGLE_SNAPSHOT`, `PathFlag.RANGE_RATE_REJECTED`); such echoes
-        count as standing still.
+        count as stationary.
+
+    Raises
+    ------
+    ConfigError
+        The time or the limit is not positive.
     """
     if not snapshot_interval_s > 0:
         raise ConfigError(
-            f"Time between the passes is {snapshot_interval_s!r} s; expected a positive time."
+            f"Time between the snapshots is {snapshot_interval_s!r} s; expected a positive time."
         )
     if not max_range_rate_mps > 0:
         raise ConfigError(f"Speed limit is {max_range_rate_mps!r} m/s; expected a positive number.")

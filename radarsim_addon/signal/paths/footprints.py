@@ -44,10 +44,13 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class Steps:
-    """Change of length, range rate and power (as a share of the ray's own) from ray to ray.
+    """Changes from ray to ray: of length, of range rate, and of power relative to the ray's own.
 
-    Arrays (n, 2, 2): by axis (across, up) and side (before, after), counted along the axis; 0
-    where unknown.
+    Attributes
+    ----------
+    length_m, range_rate_mps, power
+        (n, 2, 2): by axis (across, up) and side (before, after), counted along the axis; 0 where
+        unknown [m, m/s, 1].
     """
 
     length_m: Real
@@ -55,18 +58,27 @@ class Steps:
     power: Real
 
     def part(self, rows: slice) -> Steps:
-        """Those of some rows."""
+        """Return the steps of some rows."""
         return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
 
     def scaled(self, factor: float) -> Steps:
-        """Those of pixels of another side."""
+        """Return the steps of pixels whose side is `factor` times as long."""
         return Steps(self.length_m * factor, self.range_rate_mps * factor, self.power * factor)
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points that rows of a view are spread over: row, total length [m], rate [m/s], share of the
-    row's power, each (points,)."""
+    """Points that the rows of a tile replicate are spread over.
+
+    Attributes
+    ----------
+    row
+        Row that each point belongs to, (points,).
+    length_m, range_rate_mps
+        Total length [m] and range rate [m/s], (points,).
+    share
+        Fraction of the row's power, (points,).
+    """
 
     row: Indices
     length_m: Real
@@ -74,24 +86,24 @@ class Points:
     share: Real
 
 
-def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
-    """Differences between a view's neighbouring rays.
+def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
+    """Compute the differences between neighbouring rays of a tile replicate.
 
     Parameters
     ----------
     rows
-        Of one tile at one replicate, with lengths.
-    camera
-        The frame's.
+        Of one tile at one replicate, with lengths, (n,).
+    receiver
+        Of the frame.
     count
         Number of replicates of the tile.
     """
     found = Steps(*np.zeros((3, rows.size, 2, 2)))
-    kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, camera))
+    kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
     if kept.size < 2:
         return found
     mine = rows if kept.size == rows.size else rows[kept]
-    col, row = grid_places(mine, camera, count)
+    col, row = grid_places(mine, receiver, count)
     owner = mine["last_object"].astype(np.int64) << 32 | mine["last_body"]
     depth, power = mine["transparent_depth"], mine["power_w"]
     moving = bool(np.any(mine["range_rate_mps"]))
@@ -126,8 +138,10 @@ def steps_of(rows: PathRows, camera: ReceiverRecord, count: int) -> Steps:
 
 
 def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Real, Real]]:
-    """Step before and after each pixel of each image along an axis; the first image rules what
-    counts. Pixels of no owner hold nothing."""
+    """Step before and after each pixel of each image along an axis.
+
+    The first image rules what counts. Pixels of no owner hold nothing.
+    """
     same = (owners == np.roll(owners, 1, axis)) & (owners > 0)
     # the step that ends at each pixel; 0 where it begins on something else
     steps = [np.where(same, image - np.roll(image, 1, axis), 0.0) for image in images]
@@ -165,18 +179,18 @@ def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Rea
 
 
 def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iterator[Points]:
-    """Points that stand for the rows, no further apart than cells, a part at a time.
+    """Yield points that stand for the rows, no further apart than cells, a part at a time.
 
     Parameters
     ----------
     rows
-        Of one tile at one replicate.
+        Of one tile at one replicate, (n,).
     steps
         Of these rows, from `steps_of`.
     cell_m
-        Distance of the points in total length [m].
+        Largest distance of the points in total length [m].
     cell_mps
-        In range rate [m/s].
+        Largest distance in range rate [m/s].
     """
     extent = np.maximum(
         abs(steps.length_m).max(axis=2) / cell_m, abs(steps.range_rate_mps).max(axis=2) / cell_mps
@@ -215,7 +229,15 @@ def _points(rows: PathRows, steps: Steps, along: Indices, start: int) -> Points:
 
 
 def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
-    """For each replicate of the grid the rows with a length of each tile, one after the other."""
+    """Yield, for each replicate, an iterator over the rows of each tile that have a length.
+
+    Parameters
+    ----------
+    table
+        Rows of a frame, tile by tile and in each of them replicate by replicate.
+    replicates
+        Number of replicates.
+    """
     tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size]

@@ -20,35 +20,37 @@ _ENOUGH = 1 << 12
 MOST_PX = 1 << 25
 
 
-def placed(rows: PathRows, camera: ReceiverRecord) -> NDArray[np.bool_]:
-    """Rows whose pixel is known, (n,): parallel rays are told by where they end, others by their
-    direction."""
-    if camera.kind == "orthographic":
+def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
+    """Return which rows have a known pixel, (n,).
+
+    Parallel rays are told by where they end, others by their direction.
+    """
+    if receiver.kind == "orthographic":
         return np.asarray(np.isfinite(rows["first_scatterer_m"]).all(axis=1))
-    if camera.kind == "perspective":
-        backwards = np.array(camera.matrix_world, dtype=np.float64)[:3, 2]
+    if receiver.kind == "perspective":
+        backwards = np.array(receiver.matrix_world, dtype=np.float64)[:3, 2]
         return np.asarray(rows["direction"] @ backwards < 0)
     return np.asarray(np.any(rows["direction"] != 0, axis=1))
 
 
-def grid_places(rows: PathRows, camera: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
+def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
     """Column and row of each path's pixel, counted from the first ones that are met.
 
     Parameters
     ----------
     rows
         Of one tile at one replicate, all of them `placed`, one at least.
-    camera
+    receiver
         The frame's.
     count
         Number of replicates of the tile, which share the solid angle.
     """
-    pose = np.array(camera.matrix_world, dtype=np.float64)
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
     # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one
     # another longer than three columns take.
     local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
     area = count * rows["solid_angle_sr"]
-    if camera.kind == "equirectangular":
+    if receiver.kind == "equirectangular":
         u = np.arctan2(local[:, 0], -local[:, 2])
         u = (u - u[0] + math.pi) % (2 * math.pi)
         v = np.arctan2(local[:, 1], np.hypot(local[:, 0], local[:, 2]))
@@ -56,7 +58,7 @@ def grid_places(rows: PathRows, camera: ReceiverRecord, count: int) -> tuple[Int
         level = np.maximum(np.hypot(local[:, 0], local[:, 2]), 1e-12)
         side = math.sqrt(float(np.median(area / level)))
         step_u, step_v = (_least_step(places, _SAME * side) for places in (u, v))
-    elif camera.kind == "perspective":
+    elif receiver.kind == "perspective":
         u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
         few = slice(None, None, -(-u.size // _ENOUGH))
         step_u = step_v = math.sqrt(

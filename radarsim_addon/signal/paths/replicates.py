@@ -31,9 +31,11 @@ _MOST_PAIRED = 1024
 
 
 def replicate_offset_px(index: int) -> tuple[float, float]:
-    """Sub-pixel replicate number `index`, each between -1/2 and 1/2 of a pixel: a low-discrepancy
-    sequence that starts off the pixel centre (a ray exactly on the shared edge of two triangles
-    counts both)."""
+    """Return the sub-pixel offset of a replicate, across and up [pixels], each from -1/2 to 1/2.
+
+    A low-discrepancy sequence that starts off the pixel centre: a ray exactly on the shared edge of
+    two triangles counts both.
+    """
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
     return u, v
@@ -41,19 +43,22 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def replicate_variances(count: int) -> tuple[float, float]:
-    """Variance of a side in pixels, of any length and place, as told by the first `count`
-    replicates.
+    """Return the variance of a side in pixels, as told by the first `count` replicates.
 
-    The points x_i of the replicates in an interval, less its length, are psi(a) - psi(b) with psi
-    the mean of the first Bernoulli polynomials of a - x_i; over all a and b the square of it is on
-    average (1/S^2) sum_ij B_2(frac(x_i - x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of
-    intervals on a circle (Kuipers & Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2).
-    Evenly spaced points have 1/(6 S^2).
+    It is the mean over all lengths and places of the side.
 
     Returns
     -------
     (float, float)
         Across and down [square pixels].
+
+    Notes
+    -----
+    The points x_i of the replicates in an interval, less its length, are psi(a) - psi(b) with psi
+    the mean of the first Bernoulli polynomials of a - x_i. Over all a and b the mean of its square
+    is (1/S^2) sum_ij B_2(frac(x_i - x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of intervals
+    on a circle (Kuipers & Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2). Evenly
+    spaced points have 1/(6 S^2).
     """
     paired = min(count, _MOST_PAIRED)
     replicates = np.array([replicate_offset_px(i) for i in range(paired)])
@@ -65,9 +70,9 @@ def replicate_variances(count: int) -> tuple[float, float]:
 
 
 def edge_variances(
-    rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord, count: int
+    rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord, count: int
 ) -> Real:
-    """Least variance of the mean value of what bears a label, by its edges along the grid.
+    """Compute the least variance of the mean value of each label, by its edges along the grid.
 
     Parameters
     ----------
@@ -77,8 +82,8 @@ def edge_variances(
         What each row belongs to, from 1; 0: nothing, (n,).
     value
         What is summed up, such as the power of the replicate alone, (n,).
-    camera
-        The frame's.
+    receiver
+        Of the frame.
     count
         Number of replicates that are averaged.
 
@@ -88,13 +93,13 @@ def edge_variances(
         By label from 0, (labels + 1,).
     """
     total = np.zeros(int(label.max(initial=0)) + 1)
-    for labels, values in _images(rows, label, value, camera, count):
+    for labels, values in _images(rows, label, value, receiver, count):
         total += _edge_variance(labels, values, count, total.size)
     return total
 
 
-def lone_variances(rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord) -> Real:
-    """Variance of the value of what bears a label, where there is one replicate alone.
+def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord) -> Real:
+    """Compute the variance of the value of each label where there is one replicate alone.
 
     To what the edges leave open comes what differs within a surface: a grid of rays samples it
     systematically, and neighbours of one surface and path class have the same expectation but for
@@ -105,7 +110,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: Receive
 
     Parameters
     ----------
-    rows, label, value, camera
+    rows, label, value, receiver
         As for :func:`edge_variances`.
 
     Returns
@@ -113,25 +118,25 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, camera: Receive
     ndarray
         By label from 0, (labels + 1,).
     """
-    lost = (label > 0) & ~placed(rows, camera)
+    lost = (label > 0) & ~placed(rows, receiver)
     total = np.bincount(
         label[lost], value[lost] ** 2, minlength=int(label.max(initial=0)) + 1
     ).astype(np.float64)
-    for labels, values in _images(rows, label, value, camera, 1):
+    for labels, values in _images(rows, label, value, receiver, 1):
         total += _edge_variance(labels, values, 1, total.size)
         total += _scatter_variance(labels, values, total.size)
     return total
 
 
 def _images(
-    rows: PathRows, label: Integers, value: Real, camera: ReceiverRecord, count: int
+    rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord, count: int
 ) -> Iterator[tuple[Integers, Real]]:
     """Labels and values on the grid of pixels, path class by path class, with an empty rim."""
-    kept = np.flatnonzero((label > 0) & placed(rows, camera))
+    kept = np.flatnonzero((label > 0) & placed(rows, receiver))
     if kept.size == 0:
         return
     rows, label, value = rows[kept], label[kept], value[kept]
-    col, row = grid_places(rows, camera, count)
+    col, row = grid_places(rows, receiver, count)
     shape = (int(row.max()) + 3, int(col.max()) + 3)
     if shape[0] * shape[1] > MOST_PX:
         return

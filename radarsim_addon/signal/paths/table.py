@@ -245,6 +245,6 @@ def _fault(
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows, copied into memory one at a time."""
+    """Yield a table in chunks of at most `rows` rows, each copied into memory."""
     for start in range(0, table.size, rows):
         yield np.array(table[start : start + rows])

@@ -107,7 +107,17 @@ def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
-    """Return radiances (n,) [W m^-2 sr^-1]: power over receiver area and solid angle."""
+    """Return the radiance of rows of the table, (n,) [W m^-2 sr^-1].
+
+    It is their power over the effective area of an isotropic receiver and their solid angle.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table, (n,).
+    record
+        Sidecar of the table, for the carrier.
+    """
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
