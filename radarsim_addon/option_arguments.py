@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Command-line options and reference tables, made from the settings that dataclasses declare."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING
+from typing import Any
+
+from .options import Declared, declared
+
+_TEXTS: dict[Any, str] = {True: "on", False: "off", None: "none", MISSING: ""}
+
+
+def finite_number(text: str) -> float:
+    """Return a number that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def add_arguments(
+    parser: argparse._ActionsContainer, kind: type[Any], *names: str, defaults: bool = False
+) -> None:
+    """Add an option for each setting of a dataclass.
+
+    An option that is not given is None. Given values are in SI under the field's name, see
+    :func:`given`. Former options are accepted and not shown.
+
+    Parameters
+    ----------
+    parser
+        Parser or group of arguments.
+    kind
+        Dataclass.
+    *names
+        Its fields, in the order of the help; none: all that are declared.
+    defaults
+        Whether the help tells the defaults: they hold where an option is left out.
+    """
+    settings = declared(kind)
+    for name in names or settings:
+        item = settings[name]
+        shown = item.of.help
+        if defaults:
+            # argparse takes % for a format.
+            shown += f" [{default_text(item)}]"
+        options = {"dest": name, "default": None, **_reading(item)}
+        parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
+        if item.of.old_flags:
+            parser.add_argument(*item.of.old_flags, help=argparse.SUPPRESS, **options)
+
+
+def _reading(item: Declared) -> dict[str, Any]:
+    """How argparse reads the text of an option."""
+    if item.kind is bool:
+        return {"action": argparse.BooleanOptionalAction}
+    if item.of.choices:
+        return {"choices": [value for value, _, _ in item.of.choices]}
+    if item.of.parse is not None:
+        return {"type": item.of.parse, "metavar": item.of.metavar}
+    reader: Callable[[str], Any] = str
+    if item.kind is float:
+
+        def reader(text: str) -> float:
+            return item.from_shown(finite_number(text))
+
+        reader.__name__ = "finite number"  # argparse names the type in its message
+    elif item.kind is int:
+        reader = int
+    letter = {float: item.shown_unit or "X", int: "N"}.get(item.kind, item.of.path or "TEXT")
+    return {"type": reader, "metavar": item.of.metavar or letter.upper()}
+
+
+def given(arguments: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
+    """Return the settings of a dataclass that were given on the command line, in SI."""
+    found = {name: getattr(arguments, name, None) for name in declared(kind)}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def default_text(item: Declared) -> str:
+    """Return the default in the unit that is shown, as text; empty where a value must be given."""
+    value = item.default
+    if isinstance(value, bool) or value in (None, MISSING):
+        return _TEXTS[value]
+    if isinstance(value, float):
+        unit = f" {item.shown_unit}" if item.shown_unit else ""
+        return f"{item.to_shown(value):.12g}{unit}"
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
+    """Return a Markdown table of the settings of a dataclass.
+
+    Parameters
+    ----------
+    kind
+        Dataclass.
+    with_flags
+        Names of the settings that a command has options for.
+    """
+    flags = frozenset(with_flags)
+    rows = ["| setting | option | default | allowed | meaning |", "|---|---|---|---|---|"]
+    for name, item in declared(kind).items():
+        option = f"`{item.flag}`" if name in flags else ""
+        allowed = ", ".join(f"`{value}`" for value, _, _ in item.of.choices) or item.bounds.strip()
+        unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
+        default = f"`{default_text(item)}`" if default_text(item) else "must be given"
+        rows.append(
+            f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"
+        )  # fmt: skip
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings: a dataclass field declares one, and everything that shows or reads it is made from it.
+
+A frozen dataclass declares its fields by :func:`setting`, in SI units and float64. From the
+declaration follow the check of its bounds (:func:`check_settings`), its key in JSON files
+(:func:`from_json`, :func:`to_json`), its command-line option (:mod:`.option_arguments`), its
+field in Blender's window (:mod:`.blender.settings`) and its row in the reference.
+
+A setting has one stem. The field ends with its SI unit (``carrier_hz``), the window and the command
+line with the unit that people use (``carrier_ghz``, ``--carrier-ghz``). Options leave plain
+metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step_m``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass
+from decimal import Decimal
+from typing import Any, Literal, TypeVar
+
+from .errors import ConfigError
+
+Record = TypeVar("Record")
+
+#: Unit that is shown -> SI unit, power of ten between them, ending of names.
+_SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
+    "GHz": ("Hz", 9, "ghz"),
+    "MHz": ("Hz", 6, "mhz"),
+    "kHz": ("Hz", 3, "khz"),
+    "ms": ("s", -3, "ms"),
+    "us": ("s", -6, "us"),
+    "ns": ("s", -9, "ns"),
+    "%": ("", -2, ""),
+}
+#: Endings of field names that an option leaves out.
+_SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
+_KEY = "radarsim"
+_DECLARED: dict[Any, Mapping[str, Declared]] = {}
+
+Choices = tuple[tuple[str, str, str], ...]
+"""Values of a setting that is chosen from a list: value, label, tooltip."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a field declares beside its name, type and default.
+
+    Attributes
+    ----------
+    label
+        Name in the window, without unit.
+    help
+        Tooltip and help of the option: verb first, no final full stop.
+    unit
+        SI unit of the value; "" for a number without one.
+    shown_in
+        Unit in the window and on the command line, where it is another one, such as "GHz".
+    minimum, maximum
+        Closed bounds, SI; None: none.
+    above
+        Open lower bound, SI; None: none.
+    soft_maximum
+        Where a slider of the window ends, SI; None: at the maximum.
+    choices
+        Allowed values of text; empty: any.
+    initial
+        Value in the window before anybody changes it, where the field has no default or None.
+    hint
+        What to do about a wrong value: one sentence at the end of the error.
+    aliases
+        Former keys in JSON files, still read.
+    old_flags
+        Former options of the same meaning and unit, still accepted.
+    flag
+        Option, where it cannot follow from the field's name.
+    metavar
+        Placeholder of the option's value in its help.
+    parse
+        Reads the option's text, for values that are no single number, text or choice.
+    digits
+        Decimals in the window.
+    path
+        "FILE" or "DIR": the text names a file or a folder.
+    """
+
+    label: str
+    help: str
+    unit: str = ""
+    shown_in: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    soft_maximum: float | None = None
+    choices: Choices = ()
+    initial: Any = None
+    hint: str = ""
+    aliases: tuple[str, ...] = ()
+    old_flags: tuple[str, ...] = ()
+    flag: str = ""
+    metavar: str = ""
+    parse: Callable[[str], Any] | None = None
+    digits: int = 4
+    path: Literal["", "FILE", "DIR"] = ""
+
+    def __post_init__(self) -> None:
+        if self.shown_in:
+            object.__setattr__(self, "unit", _SHOWN_UNITS[self.shown_in][0])
+
+
+def setting(default: Any = MISSING, **declaration: Any) -> Any:
+    """Return a dataclass field that declares a setting.
+
+    Parameters
+    ----------
+    default
+        Default in SI; left out: the field must be given.
+    **declaration
+        Attributes of :class:`Setting`.
+    """
+    return dataclasses.field(default=default, metadata={_KEY: Setting(**declaration)})
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A setting with the name, type and default of its field.
+
+    Attributes
+    ----------
+    name
+        Field and JSON key.
+    kind
+        Type of a value: float, int, bool, str or another one.
+    optional
+        Whether None is a value.
+    default
+        Default of the field; ``dataclasses.MISSING``: none.
+    of
+        The declaration.
+    """
+
+    name: str
+    kind: Any
+    optional: bool
+    default: Any
+    of: Setting
+
+    @property
+    def exponent(self) -> int:
+        """Power of ten from the unit that is shown to SI."""
+        return _SHOWN_UNITS[self.of.shown_in][1] if self.of.shown_in else 0
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit in the window and on the command line; "" for none."""
+        return self.of.shown_in or self.of.unit
+
+    @property
+    def shown_name(self) -> str:
+        """Name that ends with the unit that is shown, such as ``carrier_ghz``."""
+        if not self.exponent or not self.of.unit:
+            return self.name
+        return f"{self.name.rpartition('_')[0]}_{_SHOWN_UNITS[self.of.shown_in][2]}"
+
+    @property
+    def shown_label(self) -> str:
+        """Label with unit, such as "Carrier [GHz]"."""
+        return f"{self.of.label} [{self.shown_unit}]" if self.shown_unit else self.of.label
+
+    @property
+    def flag(self) -> str:
+        """Option of the command line, such as ``--carrier-ghz``."""
+        stem = self.shown_name
+        for ending in () if self.exponent and self.of.unit else _SILENT_ENDINGS:
+            stem = stem.removesuffix(ending)
+        return self.of.flag or f"--{stem.replace('_', '-')}"
+
+    @property
+    def initial(self) -> Any:
+        """Value before anybody changes it: the field's default, else the declared one."""
+        return self.of.initial if self.default in (MISSING, None) else self.default
+
+    def from_shown(self, value: float) -> float:
+        """Return a number given in the shown unit in SI, to the last decimal digit."""
+        if not self.exponent or not math.isfinite(value):
+            return float(value)
+        return float(Decimal(repr(float(value))).scaleb(self.exponent))
+
+    def to_shown(self, value: float) -> float:
+        """Return a number given in SI in the shown unit, to the last decimal digit."""
+        return float(Decimal(repr(float(value))).scaleb(-self.exponent))
+
+    @property
+    def expected(self) -> str:
+        """What a value must be, for messages: "a whole number from 1 to 64"."""
+        of = self.of
+        if of.choices:
+            return "one of " + ", ".join(repr(value) for value, _, _ in of.choices)
+        if self.kind is bool:
+            return "true or false"
+        if self.kind is str:
+            return "text"
+        if self.kind not in (int, float):
+            return of.metavar or "another value"
+        words = "a whole number" if self.kind is int else "a finite number"
+        return words + self.bounds
+
+    @property
+    def bounds(self) -> str:
+        """The bounds in words: " from 1 to 64", " above 0 Hz"; "" without any."""
+        of, unit = self.of, f" {self.of.unit}" if self.of.unit else ""
+        low, high = of.minimum, of.maximum
+        if of.above is not None:
+            upper = "" if high is None else f", at most {high:.12g}"
+            return f" above {of.above:.12g}{upper}{unit}"
+        if low is not None:
+            return f" from {low:.12g}{'' if high is None else f' to {high:.12g}'}{unit}"
+        return "" if high is None else f" of at most {high:.12g}{unit}"
+
+    def check(self, value: Any) -> None:
+        """Raise a ConfigError unless `value` (SI) has the type and is within the bounds."""
+        if value is None and self.optional:
+            return
+        if self._fits(value):
+            return
+        unit = f" {self.of.unit}" if self.of.unit and isinstance(value, int | float) else ""
+        hint = f" {self.of.hint}" if self.of.hint else ""
+        none = ", or none" if self.optional else ""
+        raise ConfigError(
+            f"{self.of.label} is {value!r:.60}{unit}; expected {self.expected}{none}.{hint}"
+        )
+
+    def _fits(self, value: Any) -> bool:
+        of = self.of
+        if of.choices:
+            return isinstance(value, str) and any(value == choice for choice, _, _ in of.choices)
+        if self.kind not in (int, float):
+            return self.kind not in (bool, str) or isinstance(value, self.kind)
+        kinds = int if self.kind is int else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(value):
+            return False
+        return not (
+            (of.minimum is not None and value < of.minimum)
+            or (of.maximum is not None and value > of.maximum)
+            or (of.above is not None and value <= of.above)
+        )
+
+
+def declared(kind: Any) -> Mapping[str, Declared]:
+    """Return the settings of a dataclass by field name, in the order of the fields."""
+    if kind in _DECLARED:
+        return _DECLARED[kind]
+    hints = typing.get_type_hints(kind)
+    found = {}
+    for item in dataclasses.fields(kind):
+        if _KEY in item.metadata:
+            value_type, optional = _value_type(hints[item.name])
+            found[item.name] = Declared(
+                item.name, value_type, optional, item.default, item.metadata[_KEY]
+            )
+    return _DECLARED.setdefault(kind, types.MappingProxyType(found))
+
+
+def _value_type(hint: Any) -> tuple[Any, bool]:
+    """Type of the values, and whether None is one of them."""
+    if typing.get_origin(hint) in (types.UnionType, typing.Union):
+        inner = [item for item in typing.get_args(hint) if item is not type(None)]
+        return _value_type(inner[0])[0], len(inner) < len(typing.get_args(hint))
+    if typing.get_origin(hint) is Literal:
+        return str, False
+    return hint, False
+
+
+def check_settings(record: Any) -> None:
+    """Check the type and bounds of every setting of a dataclass instance.
+
+    Raises
+    ------
+    ConfigError
+        The first value that does not fit, what was expected, and what to do.
+    """
+    for name, item in declared(type(record)).items():
+        item.check(getattr(record, name))
+
+
+def choices_from(values: Iterable[str]) -> Choices:
+    """Return choices whose labels need no more words than the values themselves."""
+    return tuple((value, value.replace("-", " ").capitalize(), "") for value in values)
+
+
+def shortest_decimal(value: float, exponent: int = 0) -> float:
+    """Return the decimal number that was typed into a float32 field, times ``10**exponent``.
+
+    Blender's float properties are float32: 77 GHz as 77e9 would read back 76999999488. Seven
+    significant digits are what float32 keeps of any typed number.
+    """
+    if not math.isfinite(value):
+        return value
+    return float(Decimal(f"{value:.7g}").scaleb(exponent))
+
+
+# -- JSON ------------------------------------------------------------------------------------------
+
+
+def to_json(record: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass instance by name, nested ones too, as JSON holds them."""
+    return dataclasses.asdict(record)
+
+
+def from_json(kind: type[Record], data: Any, where: str, error: type[Exception] = ConfigError
+              ) -> Record:  # fmt: skip
+    """Make a dataclass instance from parsed JSON.
+
+    Parameters
+    ----------
+    kind
+        Dataclass.
+    data
+        Fields by name; former names (aliases) are read too.
+    where
+        File and place, for messages.
+    error
+        Class of the errors about the JSON itself.
+
+    Raises
+    ------
+    ConfigError
+        A field is unknown or missing, a value has the wrong type or is out of bounds. The message
+        names the place, what was found and what was expected.
+    """
+    if not isinstance(data, dict):
+        raise error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
+    fields = {item.name: item for item in dataclasses.fields(typing.cast(Any, kind))}
+    settings, hints = declared(kind), typing.get_type_hints(kind)
+    current = {old: name for name, item in settings.items() for old in item.of.aliases}
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        name = current.get(key, key)
+        if name not in fields:
+            near = difflib.get_close_matches(key, fields, 1)
+            guess = f" Do you mean {near[0]!r}?" if near else ""
+            raise error(
+                f"{where} has the unknown field {key!r}; its fields are {', '.join(fields)} "
+                f"(SI units).{guess}"
+            )
+        values[name] = _from_json(hints[name], value, f"{where}: {key}", error)
+        item = settings.get(name) or Declared(
+            name, *_value_type(hints[name]), MISSING, Setting(name, "")
+        )
+        _check_at(f"{where}: {key}", item, values[name], error)
+    lacking = [
+        name
+        for name, item in fields.items()
+        if name not in values and item.default is MISSING and item.default_factory is MISSING
+    ]
+    if lacking:
+        raise error(f"{where} lacks {', '.join(lacking)}; its fields are {', '.join(fields)}.")
+    return kind(**values)
+
+
+def _check_at(where: str, item: Declared, value: Any, error: type[Exception]) -> None:
+    try:
+        item.check(value)
+    except ConfigError as wrong:
+        raise error(f"{where}: {wrong}") from wrong
+
+
+def _from_json(hint: Any, value: Any, where: str, error: type[Exception]) -> Any:
+    """A JSON value as its annotated type, as far as JSON writes that type otherwise."""
+    kind, optional = _value_type(hint)
+    if value is None and optional:
+        return None
+    if dataclasses.is_dataclass(kind):
+        return from_json(typing.cast(Any, kind), value, where, error)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if kind is float and number:
+        return float(value)
+    if kind is int and isinstance(value, float) and value.is_integer():
+        return int(value)  # JSON of other programs writes 128.0 for 128
+    if typing.get_origin(kind) is tuple and isinstance(value, list):
+        return tuple(value)
+    if (kind is dict or typing.get_origin(kind) is dict) and not isinstance(value, dict):
+        raise error(f"{where} is {value!r:.60}; expected a JSON object.")
+    return value
