@@ -45,10 +45,10 @@ def add_arguments(
     for name in names or settings:
         item = settings[name]
         shown = item.of.help
-        if defaults:
-            # argparse takes % for a format.
+        if defaults and item.default is not MISSING:
             shown += f" [{default_text(item)}]"
         options = {"dest": name, "default": None, **_reading(item)}
+        # argparse takes % for a format
         parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
         if item.of.old_flags:
             parser.add_argument(*item.of.old_flags, help=argparse.SUPPRESS, **options)
@@ -71,8 +71,9 @@ def _reading(item: Declared) -> dict[str, Any]:
         reader.__name__ = "finite number"  # argparse names the type in its message
     elif item.kind is int:
         reader = int
-    letter = {float: item.shown_unit or "X", int: "N"}.get(item.kind, item.of.path or "TEXT")
-    return {"type": reader, "metavar": item.of.metavar or letter.upper()}
+    unit = item.shown_unit.replace("%", "percent").upper()
+    letters = {float: unit or "X", int: "N"}.get(item.kind, item.of.path or "TEXT")
+    return {"type": reader, "metavar": item.of.metavar or letters}
 
 
 def given(arguments: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender property groups made from the settings that dataclasses declare.
+
+Numbers come in as the window shows them (GHz, us), go into the file as float64 in SI, and are read
+by :class:`Settings`. Blender's own float properties are float32: here they only show the number
+and take what was typed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
+
+import bpy
+
+from ...errors import ConfigError, SettingNameError
+from ...options import Declared, declared, shortest_decimal
+
+Record = TypeVar("Record")
+Change = Callable[[Any], None]
+
+#: From 4.5 on Blender warns of // paths in properties that do not declare them.
+_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else {"ANIMATABLE"}
+#: Least number that a field of the window takes, where a value must be above 0.
+_LEAST_SHOWN = 1e-6
+
+
+def merged(*kinds: type[Any]) -> dict[str, Declared]:
+    """Return the settings of several dataclasses by name; one name is one setting.
+
+    Raises
+    ------
+    TypeError
+        Two of the dataclasses declare the same name differently: a defect.
+    """
+    found: dict[str, Declared] = {}
+    for kind in kinds:
+        for name, item in declared(kind).items():
+            if found.setdefault(name, item) != item:
+                raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
+    return found
+
+
+def property_group(
+    name: str,
+    settings: Mapping[str, Declared],
+    others: Mapping[str, Any] | None = None,
+    changes: Mapping[str, Change] | None = None,
+) -> type[Any]:
+    """Return a class of bpy.types.PropertyGroup, not yet registered.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    settings
+        What it holds.
+    others
+        Further properties (pointers), as Blender declares them.
+    changes
+        By the name of a setting: called with the group after the setting was changed.
+    """
+    annotations: dict[str, Any] = {}
+    for item in settings.values():
+        if item.optional:
+            annotations[f"use_{item.name}"] = bpy.props.BoolProperty(
+                name=f"Set {item.of.label.lower()}", description=item.of.help
+            )
+        annotations[item.shown_name] = _property(item)
+    annotations.update(others or {})
+    members = {
+        "__annotations__": annotations,
+        "__doc__": "Settings, see the declarations of their dataclasses.",
+        "settings": dict(settings),
+        "changes": dict(changes or {}),
+    }
+    return type(name, (bpy.types.PropertyGroup,), members)
+
+
+def _property(item: Declared) -> Any:
+    """A field of the window."""
+    of = item.of
+    common: dict[str, Any] = {"name": item.shown_label, "description": of.help}
+    if item.kind is bool:
+        return bpy.props.BoolProperty(default=bool(item.initial), **common)
+    if of.choices:
+        return bpy.props.EnumProperty(items=of.choices, default=item.initial, **common)
+    if item.kind is str:
+        if of.path:
+            common |= {"subtype": f"{of.path}_PATH", "options": _RELATIVE}
+        return bpy.props.StringProperty(default=item.initial or "", **common)
+    bounds = {"min": of.minimum, "max": of.maximum, "soft_max": of.soft_maximum}
+    if item.kind is int:
+        common |= {key: int(value) for key, value in bounds.items() if value is not None}
+        return bpy.props.IntProperty(default=item.initial, **common)
+    common |= {key: item.to_shown(value) for key, value in bounds.items() if value is not None}
+    if of.above == 0:
+        common["min"] = _LEAST_SHOWN
+
+    def get(group: Any) -> float:
+        return item.to_shown(group.get(item.name, item.initial))
+
+    def put(group: Any, value: float) -> None:
+        write(group, item, shortest_decimal(value, item.exponent))
+
+    return bpy.props.FloatProperty(get=get, set=put, precision=of.digits, **common)
+
+
+def read(group: Any, item: Declared) -> Any:
+    """Return the value of a setting, numbers in SI and float64."""
+    if item.optional and not getattr(group, f"use_{item.name}"):
+        return None
+    if item.kind is float:
+        return float(group.get(item.name, item.initial))
+    return getattr(group, item.name)
+
+
+def write(group: Any, item: Declared, value: Any) -> None:
+    """Set the value of a setting, which was checked."""
+    if item.optional:
+        setattr(group, f"use_{item.name}", value is not None)
+    if item.kind is float and value is not None:
+        group[item.name] = float(value)
+    elif value is not None:
+        setattr(group, item.name, value)
+    if item.name in group.changes:
+        group.changes[item.name](group)
+
+
+class Settings:
+    """The settings of a property group by their names, in SI and float64, checked when set.
+
+    ``view.carrier_hz = 77e9`` reads back as 77e9. Setting raises a `ConfigError` where the value
+    has the wrong type or is out of bounds; an unknown name raises a `SettingNameError`.
+    """
+
+    __slots__ = ("_group",)
+
+    def __init__(self, group: Any) -> None:
+        object.__setattr__(self, "_group", group)
+
+    def __getattr__(self, name: str) -> Any:
+        settings = self._group.settings
+        if name in settings:
+            return read(self._group, settings[name])
+        inner = getattr(self._group, name, None)
+        if isinstance(inner, bpy.types.PropertyGroup):
+            return Settings(inner)
+        raise self._unknown(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        item = self._group.settings.get(name)
+        if item is None:
+            raise self._unknown(name)
+        item.check(value)
+        if self._group.id_data.library is not None:
+            raise ConfigError(
+                f"{self._group.id_data.name!r} is linked from another file; its settings cannot be "
+                "changed here. Change them there, or make the object local."
+            )
+        write(self._group, item, value)
+
+    def __dir__(self) -> Iterable[str]:
+        return [*self._group.settings]
+
+    def record(self, kind: type[Record], **given: Any) -> Record:
+        """Return an instance of one of the dataclasses that the group was made from.
+
+        Parameters
+        ----------
+        kind
+            Dataclass.
+        **given
+            Values in place of the group's own, and those of fields that are no settings.
+
+        Raises
+        ------
+        ConfigError
+            Values that do not fit together.
+        """
+        values = {name: getattr(self, name) for name in declared(kind)}
+        return kind(**{**values, **given})
+
+    def _unknown(self, name: str) -> SettingNameError:
+        return SettingNameError(
+            f"There is no setting {name!r}; expected one of {', '.join(dir(self))}."
+        )
