@@ -59,7 +59,7 @@ def _reading(item: Declared) -> dict[str, Any]:
     if item.kind is bool:
         return {"action": argparse.BooleanOptionalAction}
     if item.of.choices:
-        return {"choices": [value for value, _, _ in item.of.choices]}
+        return {"type": item.kind, "choices": item.values}
     if item.of.parse is not None:
         return {"type": item.of.parse, "metavar": item.of.metavar}
     reader: Callable[[str], Any] = str
@@ -107,7 +107,7 @@ def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
     rows = ["| setting | option | default | allowed | meaning |", "|---|---|---|---|---|"]
     for name, item in declared(kind).items():
         option = f"`{item.flag}`" if name in flags else ""
-        allowed = ", ".join(f"`{value}`" for value, _, _ in item.of.choices) or item.bounds.strip()
+        allowed = ", ".join(f"`{value}`" for value in item.values) or item.bounds.strip()
         unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
         default = f"`{default_text(item)}`" if default_text(item) else "must be given"
         rows.append(

@@ -67,9 +67,14 @@ class Setting:
     soft_maximum
         Where a slider of the window ends, SI; None: at the maximum.
     choices
-        Allowed values of text; empty: any.
+        Allowed values of text or whole numbers, as text; empty: any. Files hold the position of
+        the value: add new ones at the end.
+    lists
+        Whether a list of numbers is allowed in place of a choice.
     initial
         Value in the window before anybody changes it, where the field has no default or None.
+    on
+        Whether the window gives this value at first, where the default is None.
     hint
         What to do about a wrong value: one sentence at the end of the error.
     aliases
@@ -97,7 +102,9 @@ class Setting:
     above: float | None = None
     soft_maximum: float | None = None
     choices: Choices = ()
+    lists: bool = False
     initial: Any = None
+    on: bool = False
     hint: str = ""
     aliases: tuple[str, ...] = ()
     old_flags: tuple[str, ...] = ()
@@ -180,6 +187,11 @@ class Declared:
         return self.of.flag or f"--{stem.replace('_', '-')}"
 
     @property
+    def values(self) -> list[Any]:
+        """The values to choose from, of the setting's type; empty: any."""
+        return [self.kind(value) for value, _, _ in self.of.choices]
+
+    @property
     def initial(self) -> Any:
         """Value before anybody changes it: the field's default, else the declared one."""
         return self.of.initial if self.default in (MISSING, None) else self.default
@@ -199,7 +211,7 @@ class Declared:
         """What a value must be, for messages: "a whole number from 1 to 64"."""
         of = self.of
         if of.choices:
-            return "one of " + ", ".join(repr(value) for value, _, _ in of.choices)
+            return f"one of {', '.join(map(repr, self.values))}"
         if self.kind is bool:
             return "true or false"
         if self.kind is str:
@@ -237,7 +249,8 @@ class Declared:
     def _fits(self, value: Any) -> bool:
         of = self.of
         if of.choices:
-            return isinstance(value, str) and any(value == choice for choice, _, _ in of.choices)
+            listed = of.lists and isinstance(value, list | tuple)
+            return listed or (type(value) is self.kind and value in self.values)
         if self.kind not in (int, float):
             return self.kind not in (bool, str) or isinstance(value, self.kind)
         kinds = int if self.kind is int else (int, float)

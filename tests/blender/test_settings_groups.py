@@ -65,6 +65,9 @@ def test_float64_in_and_out(rig: Any) -> None:
     rig.example.carrier_ghz = 77.1  # float32, as the window has it
     assert view.carrier_hz == 77.1e9
     assert Example.__test_changed__[-1] == 77.1e9  # type: ignore[attr-defined]
+    assert view.snapshots == 2
+    view.snapshots = 1
+    assert (view.snapshots, rig.example.snapshots) == (1, "1")
     view.max_standard_error = 0.015
     assert rig.example.max_standard_error == pytest.approx(1.5)
     assert view.gain_dbi is None
@@ -72,7 +75,7 @@ def test_float64_in_and_out(rig: Any) -> None:
     assert (view.gain_dbi, rig.example.use_gain_dbi) == (3.3, True)
     view.gain_dbi = None
     assert view.record(Example, carrier_hz=1e9) == dataclasses.replace(
-        Example(1e9), max_standard_error=0.015
+        Example(1e9), max_standard_error=0.015, snapshots=1
     )
 
 

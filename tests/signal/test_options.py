@@ -47,6 +47,9 @@ class Example:
     ring_step_m: float = setting(250.0, label="Ring step", help="Set the width", unit="m", above=0)
     pulses: int = setting(128, label="Pulses", help="Set 100 % of them", minimum=1, maximum=4096)
     kind: Literal["lfm", "fmcw"] = setting("lfm", label="Kind", help="Choose one", choices=KINDS)
+    snapshots: int = setting(
+        2, label="Snapshots", help="Choose how many", choices=(("1", "One", ""), ("2", "Two", ""))
+    )
     real_adc: bool = setting(False, label="Real ADC", help="Use one channel")
     gain_dbi: float | None = setting(None, label="Gain", help="Set", unit="dBi", initial=20.0)
     not_a_setting: str = ""
@@ -69,6 +72,7 @@ def test_names_follow_from_field_and_unit() -> None:
         "ring_step_m": ("ring_step_m", "--ring-step"),
         "pulses": ("pulses", "--pulses"),
         "kind": ("kind", "--kind"),
+        "snapshots": ("snapshots", "--snapshots"),
         "real_adc": ("real_adc", "--real-adc"),
         "gain_dbi": ("gain_dbi", "--gain-dbi"),
     }
@@ -106,6 +110,8 @@ def test_float32_becomes_what_was_typed(value: float, exponent: int, expected: f
         ({"pulses": 0}, "Pulses is 0; expected a whole number from 1 to 4096."),
         ({"pulses": 2.0}, "Pulses is 2.0"),
         ({"kind": "lfm "}, "Kind is 'lfm '; expected one of 'lfm', 'fmcw'."),
+        ({"snapshots": 3}, "Snapshots is 3; expected one of 1, 2."),
+        ({"snapshots": "2"}, "Snapshots is '2'; expected one of 1, 2."),
         ({"real_adc": 1}, "Real ADC is 1; expected true or false."),
         ({"gain_dbi": math.inf}, "Gain is inf dBi; expected a finite number, or none."),
         ({"max_standard_error": -0.1}, "Max standard error is -0.1; expected a finite number"),
@@ -150,7 +156,8 @@ def test_options_are_in_si_and_only_those_given() -> None:
         "max_standard_error": 0.025,
         "real_adc": False,
     }
-    assert parsed("--freq-ghz=24", "--kind", "fmcw") == {"carrier_hz": 24e9, "kind": "fmcw"}
+    found = parsed("--freq-ghz=24", "--kind", "fmcw", "--snapshots=1")
+    assert found == {"carrier_hz": 24e9, "kind": "fmcw", "snapshots": 1}
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,9 @@ def property_group(
     for item in settings.values():
         if item.optional:
             annotations[f"use_{item.name}"] = bpy.props.BoolProperty(
-                name=f"Set {item.of.label.lower()}", description=item.of.help
+                name=f"Set {item.of.label.lower()}",
+                description=item.of.help,
+                default=item.of.on or item.default is not None,
             )
         annotations[item.shown_name] = _property(item)
     annotations.update(others or {})
@@ -84,7 +86,7 @@ def _property(item: Declared) -> Any:
     if item.kind is bool:
         return bpy.props.BoolProperty(default=bool(item.initial), **common)
     if of.choices:
-        return bpy.props.EnumProperty(items=of.choices, default=item.initial, **common)
+        return bpy.props.EnumProperty(items=of.choices, default=str(item.initial), **common)
     if item.kind is str:
         if of.path:
             common |= {"subtype": f"{of.path}_PATH", "options": _RELATIVE}
@@ -112,7 +114,8 @@ def read(group: Any, item: Declared) -> Any:
         return None
     if item.kind is float:
         return float(group.get(item.name, item.initial))
-    return getattr(group, item.name)
+    value = getattr(group, item.name)
+    return item.kind(value) if item.of.choices else value
 
 
 def write(group: Any, item: Declared, value: Any) -> None:
@@ -122,7 +125,7 @@ def write(group: Any, item: Declared, value: Any) -> None:
     if item.kind is float and value is not None:
         group[item.name] = float(value)
     elif value is not None:
-        setattr(group, item.name, value)
+        setattr(group, item.name, str(value) if item.of.choices else value)
     if item.name in group.changes:
         group.changes[item.name](group)
 
