@@ -39,6 +39,7 @@ _SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
 }
 #: Endings of field names that an option leaves out.
 _SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
+_SMALL_WORDS = ("by", "for", "from", "of", "per")
 _KEY = "radarsim"
 _DECLARED: dict[Any, Mapping[str, Declared]] = {}
 
@@ -53,7 +54,7 @@ class Setting:
     Attributes
     ----------
     label
-        Name in the window, without unit.
+        Name in the window, without unit; a noun in sentence case.
     help
         Tooltip and help of the option: verb first, no final full stop.
     unit
@@ -119,17 +120,19 @@ class Setting:
             object.__setattr__(self, "unit", _SHOWN_UNITS[self.shown_in][0])
 
 
-def setting(default: Any = MISSING, **declaration: Any) -> Any:
+def setting(label: str, help: str, default: Any = MISSING, **declaration: Any) -> Any:
     """Return a dataclass field that declares a setting.
 
     Parameters
     ----------
+    label, help
+        See :class:`Setting`.
     default
         Default in SI; left out: the field must be given.
     **declaration
-        Attributes of :class:`Setting`.
+        Further attributes of :class:`Setting`.
     """
-    return dataclasses.field(default=default, metadata={_KEY: Setting(**declaration)})
+    return dataclasses.field(default=default, metadata={_KEY: Setting(label, help, **declaration)})
 
 
 @dataclass(frozen=True)
@@ -175,8 +178,12 @@ class Declared:
 
     @property
     def shown_label(self) -> str:
-        """Label with unit, such as "Carrier [GHz]"."""
-        return f"{self.of.label} [{self.shown_unit}]" if self.shown_unit else self.of.label
+        """Label in Blender's title case, with unit, such as "Chirp Duration [us]"."""
+        words = [
+            word.capitalize() if word.islower() and word not in _SMALL_WORDS else word
+            for word in self.of.label.split()
+        ]
+        return " ".join([*words, f"[{self.shown_unit}]"] if self.shown_unit else words)
 
     @property
     def flag(self) -> str:

@@ -30,10 +30,9 @@ class Example:
     """One setting of each type."""
 
     carrier_hz: float = setting(
-        label="Carrier",
+        "Carrier",
+        "Set the carrier frequency",
         initial=1e9,
-        help="Set the carrier frequency",
-        unit="Hz",
         shown_in="GHz",
         above=0.0,
         maximum=1e13,
@@ -42,16 +41,16 @@ class Example:
         old_flags=("--freq-ghz",),
     )
     max_standard_error: float = setting(
-        0.0, label="Max standard error", help="Stop below this", shown_in="%", minimum=0.0
+        "Max standard error", "Stop below this", 0.0, shown_in="%", minimum=0.0
     )
-    ring_step_m: float = setting(250.0, label="Ring step", help="Set the width", unit="m", above=0)
-    pulses: int = setting(128, label="Pulses", help="Set 100 % of them", minimum=1, maximum=4096)
-    kind: Literal["lfm", "fmcw"] = setting("lfm", label="Kind", help="Choose one", choices=KINDS)
+    ring_step_m: float = setting("Ring step", "Set the width", 250.0, unit="m", above=0)
+    pulses: int = setting("Pulses", "Set 100 % of them", 128, minimum=1, maximum=4096)
+    kind: Literal["lfm", "fmcw"] = setting("Kind", "Choose one", "lfm", choices=KINDS)
     snapshots: int = setting(
-        2, label="Snapshots", help="Choose how many", choices=(("1", "One", ""), ("2", "Two", ""))
+        "Snapshots", "Choose how many", 2, choices=(("1", "One", ""), ("2", "Two", ""))
     )
-    real_adc: bool = setting(False, label="Real ADC", help="Use one channel")
-    gain_dbi: float | None = setting(None, label="Gain", help="Set", unit="dBi", initial=20.0)
+    real_adc: bool = setting("Real ADC", "Use one channel", False)
+    gain_dbi: float | None = setting("Gain", "Set", None, unit="dBi", initial=20.0)
     not_a_setting: str = ""
 
     def __post_init__(self) -> None:
@@ -77,7 +76,7 @@ def test_names_follow_from_field_and_unit() -> None:
         "gain_dbi": ("gain_dbi", "--gain-dbi"),
     }
     assert declared(Example)["carrier_hz"].shown_label == "Carrier [GHz]"
-    assert declared(Example)["max_standard_error"].shown_label == "Max standard error [%]"
+    assert declared(Example)["max_standard_error"].shown_label == "Max Standard Error [%]"
     assert declared(Example)["gain_dbi"].initial == 20.0
 
 

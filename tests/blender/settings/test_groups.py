@@ -19,7 +19,7 @@ from radarsim_addon.blender.settings.groups import (  # noqa: E402
 )
 from radarsim_addon.errors import ConfigError, SettingNameError  # noqa: E402
 from radarsim_addon.options import declared, setting  # noqa: E402
-from tests.signal.test_options import Example  # noqa: E402
+from tests.package.test_options import Example  # noqa: E402
 
 pytestmark = pytest.mark.blender
 
@@ -127,7 +127,7 @@ def test_keyframes_move_a_setting(rig: Any) -> None:
 def test_one_name_is_one_setting() -> None:
     @dataclasses.dataclass
     class Other:
-        pulses: int = setting(3, label="Pulses", help="Other")
+        pulses: int = setting("Pulses", "Other", 3)
 
     with pytest.raises(TypeError, match=r"Other\.pulses is declared otherwise"):
         merged(Example, Other)
