@@ -62,18 +62,29 @@ def _reading(item: Declared) -> dict[str, Any]:
         return {"type": item.kind, "choices": item.values}
     if item.of.parse is not None:
         return {"type": item.of.parse, "metavar": item.of.metavar}
-    reader: Callable[[str], Any] = str
-    if item.kind is float:
+    reader: Callable[[str], Any] = item.number or str
+    if item.number is float:
 
         def reader(text: str) -> float:
             return item.from_shown(finite_number(text))
 
         reader.__name__ = "finite number"  # argparse names the type in its message
-    elif item.kind is int:
-        reader = int
+    if item.number and item.kind is not item.number:
+        return {"type": _pair_reader(reader, item.of.metavar), "metavar": item.of.metavar}
     unit = item.shown_unit.replace("%", "percent").upper()
     letters = {float: unit or "X", int: "N"}.get(item.kind, item.of.path or "TEXT")
     return {"type": reader, "metavar": item.of.metavar or letters}
+
+
+def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], Any]:
+    """Reader of two numbers, between them what is between those of the placeholder "A:B"."""
+
+    def pair(text: str) -> tuple[Any, Any]:
+        first, second = (reader(part) for part in text.split(metavar[1]))
+        return first, second
+
+    pair.__name__ = f"pair of numbers ({metavar})"
+    return pair
 
 
 def given(arguments: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:

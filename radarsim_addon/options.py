@@ -73,7 +73,7 @@ class Setting:
     lists
         Whether a list of numbers is allowed in place of a choice.
     initial
-        Value in the window before anybody changes it, where the field has no default or None.
+        Value in the window before anybody changes it, SI; None: the field's default.
     on
         Whether the window gives this value at first, where the default is None.
     hint
@@ -92,6 +92,8 @@ class Setting:
         Decimals in the window.
     path
         "FILE" or "DIR": the text names a file or a folder.
+    window
+        Whether the window shows it.
     """
 
     label: str
@@ -114,6 +116,7 @@ class Setting:
     parse: Callable[[str], Any] | None = None
     digits: int = 4
     path: Literal["", "FILE", "DIR"] = ""
+    window: bool = True
 
     def __post_init__(self) -> None:
         if self.shown_in:
@@ -194,14 +197,22 @@ class Declared:
         return self.of.flag or f"--{stem.replace('_', '-')}"
 
     @property
+    def number(self) -> Any:
+        """int or float, also for a pair of them; None for what is no number."""
+        kind = self.kind
+        if typing.get_origin(kind) is tuple:
+            kind = typing.get_args(kind)[0]
+        return kind if kind in (int, float) else None
+
+    @property
     def values(self) -> list[Any]:
         """The values to choose from, of the setting's type; empty: any."""
         return [self.kind(value) for value, _, _ in self.of.choices]
 
     @property
     def initial(self) -> Any:
-        """Value before anybody changes it: the field's default, else the declared one."""
-        return self.of.initial if self.default in (MISSING, None) else self.default
+        """Value in the window before anybody changes it."""
+        return self.default if self.of.initial is None else self.of.initial
 
     def from_shown(self, value: float) -> float:
         """Return a number given in the shown unit in SI, to the last decimal digit."""
@@ -223,10 +234,10 @@ class Declared:
             return "true or false"
         if self.kind is str:
             return "text"
-        if self.kind not in (int, float):
+        if self.number is None:
             return of.metavar or "another value"
-        words = "a whole number" if self.kind is int else "a finite number"
-        return words + self.bounds
+        words = "whole number" if self.number is int else "finite number"
+        return (f"a {words}" if self.kind is self.number else f"two {words}s") + self.bounds
 
     @property
     def bounds(self) -> str:
@@ -258,9 +269,15 @@ class Declared:
         if of.choices:
             listed = of.lists and isinstance(value, list | tuple)
             return listed or (type(value) is self.kind and value in self.values)
-        if self.kind not in (int, float):
+        if self.number is None:
             return self.kind not in (bool, str) or isinstance(value, self.kind)
-        kinds = int if self.kind is int else (int, float)
+        if self.kind is not self.number:
+            return isinstance(value, tuple) and len(value) == 2 and all(map(self._in_bounds, value))
+        return self._in_bounds(value)
+
+    def _in_bounds(self, value: Any) -> bool:
+        of = self.of
+        kinds = int if self.number is int else (int, float)
         if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(value):
             return False
         return not (

@@ -36,7 +36,7 @@ def merged(*kinds: type[Any]) -> dict[str, Declared]:
     found: dict[str, Declared] = {}
     for kind in kinds:
         for name, item in declared(kind).items():
-            if found.setdefault(name, item) != item:
+            if item.of.window and found.setdefault(name, item) != item:
                 raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
     return found
 

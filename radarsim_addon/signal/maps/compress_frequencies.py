@@ -74,7 +74,7 @@ def compress_lines(
     count = waveform.grid_count
     if isinstance(waveform, PmcwWaveform):
         code = np.fft.fft(replica(waveform))
-        codes = samples.reshape(-1, waveform.repeats, count).mean(axis=1)
+        codes = samples.reshape(-1, waveform.code_repeats, count).mean(axis=1)
         spectra = np.fft.fftshift(np.fft.fft(codes, axis=1) * np.conj(code), axes=1)
         spectra /= np.sum(np.abs(code) ** 2)
     else:
@@ -103,7 +103,7 @@ def line_noise_gain(waveform: LineWaveform, window: str) -> float:
     if isinstance(waveform, PmcwWaveform):
         # a correlation with N samples of power |w|^2, averaged over the repeats
         energy = float(np.sum(np.abs(replica(waveform)) ** 2))
-        return 1 / (energy * waveform.repeats)
+        return 1 / (energy * waveform.code_repeats)
     weight = line_weights(waveform, window)
     gain = float(np.sum(weight**2) / weight.sum() ** 2)
     return 2 * gain if isinstance(waveform, FmcwWaveform) and waveform.real_adc else gain

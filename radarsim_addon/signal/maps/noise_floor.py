@@ -25,7 +25,7 @@ def coherent_samples(radar: Radar) -> int:
     """Raw samples that carry one pulse's echo, and add up coherently in its range cell."""
     waveform = radar.waveform
     if isinstance(waveform, LineWaveform):
-        repeats = waveform.repeats if isinstance(waveform, PmcwWaveform) else 1
+        repeats = waveform.code_repeats if isinstance(waveform, PmcwWaveform) else 1
         return waveform.grid_count * repeats
     return replica_count(waveform)
 

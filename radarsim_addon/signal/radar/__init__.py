@@ -21,7 +21,7 @@ from .pulse_replicas import (
 )
 from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
 from .radar_files import burst_from_dict, load_radar, waveform_from_dict, waveform_to_dict
-from .waveform import AnyWaveform, check_count
+from .waveform import AnyWaveform
 from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
@@ -40,7 +40,6 @@ __all__ = [
     "Waveform",
     "band_window",
     "burst_from_dict",
-    "check_count",
     "cut_dbi",
     "find_suspicious_parameters",
     "frequencies_hz",

@@ -12,14 +12,14 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.settings.groups import (  # noqa: E402
+from radarsim_addon.blender.settings.groups import (
     Settings,
     merged,
     property_group,
 )
-from radarsim_addon.errors import ConfigError, SettingNameError  # noqa: E402
-from radarsim_addon.options import declared, setting  # noqa: E402
-from tests.package.test_options import Example  # noqa: E402
+from radarsim_addon.errors import ConfigError, SettingNameError
+from radarsim_addon.options import declared, setting
+from tests.package.test_options import Example
 
 pytestmark = pytest.mark.blender
 

@@ -54,7 +54,7 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
         receiver = Receiver(
             noise_figure_db=system.noise_figure_db,
             antenna_temperature_k=system.antenna_temperature_k,
-            seed=seed,
+            noise_seed=seed,
         )
         noisy = apply_receiver(echoes, receiver).echoes
         rd_map = range_doppler(range_process(noisy, window), window)

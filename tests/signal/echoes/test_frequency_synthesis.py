@@ -30,7 +30,7 @@ from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
 FMCW = FmcwWaveform(77e9, 1e9, 64, 5e6, adc_start_s=2e-6, idle_s=4e-6)
 STEPPED = SteppedWaveform(10e9, 2e6, 48, 50e-6)
-PMCW = PmcwWaveform(79e9, 1e-9, 6, repeats=3)
+PMCW = PmcwWaveform(79e9, 1e-9, 6, code_repeats=3)
 KINDS = pytest.mark.parametrize("waveform", [FMCW, STEPPED, PMCW], ids=lambda w: w.kind)
 needs_finufft = pytest.mark.skipif(not has_finufft(), reason="finufft is not installed")
 

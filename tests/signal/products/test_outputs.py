@@ -34,7 +34,7 @@ OTHERS = [
     FmcwWaveform(5.3e9, 50e6, 512, 1e6),
     FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
     SteppedWaveform(5.3e9, 100e3, 512, 1.5e-6),
-    PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+    PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=8),
 ]
 
 

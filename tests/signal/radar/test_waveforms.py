@@ -139,7 +139,7 @@ def test_pmcw_sidelobes_are_minus_one_nth() -> None:
 
 
 def test_pmcw_loses_what_doppler_turns_during_the_repeats() -> None:
-    waveform = PmcwWaveform(79e9, 1e-9, 10, repeats=64)
+    waveform = PmcwWaveform(79e9, 1e-9, 10, code_repeats=64)
     radar = burst_of(waveform, 16)
     rate_mps = 0.35 * 2 * radar.max_unambiguous_velocity_mps
     echoes = synthesize(unit_paths(radar, [20.0], [rate_mps]), radar, range_limits_m=(0.0, 50.0))
