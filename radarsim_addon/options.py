@@ -24,6 +24,7 @@ from decimal import Decimal
 from typing import Any, Literal, TypeVar
 
 from .errors import ConfigError
+from .old_names import todays_name
 
 Record = TypeVar("Record")
 
@@ -78,8 +79,6 @@ class Setting:
         Whether the window gives this value at first, where the default is None.
     hint
         What to do about a wrong value: one sentence at the end of the error.
-    aliases
-        Former keys in JSON files, still read.
     old_flags
         Former options of the same meaning and unit, still accepted.
     flag
@@ -109,7 +108,6 @@ class Setting:
     initial: Any = None
     on: bool = False
     hint: str = ""
-    aliases: tuple[str, ...] = ()
     old_flags: tuple[str, ...] = ()
     flag: str = ""
     metavar: str = ""
@@ -357,7 +355,7 @@ def from_json(kind: type[Record], data: Any, where: str, error: type[Exception] 
     kind
         Dataclass.
     data
-        Fields by name; former names (aliases) are read too.
+        Fields by name; names of former versions are read too.
     where
         File and place, for messages.
     error
@@ -373,10 +371,9 @@ def from_json(kind: type[Record], data: Any, where: str, error: type[Exception] 
         raise error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
     fields = {item.name: item for item in dataclasses.fields(typing.cast(Any, kind))}
     settings, hints = declared(kind), typing.get_type_hints(kind)
-    current = {old: name for name, item in settings.items() for old in item.of.aliases}
     values: dict[str, Any] = {}
     for key, value in data.items():
-        name = current.get(key, key)
+        name = todays_name(key, fields)
         if name not in fields:
             near = difflib.get_close_matches(key, fields, 1)
             guess = f" Do you mean {near[0]!r}?" if near else ""

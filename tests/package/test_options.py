@@ -37,12 +37,12 @@ class Example:
         above=0.0,
         maximum=1e13,
         hint="Check the unit.",
-        aliases=("carrier",),
         old_flags=("--freq-ghz",),
     )
     max_standard_error: float = setting(
         "Max standard error", "Stop below this", 0.0, shown_in="%", minimum=0.0
     )
+    snapshot_interval_s: float = setting("Snapshot interval", "Set", 0.01, shown_in="ms")
     ring_step_m: float = setting("Ring step", "Set the width", 250.0, unit="m", above=0)
     pulses: int = setting("Pulses", "Set 100 % of them", 128, minimum=1, maximum=4096)
     kind: Literal["lfm", "fmcw"] = setting("Kind", "Choose one", "lfm", choices=KINDS)
@@ -68,6 +68,7 @@ def test_names_follow_from_field_and_unit() -> None:
     assert found == {
         "carrier_hz": ("carrier_ghz", "--carrier-ghz"),
         "max_standard_error": ("max_standard_error", "--max-standard-error"),
+        "snapshot_interval_s": ("snapshot_interval_ms", "--snapshot-interval-ms"),
         "ring_step_m": ("ring_step_m", "--ring-step"),
         "pulses": ("pulses", "--pulses"),
         "kind": ("kind", "--kind"),
@@ -125,8 +126,8 @@ def test_what_does_not_fit_is_named(change: dict[str, Any], message: str) -> Non
 def test_json_there_and_back() -> None:
     record = Example(77e9, kind="fmcw", gain_dbi=3.5)
     assert from_json(Example, to_json(record), "a.json") == record
-    read = from_json(Example, {"carrier": 77000000000, "pulses": 64.0, "gain_dbi": None}, "a.json")
-    assert read == Example(77e9, pulses=64)
+    read = from_json(Example, {"carrier_hz": 77000000000, "delta_t_s": 1, "pulses": 64.0, "gain_dbi": None}, "a.json")
+    assert read == Example(77e9, pulses=64, snapshot_interval_s=1.0)
     assert isinstance(read.carrier_hz, float)
     assert isinstance(read.pulses, int)
 
@@ -140,7 +141,7 @@ def test_json_there_and_back() -> None:
         ({"carrier_hz": "1 GHz"}, "a.json: carrier_hz: Carrier is '1 GHz'"),
         ({"carrier_hz": 1e9, "pulses": 1.5}, "a.json: pulses: Pulses is 1.5"),
         ({"carrier_hz": 1e9, "not_a_setting": 3}, "not_a_setting is 3; expected text"),
-        ({"carrier": -1e9}, "a.json: carrier: Carrier is -1000000000.0 Hz"),
+        ({"carrier_hz": 1e9, "delta_t_s": "a"}, "a.json: delta_t_s: Snapshot interval is 'a'"),
     ],
 )
 def test_json_that_does_not_fit_is_named(data: Any, message: str) -> None:

@@ -17,7 +17,6 @@ CHIP: dict[str, Any] = {
     "shown_in": "ns",
     "above": 0.0,
     "initial": 20e-9,
-    "aliases": ("chip_length_s",),
 }
 
 

@@ -135,7 +135,6 @@ class FmcwWaveform(LineNumbers):
         shown_in="MHz",
         above=0.0,
         initial=10e6,
-        aliases=("sampling_rate_hz",),
     )
     adc_start_s: float = setting(
         "ADC start", "Set the time from the start of the ramp to the first sample", 0.0,
@@ -315,7 +314,6 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
         minimum=2,
         maximum=16,
         initial=10,
-        aliases=("degree",),
     )
     code_repeats: int = setting(
         "Code repeats",
@@ -325,7 +323,6 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
         maximum=1 << 16,
         soft_maximum=1024,
         initial=8,
-        aliases=("repeats",),
     )
     samples_per_chip: int = setting(
         "Samples per chip", "Set the complex samples per chip", 1, minimum=1, maximum=64,

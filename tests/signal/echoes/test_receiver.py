@@ -187,7 +187,7 @@ def test_a_real_adc_delivers_real_samples() -> None:
         ({"adc_bits": 40}, "ADC bits"),
         ({"adc_full_scale": 1.0}, "without a number of bits"),
         ({"adc_bits": 8, "adc_full_scale": 0.0}, "full scale is 0"),
-        ({"seed": -1}, "seed"),
+        ({"noise_seed": -1}, "Noise seed is -1"),
     ],
 )
 def test_receivers_that_do_not_fit(numbers: dict, message: str) -> None:
