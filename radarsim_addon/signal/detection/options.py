@@ -11,7 +11,7 @@ from ...contract import AmplitudeModel, LinkBudget
 from ...errors import ConfigError
 from ..decoding import MAX_RANGE_RATE_MPS
 from ..echoes import Receiver
-from ..radar import Radar, weighting_of
+from ..radar import Radar
 from ..runs import Run
 from ..spectrum import TOLERANCE, Backend, Method
 from .cfar import Cfar
@@ -121,7 +121,7 @@ class ProcessOptions:
                 f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
                 "antenna has one. Set gain_dbi there, or leave the receiver gain out."
             )
-        amplitude_model = self.amplitude_model or weighting_of(system)
+        amplitude_model = self.amplitude_model or (system or LinkBudget()).amplitude_model
         receiver = self.receiver
         if self.system_noise:
             if system is None:

@@ -8,7 +8,7 @@ their pulses. Gains are linear, angles in radians.
 from .antennas import PeakedAntenna, self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
-from .link_budget import RadarSystem, make_system, read_system, weighting_of
+from .link_budget import RadarSystem, make_system, read_system
 from .parameter_checks import find_suspicious_parameters, length_text
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
 from .pulse_replicas import (
@@ -57,6 +57,5 @@ __all__ = [
     "slow_time_window",
     "waveform_from_dict",
     "waveform_to_dict",
-    "weighting_of",
     "window_at",
 ]

@@ -78,7 +78,10 @@ def test_pickles_are_not_read(tmp_path: Path) -> None:
         ({"kind": "sonar"}, "sonar.*knows"),
         ({"kind": "fmcw", "carrier_hz": 77e9}, "lacks bandwidth_hz, adc_samples"),
         ({**waveform_to_dict(FMCW), "slope": 1}, "unknown field 'slope'"),
-        ({**waveform_to_dict(FMCW), "carrier_hz": "77e9"}, "carrier_hz: Carrier frequency is '77e9'"),
+        (
+            {**waveform_to_dict(FMCW), "carrier_hz": "77e9"},
+            "carrier_hz: Carrier frequency is '77e9'",
+        ),
         ({**waveform_to_dict(FMCW), "carrier_hz": 77.0}, "check the units"),
         ({**waveform_to_dict(FMCW), "ramp_s": 1e-6}, "ends before the ADC"),
         ({**waveform_to_dict(FMCW), "idle_s": -1.0}, "Idle time"),
