@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING
 from typing import Any
 
@@ -23,9 +23,12 @@ def finite_number(text: str) -> float:
 
 
 def add_arguments(
-    parser: argparse._ActionsContainer, kind: type[Any], *names: str, defaults: bool = False
+    parser: argparse._ActionsContainer,
+    settings: Mapping[str, Declared],
+    *names: str,
+    defaults: bool = False,
 ) -> None:
-    """Add an option for each setting of a dataclass.
+    """Add an option for each setting.
 
     An option that is not given is None. Given values are in SI under the field's name, see
     :func:`given`. Former options are accepted and not shown.
@@ -34,14 +37,13 @@ def add_arguments(
     ----------
     parser
         Parser or group of arguments.
-    kind
-        Dataclass.
+    settings
+        By their names, from `declared` or `merged`.
     *names
-        Its fields, in the order of the help; none: all that are declared.
+        Those that are added, in the order of the help; none: all.
     defaults
         Whether the help tells the defaults: they hold where an option is left out.
     """
-    settings = declared(kind)
     for name in names or settings:
         item = settings[name]
         shown = item.of.help
@@ -87,9 +89,9 @@ def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], 
     return pair
 
 
-def given(arguments: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
-    """Return the settings of a dataclass that were given on the command line, in SI."""
-    found = {name: getattr(arguments, name, None) for name in declared(kind)}
+def given(arguments: argparse.Namespace, settings: Iterable[str]) -> dict[str, Any]:
+    """Return the settings that were given on the command line by their names, in SI."""
+    found = {name: getattr(arguments, name, None) for name in settings}
     return {name: value for name, value in found.items() if value is not None}
 
 

@@ -3,7 +3,7 @@
 
 A frozen dataclass declares its fields by :func:`setting`, in SI units and float64. From the
 declaration follow the check of its bounds (:func:`check_settings`), its key in JSON files
-(:func:`from_json`, :func:`to_json`), its command-line option (:mod:`.option_arguments`), its
+(:mod:`.option_files`), its command-line option (:mod:`.option_arguments`), its
 field in Blender's window (:mod:`.blender.settings`) and its row in the reference.
 
 A setting has one stem. The field ends with its SI unit (``carrier_hz``), the window and the command
@@ -14,19 +14,15 @@ metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from decimal import Decimal
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from .errors import ConfigError
-from .old_names import todays_name
-
-Record = TypeVar("Record")
 
 #: Unit that is shown -> SI unit, power of ten between them, ending of names.
 _SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
@@ -293,18 +289,18 @@ def declared(kind: Any) -> Mapping[str, Declared]:
     found = {}
     for item in dataclasses.fields(kind):
         if _KEY in item.metadata:
-            value_type, optional = _value_type(hints[item.name])
+            value_type, optional = value_type(hints[item.name])
             found[item.name] = Declared(
                 item.name, value_type, optional, item.default, item.metadata[_KEY]
             )
     return _DECLARED.setdefault(kind, types.MappingProxyType(found))
 
 
-def _value_type(hint: Any) -> tuple[Any, bool]:
-    """Type of the values, and whether None is one of them."""
+def value_type(hint: Any) -> tuple[Any, bool]:
+    """Return the type of the values that an annotation allows, and whether None is one."""
     if typing.get_origin(hint) in (types.UnionType, typing.Union):
         inner = [item for item in typing.get_args(hint) if item is not type(None)]
-        return _value_type(inner[0])[0], len(inner) < len(typing.get_args(hint))
+        return value_type(inner[0])[0], len(inner) < len(typing.get_args(hint))
     if typing.get_origin(hint) is Literal:
         return str, False
     return hint, False
@@ -338,85 +334,17 @@ def shortest_decimal(value: float, exponent: int = 0) -> float:
     return float(Decimal(f"{value:.7g}").scaleb(exponent))
 
 
-# -- JSON ------------------------------------------------------------------------------------------
-
-
-def to_json(record: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass instance by name, nested ones too, as JSON holds them."""
-    return dataclasses.asdict(record)
-
-
-def from_json(kind: type[Record], data: Any, where: str, error: type[Exception] = ConfigError
-              ) -> Record:  # fmt: skip
-    """Make a dataclass instance from parsed JSON.
-
-    Parameters
-    ----------
-    kind
-        Dataclass.
-    data
-        Fields by name; names of former versions are read too.
-    where
-        File and place, for messages.
-    error
-        Class of the errors about the JSON itself.
+def merged(*kinds: type[Any]) -> dict[str, Declared]:
+    """Return the settings of several dataclasses that the window shows; one name is one setting.
 
     Raises
     ------
-    ConfigError
-        A field is unknown or missing, a value has the wrong type or is out of bounds. The message
-        names the place, what was found and what was expected.
+    TypeError
+        Two of the dataclasses declare the same name differently: a defect.
     """
-    if not isinstance(data, dict):
-        raise error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
-    fields = {item.name: item for item in dataclasses.fields(typing.cast(Any, kind))}
-    settings, hints = declared(kind), typing.get_type_hints(kind)
-    values: dict[str, Any] = {}
-    for key, value in data.items():
-        name = todays_name(key, fields)
-        if name not in fields:
-            near = difflib.get_close_matches(key, fields, 1)
-            guess = f" Do you mean {near[0]!r}?" if near else ""
-            raise error(
-                f"{where} has the unknown field {key!r}; its fields are {', '.join(fields)} "
-                f"(SI units).{guess}"
-            )
-        values[name] = _from_json(hints[name], value, f"{where}: {key}", error)
-        item = settings.get(name) or Declared(
-            name, *_value_type(hints[name]), MISSING, Setting(name, "")
-        )
-        _check_at(f"{where}: {key}", item, values[name], error)
-    lacking = [
-        name
-        for name, item in fields.items()
-        if name not in values and item.default is MISSING and item.default_factory is MISSING
-    ]
-    if lacking:
-        raise error(f"{where} lacks {', '.join(lacking)}; its fields are {', '.join(fields)}.")
-    return kind(**values)
-
-
-def _check_at(where: str, item: Declared, value: Any, error: type[Exception]) -> None:
-    try:
-        item.check(value)
-    except ConfigError as wrong:
-        raise error(f"{where}: {wrong}") from wrong
-
-
-def _from_json(hint: Any, value: Any, where: str, error: type[Exception]) -> Any:
-    """A JSON value as its annotated type, as far as JSON writes that type otherwise."""
-    kind, optional = _value_type(hint)
-    if value is None and optional:
-        return None
-    if dataclasses.is_dataclass(kind):
-        return from_json(typing.cast(Any, kind), value, where, error)
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if kind is float and number:
-        return float(value)
-    if kind is int and isinstance(value, float) and value.is_integer():
-        return int(value)  # JSON of other programs writes 128.0 for 128
-    if typing.get_origin(kind) is tuple and isinstance(value, list):
-        return tuple(value)
-    if (kind is dict or typing.get_origin(kind) is dict) and not isinstance(value, dict):
-        raise error(f"{where} is {value!r:.60}; expected a JSON object.")
-    return value
+    found: dict[str, Declared] = {}
+    for kind in kinds:
+        for name, item in declared(kind).items():
+            if item.of.window and found.setdefault(name, item) != item:
+                raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
+    return found

@@ -13,13 +13,12 @@ import pytest
 
 from radarsim_addon.errors import ConfigError, FrameFileError
 from radarsim_addon.option_arguments import add_arguments, given, settings_table
+from radarsim_addon.option_files import from_json, to_json
 from radarsim_addon.options import (
     check_settings,
     declared,
-    from_json,
     setting,
     shortest_decimal,
-    to_json,
 )
 
 KINDS = (("lfm", "LFM pulse", "Linear chirp"), ("fmcw", "FMCW", "De-chirp"))
@@ -59,8 +58,8 @@ class Example:
 
 def parsed(*words: str) -> dict[str, Any]:
     parser = argparse.ArgumentParser(allow_abbrev=False)
-    add_arguments(parser, Example, defaults=True)
-    return given(parser.parse_args(words), Example)
+    add_arguments(parser, declared(Example), defaults=True)
+    return given(parser.parse_args(words), declared(Example))
 
 
 def test_names_follow_from_field_and_unit() -> None:
@@ -126,7 +125,11 @@ def test_what_does_not_fit_is_named(change: dict[str, Any], message: str) -> Non
 def test_json_there_and_back() -> None:
     record = Example(77e9, kind="fmcw", gain_dbi=3.5)
     assert from_json(Example, to_json(record), "a.json") == record
-    read = from_json(Example, {"carrier_hz": 77000000000, "delta_t_s": 1, "pulses": 64.0, "gain_dbi": None}, "a.json")
+    read = from_json(
+        Example,
+        {"carrier_hz": 77000000000, "delta_t_s": 1, "pulses": 64.0, "gain_dbi": None},
+        "a.json",
+    )
     assert read == Example(77e9, pulses=64, snapshot_interval_s=1.0)
     assert isinstance(read.carrier_hz, float)
     assert isinstance(read.pulses, int)
@@ -170,7 +173,7 @@ def test_options_that_cannot_be_read(words: tuple[str, ...]) -> None:
 
 def test_help_and_table_tell_the_same_sentence() -> None:
     parser = argparse.ArgumentParser()
-    add_arguments(parser, Example, defaults=True)
+    add_arguments(parser, declared(Example), defaults=True)
     shown = " ".join(parser.format_help().split())
     table = settings_table(Example, ["carrier_hz"])
     for item in declared(Example).values():

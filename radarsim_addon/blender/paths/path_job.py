@@ -68,7 +68,7 @@ class PathJob(MeasurementJob):
     ) -> None:
         # One sample a pixel; bounces follow from the order.
         measurement = dataclasses.replace(
-            measurement, samples=1, max_bounces=options.max_reflections - 1
+            measurement, samples=1, max_reflections=options.max_reflections
         )
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
@@ -295,10 +295,10 @@ class PathJob(MeasurementJob):
         limits = TraceLimits(
             max_reflections=options.max_reflections,
             max_depth=options.max_depth,
-            residual=options.residual,
+            residual=options.max_unfollowed_fraction,
             deterministic_transmission=not self.code_world,
             world_code=self.code_world,
-            amplitude=options.amplitude,
+            amplitude=options.amplitude_channel,
             # What lies beyond is asked once, of the whole frame: finer tiles would ask it again.
             probe=shift == 0 and tile.level == 0,
             opaque=self.path_scene.opaque,
@@ -343,8 +343,8 @@ def _vertex_map(
 
 def _needs_world_code(view_layer: Any, options: PathOptions) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    if options.code != "auto":
-        return options.code == "world"
+    if options.range_encoding != "auto":
+        return options.range_encoding == "world"
     for item in bpy.data.objects:
         if item.type not in SURFACE_TYPES or item.hide_render:
             continue

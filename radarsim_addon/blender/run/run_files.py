@@ -132,7 +132,7 @@ def render_record(
         transmitter=emitter,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_bounces,
+        max_bounces=measurement.max_reflections - 1,
         exr_file=exr.name,
         exr_sha256=file_sha256(exr),
         versions=versions,

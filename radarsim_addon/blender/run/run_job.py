@@ -24,6 +24,7 @@ import bpy
 
 from ... import __version__, contract
 from ...framewarnings import FrameWarnings
+from ...options import shortest_decimal
 from ..materials import is_physical
 from ..nodes import refresh_groups
 from ..plan import (
@@ -36,7 +37,6 @@ from ..plan import (
     fingerprint,
     instant_at,
     make_plan,
-    shortest_decimal,
     warnings_for,
 )
 from ..scene import (

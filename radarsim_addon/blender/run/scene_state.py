@@ -176,10 +176,8 @@ class MeasurementSettings:
         put(cycles, "caustics_reflective", True)
         put(cycles, "caustics_refractive", True)
         put(cycles, "use_fast_gi", False)
-        put(cycles, "max_bounces", measurement.max_bounces)
-        put(cycles, "diffuse_bounces", measurement.max_bounces)
-        put(cycles, "glossy_bounces", measurement.max_bounces)
-        put(cycles, "transmission_bounces", measurement.max_bounces)
+        for name in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
+            put(cycles, name, measurement.max_reflections - 1)
         put(cycles, "volume_bounces", 0)
         put(cycles, "transparent_max_bounces", TRANSPARENT_BOUNCES)
         put(cycles, "use_light_tree", False)

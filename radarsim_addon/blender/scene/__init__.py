@@ -22,17 +22,30 @@ from .mesh_checks import check_meshes
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
-from .rig import Rig, find_rig, setup_rig
+from .rig import (
+    ACTIVE_RADAR_PROPERTY,
+    Rig,
+    active_radar,
+    antennas_of,
+    find_rig,
+    is_transmitter,
+    radar_of,
+    radars,
+    setup_rig,
+)
 from .visibility import show_what_renders
 
 __all__ = [
+    "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "InstancePose",
     "Key",
     "Poses",
     "Rig",
+    "active_radar",
     "aim",
+    "antennas_of",
     "beside_box",
     "camera_kind",
     "check_meshes",
@@ -45,8 +58,11 @@ __all__ = [
     "find_rig",
     "instance_key",
     "instance_name",
+    "is_transmitter",
     "isolate",
     "pose_in_metres",
+    "radar_of",
+    "radars",
     "receiver_record",
     "remove_patterns",
     "rigid_pose",

@@ -16,6 +16,8 @@ from ..nodes.groups import KIND_PROPERTY
 from .finite_checks import check_pose
 
 RIG_NAME = "Radar"
+#: Scene property: the radar that measures.
+ACTIVE_RADAR_PROPERTY = "radarsim_rig"
 RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
 #: EIRP of a new emitter [W]: 1 kW into an antenna of 30 dB.
@@ -63,18 +65,7 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     -------
     bpy.types.Object
         The empty.
-
-    Raises
-    ------
-    SceneError
-        The scene has an emitter already.
     """
-    present = [item.name for item in scene.objects if _is_emitter(item)]
-    if present:
-        raise SceneError(
-            f"The scene has a radar emitter already ({', '.join(map(repr, present))}); "
-            "this version measures with one. Move that one, or delete it first."
-        )
     empty = bpy.data.objects.new(RIG_NAME, None)
     camera = bpy.data.objects.new(RECEIVER_NAME, bpy.data.cameras.new(RECEIVER_NAME))
     emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
@@ -95,7 +86,56 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     empty.location = location
     if scene.camera is None:
         scene.camera = camera
+    if hasattr(scene, ACTIVE_RADAR_PROPERTY):
+        setattr(scene, ACTIVE_RADAR_PROPERTY, empty)
     return empty
+
+
+def radar_of(light: Any) -> Any:
+    """Return the object that keeps the settings of a transmitter: its parent, else itself."""
+    return light.parent or light
+
+
+def radars(scene: Any) -> list[Any]:
+    """Return the radars of a scene, in the order of its objects."""
+    return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
+
+
+def active_radar(scene: Any) -> Any:
+    """Return the radar that a scene measures with: the chosen one, else the only one.
+
+    Raises
+    ------
+    SceneError
+        There is none, or there are several of which none is chosen.
+    """
+    chosen = getattr(scene, ACTIVE_RADAR_PROPERTY, None)
+    if chosen is not None and chosen.name in scene.objects:
+        return chosen
+    found = {
+        radar_of(item) for item in scene.objects if is_transmitter(item) if not item.hide_render
+    }
+    return found.pop() if len(found) == 1 else radar_of(_only_emitter(scene))
+
+
+def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
+    """Return the objects that a radar names or carries, as `find_rig` takes them.
+
+    Raises
+    ------
+    SceneError
+        It has no transmitter.
+    """
+    group = getattr(radar, "radarsim", None)
+    camera, light = (getattr(group, name, None) for name in ("camera", "light"))
+    own = [item for item in scene.objects if is_transmitter(item) and radar_of(item) == radar]
+    if light is None and not own:
+        raise SceneError(
+            f"{radar.name!r} carries no radar transmitter. Choose another radar in the Radar tab, "
+            "or press Radar > Set Up Radar."
+        )
+    shown = [item for item in own if not item.hide_render] or own
+    return {"camera": camera, "emitter": light or (shown[0] if len(shown) == 1 else None)}
 
 
 def find_rig(
@@ -119,7 +159,7 @@ def find_rig(
         antennas.
     """
     emitter = emitter or _only_emitter(scene)
-    if not _is_emitter(emitter) or emitter.name not in scene.objects:
+    if not is_transmitter(emitter) or emitter.name not in scene.objects:
         raise SceneError(
             f"{emitter.name!r} is not an emitter of this scene; expected a point lamp with the "
             "Ring Emitter node group. Press Radar > Set Up Radar."
@@ -163,14 +203,15 @@ def check_scale(item: Any, matrix_world: Any) -> None:
         )
 
 
-def _is_emitter(item: Any) -> bool:
+def is_transmitter(item: Any) -> bool:
+    """Return whether an object is a Point light with the Ring Emitter."""
     return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
 
 
 def _only_emitter(scene: Any) -> Any:
-    found = [item for item in scene.objects if _is_emitter(item) and not item.hide_render]
+    found = [item for item in scene.objects if is_transmitter(item) and not item.hide_render]
     if not found:
-        hidden = [item.name for item in scene.objects if _is_emitter(item)]
+        hidden = [item.name for item in scene.objects if is_transmitter(item)]
         if hidden:
             raise SceneError(
                 f"The radar emitter {hidden[0]!r} is hidden from renders. "
@@ -184,7 +225,7 @@ def _only_emitter(scene: Any) -> Any:
         names = ", ".join(repr(item.name) for item in found)
         raise SceneError(
             f"The scene has {len(found)} radar emitters ({names}); a measurement has one. "
-            "Hide the others from renders, or choose one in Radar > Rig."
+            "Hide the others from renders, or choose one in the Radar tab."
         )
     return found[0]
 

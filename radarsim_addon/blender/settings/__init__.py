@@ -1,23 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The user's settings as Blender properties, and their way into plan records.
+"""The user's settings in Blender: property groups made from the declared settings.
 
-In: panel values in GHz, MHz, us, ms. Out: checked records in SI, float64.
+In: the settings that dataclasses declare. Out: property groups on the radar rig, and
+:func:`settings`, which reads and sets them in SI and float64; checked records of the plan.
 """
 
-from .link_budget import ANTENNA_SETTINGS, read_system_settings
-from .material import MATERIAL_PROPERTY, carrier_hz, choose_medium
-from .paths import read_path_options
-from .radar import PROGRESS_PROPERTY, SCENE_PROPERTY
-from .waveform import WAVEFORM_SETTINGS
+from .groups import Settings
+from .material import MATERIAL_PROPERTY, choose_medium
+from .migration import migrate_file, migrate_scene
+from .radar import (
+    RADAR_PROPERTY,
+    RADAR_SETTINGS,
+    WAVEFORMS,
+    carrier_hz,
+    output_folder,
+    read_link_budget,
+    read_measurement,
+    read_path_options,
+    settings,
+)
+from .registration import PROGRESS_PROPERTY, register, unregister
 
 __all__ = [
-    "ANTENNA_SETTINGS",
     "MATERIAL_PROPERTY",
     "PROGRESS_PROPERTY",
-    "SCENE_PROPERTY",
-    "WAVEFORM_SETTINGS",
+    "RADAR_PROPERTY",
+    "RADAR_SETTINGS",
+    "WAVEFORMS",
+    "Settings",
     "carrier_hz",
     "choose_medium",
+    "migrate_file",
+    "migrate_scene",
+    "output_folder",
+    "read_link_budget",
+    "read_measurement",
     "read_path_options",
-    "read_system_settings",
+    "register",
+    "settings",
+    "unregister",
 ]

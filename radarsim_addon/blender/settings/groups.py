@@ -25,22 +25,6 @@ _RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) els
 _LEAST_SHOWN = 1e-6
 
 
-def merged(*kinds: type[Any]) -> dict[str, Declared]:
-    """Return the settings of several dataclasses by name; one name is one setting.
-
-    Raises
-    ------
-    TypeError
-        Two of the dataclasses declare the same name differently: a defect.
-    """
-    found: dict[str, Declared] = {}
-    for kind in kinds:
-        for name, item in declared(kind).items():
-            if item.of.window and found.setdefault(name, item) != item:
-                raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
-    return found
-
-
 def property_group(
     name: str,
     settings: Mapping[str, Declared],
@@ -73,7 +57,6 @@ def property_group(
     members = {
         "__annotations__": annotations,
         "__doc__": "Settings, see the declarations of their dataclasses.",
-        "settings": dict(settings),
         "changes": dict(changes or {}),
     }
     return type(name, (bpy.types.PropertyGroup,), members)
@@ -135,26 +118,32 @@ class Settings:
 
     ``view.carrier_hz = 77e9`` reads back as 77e9. Setting raises a `ConfigError` where the value
     has the wrong type or is out of bounds; an unknown name raises a `SettingNameError`.
+
+    Parameters
+    ----------
+    group : bpy.types.PropertyGroup
+    declarations
+        Its settings by name; of groups within it (antennas), theirs by the group's name.
     """
 
-    __slots__ = ("_group",)
+    __slots__ = ("_declarations", "_group")
 
-    def __init__(self, group: Any) -> None:
+    def __init__(
+        self, group: Any, declarations: Mapping[str, Declared | Mapping[str, Declared]]
+    ) -> None:
         object.__setattr__(self, "_group", group)
+        object.__setattr__(self, "_declarations", declarations)
 
     def __getattr__(self, name: str) -> Any:
-        settings = self._group.settings
-        if name in settings:
-            return read(self._group, settings[name])
-        inner = getattr(self._group, name, None)
-        if isinstance(inner, bpy.types.PropertyGroup):
-            return Settings(inner)
-        raise self._unknown(name)
+        item = self._declaration(name)
+        if isinstance(item, Declared):
+            return read(self._group, item)
+        return Settings(getattr(self._group, name), item)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        item = self._group.settings.get(name)
-        if item is None:
-            raise self._unknown(name)
+        item = self._declaration(name)
+        if not isinstance(item, Declared):
+            raise ConfigError(f"{name} has settings of its own; set those.")
         item.check(value)
         if self._group.id_data.library is not None:
             raise ConfigError(
@@ -164,7 +153,7 @@ class Settings:
         write(self._group, item, value)
 
     def __dir__(self) -> Iterable[str]:
-        return [*self._group.settings]
+        return list(self._declarations)
 
     def record(self, kind: type[Record], **given: Any) -> Record:
         """Return an instance of one of the dataclasses that the group was made from.
@@ -181,10 +170,13 @@ class Settings:
         ConfigError
             Values that do not fit together.
         """
-        values = {name: getattr(self, name) for name in declared(kind)}
-        return kind(**{**values, **given})
+        own = {name: getattr(self, name) for name in declared(kind) if name in self._declarations}
+        return kind(**{**own, **given})
 
-    def _unknown(self, name: str) -> SettingNameError:
-        return SettingNameError(
-            f"There is no setting {name!r}; expected one of {', '.join(dir(self))}."
-        )
+    def _declaration(self, name: str) -> Declared | Mapping[str, Declared]:
+        found: Declared | Mapping[str, Declared] | None = self._declarations.get(name)
+        if found is None:
+            raise SettingNameError(
+                f"There is no setting {name!r}; expected one of {', '.join(self._declarations)}."
+            )
+        return found

@@ -1,362 +1,303 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sets, kept in the scene as ``scene.radarsim``; GHz, MHz, us and ms at the edge.
+"""The settings of a radar, kept by its rig as ``object.radarsim``.
 
-Blender keeps these in float32; `read_measurement` turns them into the decimal numbers that were
-typed.
+They are made from the dataclasses that declare them, and go along wherever the object goes: into
+copies, other scenes, other files.
 """
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ...errors import ConfigError, OutputError
-from ...signal.radar import AnyWaveform
+from ...contract import AntennaRecord, LinkBudget
+from ...errors import ConfigError, OutputError, SceneError
+from ...options import declared, merged, shortest_decimal
+from ...signal.radar import (
+    PATTERNS,
+    WAVEFORM_KINDS,
+    AnyWaveform,
+    Burst,
+    load_radar,
+    make_system,
+    read_system,
+    self_contained,
+)
 from ..materials import refresh_materials
-from ..nodes import PRESETS
-from ..plan import MAX_RINGS, Measurement, shortest_decimal
-from .link_budget import RadarAntennaSettings, SystemSettings
-from .material import MATERIAL_PROPERTY, MaterialSettings
-from .paths import PathSettings
-from .waveform import WaveformSettings, read_radar
+from ..plan import Measurement, PathOptions, RunSettings
+from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, is_transmitter
+from .groups import Settings, property_group, write
 
-SCENE_PROPERTY = "radarsim"
-PROGRESS_PROPERTY = "radarsim"
-
-
-def _is_camera(_: Any, item: Any) -> bool:
-    return bool(item.type == "CAMERA")
-
-
-def _is_lamp(_: Any, item: Any) -> bool:
-    return bool(item.type == "LIGHT")
+RADAR_PROPERTY = "radarsim"
+#: Kinds of waveforms with settings; samples of an arbitrary one come from a file.
+WAVEFORMS = {name: kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"}
+RADAR_SETTINGS = merged(
+    RunSettings, Burst, *WAVEFORMS.values(), LinkBudget, Measurement, PathOptions
+)
+ANTENNA_SETTINGS = merged(AntennaRecord, *PATTERNS.values())
+_ALL = {**RADAR_SETTINGS, "transmitter": ANTENNA_SETTINGS, "receiver": ANTENNA_SETTINGS}
 
 
-def _carrier_changed(settings: Any, _: Any) -> None:
+def settings(radar: Any) -> Settings:
+    """Return the settings of a radar by their names, in SI and float64.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    """
+    return Settings(getattr(radar, RADAR_PROPERTY), _ALL)
+
+
+def carrier_hz(scene: Any) -> float:
+    """Return the carrier of a scene's active radar [Hz]; without a radar, that of a new one."""
+    with contextlib.suppress(SceneError):
+        return float(settings(active_radar(scene)).carrier_hz)
+    return float(RADAR_SETTINGS["carrier_hz"].initial)
+
+
+def refresh_for_carrier(*_: Any) -> None:
+    """Evaluate physical materials at the carrier of the active radar."""
     # What cannot be evaluated there is told by the material's panel, and by the run.
-    refresh_materials(shortest_decimal(settings.carrier_ghz, 9))
+    refresh_materials(carrier_hz(bpy.context.scene))
 
 
-class RadarSettings(PathSettings, SystemSettings, WaveformSettings, bpy.types.PropertyGroup):
-    """Settings of a measurement."""
+def _fm_rate(group: Any) -> float:
+    numbers = Settings(group, RADAR_SETTINGS)
+    return float(numbers.bandwidth_hz / numbers.chirp_duration_s * 1e-12)
 
-    camera: bpy.props.PointerProperty(  # type: ignore[valid-type]
-        name="Receiver",
-        type=bpy.types.Object,
-        poll=_is_camera,
-        description="Camera that receives. Empty: that of the emitter's parent, else the scene's",
+
+def _set_fm_rate(group: Any, value: float) -> None:
+    duration_us = RADAR_SETTINGS["chirp_duration_s"].to_shown(
+        Settings(group, RADAR_SETTINGS).chirp_duration_s
     )
-    emitter: bpy.props.PointerProperty(  # type: ignore[valid-type]
-        name="Emitter",
-        type=bpy.types.Object,
-        poll=_is_lamp,
-        description="Point lamp with the Ring Emitter. Empty: the one there is",
-    )
-    preset: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Preset",
-        items=tuple((name, preset.label, preset.description) for name, preset in PRESETS.items()),
-        description="Material for the selected objects",
-    )
-    extinction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Extinction Length",
-        items=(
-            ("LENGTH", "Length", "A length in metres, or one Blender unit"),
-            ("WAVELENGTH", "Wavelength", "Makes the coefficient the physical one"),
+    write(group, RADAR_SETTINGS["bandwidth_hz"], swept_hz(shortest_decimal(value), duration_us))
+
+
+def swept_hz(rate_mhz_per_us: float, duration_us: float) -> float:
+    """Return the bandwidth [Hz] of a chirp rate; MHz/us times us round less than Hz/s times s."""
+    return round(rate_mhz_per_us * duration_us * 1e6, 3)
+
+
+AntennaGroup = property_group("RadarAntennaSettings", ANTENNA_SETTINGS)
+RadarGroup = property_group(
+    "RadarSettings",
+    RADAR_SETTINGS,
+    {
+        "camera": bpy.props.PointerProperty(
+            name="Receiver",
+            type=bpy.types.Object,
+            poll=lambda _, item: item.type == "CAMERA",
+            description="Choose the camera that receives. Empty: the one on the rig, else the "
+            "scene's",
         ),
-        description=(
-            "Normalising length of the Radar Material's extinction coefficient kappa: power falls "
-            "as exp(-4 pi kappa d / length) with the depth d"
+        "light": bpy.props.PointerProperty(
+            name="Transmitter",
+            type=bpy.types.Object,
+            poll=lambda _, item: is_transmitter(item),
+            description="Choose the Point light with the Ring Emitter. Empty: the one on the rig",
         ),
-    )
-    extinction_length_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Length [m]",
-        default=0.0,
-        min=0.0,
-        precision=4,
-        description="Normalising length in metres; 0: one Blender unit",
-    )
-
-    polarisation: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Polarisation",
-        items=(
-            ("AVERAGE", "Average", "Half the power in the plane of incidence, half across it"),
-            ("VERTICAL", "Vertical", "Field in the vertical plane of the ray (world Z is up)"),
-            ("HORIZONTAL", "Horizontal", "Field level"),
+        "fm_rate_mhz_per_us": bpy.props.FloatProperty(
+            name="FM Rate [MHz/us]",
+            get=_fm_rate,
+            set=_set_fm_rate,
+            min=1e-6,
+            precision=4,
+            description="Set the bandwidth by the chirp rate K = B / T; 20 MHz/us are 20e12 Hz/s",
         ),
-        description="Of waves that go through physical materials; it matters at an angle",
-    )
-
-    carrier_ghz: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Carrier [GHz]",
-        default=5.3,
-        min=1e-6,
-        soft_max=300.0,
-        precision=4,
-        description="Carrier; sets wavelength, Doppler and the index of physical materials",
-        update=_carrier_changed,
-    )
-    prf_hz: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="PRF [Hz]",
-        default=1000.0,
-        min=1e-3,
-        precision=3,
-        description="Pulses a second; unambiguous range is c / 2 PRF, largest velocity "
-        "wavelength x PRF / 4",
-    )
-    pulses: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Pulses",
-        default=128,
-        min=1,
-        soft_max=4096,
-        description="Pulses of a burst; velocity resolution is wavelength x PRF / 2 pulses",
-    )
-
-    ring_mode: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Rings",
-        items=(
-            ("AUTO", "Automatic", "As many rings as the scene's farthest point needs"),
-            ("COUNT", "Count", "A given number of rings"),
+        "transmitter": bpy.props.PointerProperty(
+            type=AntennaGroup, name="Transmitter", description="Antenna of the transmitter"
         ),
-        description="How the number of rings is found",
-    )
-    ring_step_m: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Ring step [m]",
-        default=250.0,
-        soft_min=0.01,
-        precision=3,
-        description="Width of a ring in one-way range (Delta r of Eq. 5). One render each",
-    )
-    ring_count: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Rings",
-        default=21,
-        min=1,
-        max=MAX_RINGS,
-        description="Rings from range 0: ring n covers n x step to (n + 1) x step",
-    )
-
-    snapshots: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Passes",
-        items=(
-            ("1", "One", "At t alone: no Doppler"),
-            ("2", "Two", "At t and at t + delta t, from which Doppler follows (Eq. 12)"),
+        "receiver": bpy.props.PointerProperty(
+            type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
         ),
-        default="2",
-        description="Renders of each ring",
-    )
-    snapshot_interval_ms: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Delta t [ms]",
-        default=10.0,
-        min=0.0,
-        precision=3,
-        description="Time between the passes. Below 2 ms float32 animation spoils the velocity",
-    )
-    max_bounces: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Bounces",
-        default=0,
-        min=0,
-        max=1024,
-        description="Reflections after the first one. 0: single reflections, as in the paper",
-    )
-
-    frame_mode: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Frames",
-        items=(
-            ("CURRENT", "Current", "The current frame alone"),
-            ("SCENE", "Scene range", "The scene's frame range and step"),
-            ("RANGE", "Range", "First, last and step as given here"),
-        ),
-        description="Blender frames that become radar frames",
-    )
-    frame_start: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="First", default=1, min=0, max=999_999, description="First frame"
-    )
-    frame_end: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Last", default=1, min=0, max=999_999, description="Last frame, included"
-    )
-    frame_step: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Step", default=1, min=1, description="Every n-th frame"
-    )
-    width_px: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Width", default=256, min=1, max=65536, subtype="PIXEL", description="Pixels across"
-    )
-    height_px: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Height", default=256, min=1, max=65536, subtype="PIXEL", description="Pixels up"
-    )
-    samples: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Samples",
-        default=16,
-        min=1,
-        max=1 << 20,
-        description="Paths a pixel. 1: exactly through the pixel's centre, one range a pixel. "
-        "More: less noise, but pixels at edges mix ranges",
-    )
-    seed: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Seed", default=0, min=0, description="Of Cycles' random numbers, for all renders"
-    )
-    output_dir: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Output",
-        default="//radar_run",
-        subtype="DIR_PATH",
-        # From 4.5 on Blender warns of // paths in properties that do not declare them.
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"}
-        if bpy.app.version >= (4, 5, 0)
-        else {"ANIMATABLE"},
-        description="Folder of the run; // is the .blend file's folder. Made if its parent exists",
-    )
-    overwrite: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Overwrite",
-        default=False,
-        description="Remove the frames of another run from the output folder. Off: a run that was "
-        "stopped goes on, another one is refused",
-    )
+    },
+    {"carrier_hz": refresh_for_carrier},
+)
 
 
-class RadarProgress(bpy.types.PropertyGroup):
-    """What the panel shows of a running job; lives in the window manager, in no file."""
-
-    running: bpy.props.BoolProperty(  # type: ignore[valid-type]
-        name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
-    )
-    fraction: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Progress",
-        min=0.0,
-        max=1.0,
-        options={"SKIP_SAVE"},
-        description="Share of the job that is done",
-    )
-    text: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Status", options={"SKIP_SAVE"}, description="State of the last job"
-    )
-    warnings: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Warnings",
-        options={"SKIP_SAVE"},
-        description="Warnings of the last job, one a line",
-    )
-
-
-def read_measurement(scene: Any, **overrides: Any) -> Measurement:
-    """The scene's settings as a `Measurement`, without its power budget.
+def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement:
+    """Return the measurement that a radar's settings ask for, without its link budget.
 
     Parameters
     ----------
     scene : bpy.types.Scene
-    **overrides
-        Numbers from a command line, by the names of `RadarSettings`, of float64 precision;
-        ``frames`` is a tuple of frames, ``radar_file`` a radar file (JSON). None: the scene's own.
+    radar : bpy.types.Object
+        The rig; None: the scene's active one.
+    **given
+        Values in place of the radar's own, by the names of the settings, in SI; ``frames`` is a
+        tuple of frames.
 
     Raises
     ------
     ConfigError
-        Numbers that do not fit together.
+        Values that do not fit together.
+    SceneError
+        No radar, or several of which none is chosen.
     """
-    settings = getattr(scene, SCENE_PROPERTY)
-    given = {name: value for name, value in overrides.items() if value is not None}
-
-    def number(name: str, exponent: int = 0) -> float:
-        return exact_or_shortest_decimal(given.get(name), getattr(settings, name), exponent)
-
-    def whole(name: str) -> int:
-        return int(given.get(name, getattr(settings, name)))
-
-    waveform, burst = read_radar(settings, given, number, whole)
-    if given.get("ring_mode") == "AUTO":
-        rings = 0
-    elif "ring_count" in given:
-        rings = whole("ring_count")
-        if rings < 1:
-            raise ConfigError(f"Number of rings is {rings}; expected a whole number from 1.")
-    else:
-        rings = settings.ring_count if settings.ring_mode == "COUNT" else 0
-    return Measurement(
-        waveform=waveform,
-        burst=burst,
-        frames=given["frames"] if "frames" in given else _frames(scene, settings),
-        rings=rings,
-        ring_step_m=number("ring_step_m"),
-        snapshots=whole("snapshots"),
-        snapshot_interval_s=number("snapshot_interval_ms", -3),
-        width_px=whole("width_px"),
-        height_px=whole("height_px"),
-        samples=whole("samples"),
-        seed=whole("seed"),
-        max_bounces=whole("max_bounces"),
-        extinction_length_m=_extinction_length_m(settings, waveform),
-        polarisation=given.get("polarisation", settings.polarisation.lower()),
+    view = settings(active_radar(scene) if radar is None else radar)
+    burst = view.record(Burst, **_of(Burst, given))
+    waveform, burst = _radar(view, given, burst)
+    numbers = (
+        {"extinction_length_m": waveform.wavelength_m} if view.extinction == "wavelength" else {}
     )
+    numbers |= _of(Measurement, given)
+    frames = given.get("frames") or _frames(scene, view)
+    return view.record(Measurement, waveform=waveform, burst=burst, frames=frames, **numbers)
 
 
-def exact_or_shortest_decimal(given: float | None, stored: float, exponent: int) -> float:
-    """A number in SI: from the command line as it is, from the panel as it was typed."""
-    if given is None:
-        return shortest_decimal(stored, exponent)
-    # repr is the shortest decimal of a float64, so the shift of the decimal point is exact.
-    return float(f"{given!r}e{exponent}") if "e" not in repr(given) else given * 10.0**exponent
+def _of(kind: type[Any], given: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in given.items() if name in declared(kind)}
 
 
-def _frames(scene: Any, settings: Any) -> tuple[int, ...]:
-    if settings.frame_mode == "CURRENT":
+def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWaveform, Burst]:
+    kind = "file" if "waveform_file" in given else given.get("waveform_kind", view.waveform_kind)
+    numbers = {
+        name: value
+        for name, value in given.items()
+        if any(name in declared(other) for other in WAVEFORMS.values())
+    }
+    strange = [name for name in numbers if kind == "file" or name not in declared(WAVEFORMS[kind])]
+    if strange:
+        flags = ", ".join(RADAR_SETTINGS[name].flag for name in strange)
+        raise ConfigError(
+            f"{flags} given, which a waveform of kind {kind!r} does not have. Leave it out, or "
+            "choose another waveform."
+        )
+    if kind != "file":
+        return view.record(WAVEFORMS[kind], **numbers), burst
+    file = str(given.get("waveform_file") or view.waveform_file)
+    if not file.strip():
+        raise ConfigError("No waveform file is chosen. Choose one in Radar > Waveform.")
+    found = load_radar(Path(bpy.path.abspath(file)), burst)
+    return found.waveform, found.burst
+
+
+def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
+    if view.frame_mode == "current":
         return (scene.frame_current,)
-    if settings.frame_mode == "SCENE":
+    if view.frame_mode == "scene":
         return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    frames = range(settings.frame_start, settings.frame_end + 1, settings.frame_step)
+    frames = range(view.frame_start, view.frame_end + 1, view.frame_step)
     if not frames:
         raise ConfigError(
-            f"Frames {settings.frame_start} to {settings.frame_end} are none; expected the last "
-            "one not before the first one."
+            f"Frames {view.frame_start} to {view.frame_end} are none; expected the last one not "
+            "before the first one."
         )
     return tuple(frames)
 
 
-def _extinction_length_m(settings: Any, waveform: AnyWaveform) -> float:
-    if settings.extinction == "WAVELENGTH":
-        return waveform.wavelength_m
-    return shortest_decimal(settings.extinction_length_m)
+def read_path_options(radar: Any, **given: Any) -> PathOptions:
+    """Return how paths are followed; values given are in place of the radar's own.
+
+    Raises
+    ------
+    ConfigError
+        Values that do not fit together.
+    """
+    return settings(radar).record(PathOptions, **_of(PathOptions, given))
 
 
-def output_folder(scene: Any) -> Path:
-    """The output folder as an absolute path.
+def antenna_record(view: Settings) -> AntennaRecord:
+    """Return one antenna's settings as a record, tables read in.
+
+    Raises
+    ------
+    ConfigError
+        The table cannot be read.
+    """
+    parameters = {
+        name: bpy.path.abspath(value) if name == "file" else value
+        for name in declared(PATTERNS[view.kind])
+        if (value := getattr(view, name)) is not None or name == "element_exponent"
+    }
+    return self_contained(AntennaRecord(view.kind, parameters))
+
+
+def read_link_budget(
+    radar: Any, wavelength_m: float, file: str | Path | None = None
+) -> LinkBudget | None:
+    """Return a radar's link budget, checked; None where none is used.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    wavelength_m
+        Of the carrier [m].
+    file
+        Link budget (JSON) in place of the radar's own.
+
+    Raises
+    ------
+    ConfigError
+        Values out of bounds, or a table or file that cannot be read.
+    """
+    view = settings(radar)
+    if file is not None:
+        record = read_system(file)
+    elif not view.use_link_budget:
+        return None
+    else:
+        antennas = {
+            name: antenna_record(getattr(view, name)) for name in ("transmitter", "receiver")
+        }
+        record = view.record(LinkBudget, **antennas)
+    make_system(record, wavelength_m)  # checks it
+    return record
+
+
+def output_folder(radar: Any) -> Path:
+    """Return the output folder as an absolute path.
 
     Raises
     ------
     OutputError
         None is set, or it is relative to a file that was never saved.
     """
-    text = getattr(scene, SCENE_PROPERTY).output_dir
+    text = settings(radar).output_folder
     if not text.strip():
-        raise OutputError("No output folder is set. Choose one in Radar > Output.")
+        raise OutputError("No output folder is set. Choose one in Radar > Render > Output.")
     if text.startswith("//") and not bpy.data.filepath:
         raise OutputError(
             f"The output folder {text!r} is relative to the .blend file, which was never saved. "
-            "Save the file, or choose an absolute folder in Radar > Output."
+            "Save the file, or choose an absolute folder in Radar > Render > Output."
         )
     return Path(bpy.path.abspath(text))
 
 
-#: Settings by the Blender type they hang on.
-_GROUPS = (
-    (RadarSettings, bpy.types.Scene, SCENE_PROPERTY, "Radar"),
-    (RadarProgress, bpy.types.WindowManager, PROGRESS_PROPERTY, "Radar progress"),
-    (MaterialSettings, bpy.types.Material, MATERIAL_PROPERTY, "Radar material"),
-)
+def active_radar_property() -> Any:
+    """Return the scene's property that says which radar is the active one."""
+    return bpy.props.PointerProperty(
+        name="Radar",
+        type=bpy.types.Object,
+        poll=lambda scene, item: (
+            item.name in scene.objects
+            and any(is_transmitter(child) for child in (item, *item.children))
+        ),
+        update=refresh_for_carrier,
+        description="Choose the radar that measures. Empty: the only one",
+    )
 
 
-def register() -> None:
-    """Add ``radarsim`` to scenes, materials, window manager; a second call changes nothing."""
-    if not RadarAntennaSettings.is_registered:
-        bpy.utils.register_class(RadarAntennaSettings)
-    for group, owner, name, label in _GROUPS:
-        if not group.is_registered:
-            bpy.utils.register_class(group)
-            setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
-
-
-def unregister() -> None:
-    """Remove them."""
-    for group, owner, name, _ in reversed(_GROUPS):
-        if group.is_registered:
-            delattr(owner, name)
-            bpy.utils.unregister_class(group)
-    if RadarAntennaSettings.is_registered:
-        bpy.utils.unregister_class(RadarAntennaSettings)
+__all__ = [
+    "ACTIVE_RADAR_PROPERTY",
+    "ANTENNA_SETTINGS",
+    "RADAR_PROPERTY",
+    "RADAR_SETTINGS",
+    "WAVEFORMS",
+    "AntennaGroup",
+    "RadarGroup",
+    "active_radar_property",
+    "antenna_record",
+    "carrier_hz",
+    "output_folder",
+    "read_link_budget",
+    "read_measurement",
+    "read_path_options",
+    "settings",
+    "swept_hz",
+]

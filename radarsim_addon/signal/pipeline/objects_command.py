@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``radarsim rcs DIR --object NAME``: cross section and power of objects, frame by frame."""
+"""``radarsim objects DIR --object NAME``: cross section and power of objects, frame by frame."""
 
 from __future__ import annotations
 
@@ -20,23 +20,27 @@ from ..radar import read_system
 from ..runs import open_run
 
 
-def add_rcs_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
+def add_objects_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
     """Add the command to an argparse collection of commands."""
-    rcs = commands.add_parser("rcs", help="radar cross section of objects, from their paths")
-    rcs.add_argument("folder", metavar="DIR", help="folder that holds run.json")
-    rcs.add_argument(
+    parser = commands.add_parser(
+        "objects",
+        help="radar cross section and power of objects, from their paths",
+        epilog='example: radarsim objects run --object "Car*"',
+    )
+    parser.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    parser.add_argument(
         "--object",
         metavar="NAME",
         help="object, collection, or a pattern with * and ?; several are taken together "
         "[each object by itself]",
     )
-    rcs.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
-    rcs.add_argument(
+    parser.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
+    parser.add_argument(
         "--link-budget", "--system", metavar="FILE", help="power budget (JSON) [the run's own]"
     )
 
 
-def print_rcs(
+def print_objects(
     folder: str, pattern: str | None, frames: Sequence[int] | None, system_file: str | None
 ) -> int:
     """Print a line for each frame and object; returns the exit code.

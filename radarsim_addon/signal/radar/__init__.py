@@ -5,7 +5,7 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
-from .antennas import PeakedAntenna, self_contained
+from .antennas import PATTERNS, PeakedAntenna, self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system
@@ -20,11 +20,19 @@ from .pulse_replicas import (
     replica_spectrum,
 )
 from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
-from .radar_files import burst_from_dict, load_radar, waveform_from_dict, waveform_to_dict
+from .radar_files import (
+    WAVEFORM_KINDS,
+    burst_from_dict,
+    load_radar,
+    waveform_from_dict,
+    waveform_to_dict,
+)
 from .waveform import AnyWaveform
 from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
+    "PATTERNS",
+    "WAVEFORM_KINDS",
     "WINDOW_NAMES",
     "AnyWaveform",
     "ArbitraryPulse",

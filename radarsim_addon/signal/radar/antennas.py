@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from ...array_types import Real
 from ...contract import AntennaRecord
 from ...errors import ConfigError
-from ...options import from_json, setting
+from ...option_files import from_json
+from ...options import setting
 from ...physics.antenna_table import TableAntenna, read_pattern
 from ...physics.antennas import Antenna, Aperture, CosinePower, Gaussian
 from ...physics.arrays import PlanarArray

@@ -19,7 +19,8 @@ from pathlib import Path
 from ...contract import LinkBudget
 from ...errors import ConfigError
 from ...old_names import todays_names
-from ...options import check_settings, from_json
+from ...option_files import from_json
+from ...options import check_settings
 from ...physics.noise import noise_power_w
 from ...physics.radar_equation import from_db
 from ...textfile import read_text

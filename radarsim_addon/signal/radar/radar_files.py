@@ -13,7 +13,7 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError, FrameFileError
-from ...options import from_json
+from ...option_files import from_json
 from ...textfile import TextTooLongError, read_text
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, PmcwWaveform, SteppedWaveform
@@ -21,7 +21,7 @@ from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
 from .waveform import MAX_WAVEFORM_SAMPLES, AnyWaveform
 
 #: Kind in a file -> class.
-KINDS: dict[str, Any] = {
+WAVEFORM_KINDS: dict[str, Any] = {
     kind.kind: kind
     for kind in (
         Waveform,
@@ -77,11 +77,11 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
         raise ConfigError(f"Waveform is {data!r:.60}; expected an object with its fields.")
     given = dict(data)
     name = given.pop("kind", Waveform.kind)
-    if name not in KINDS:
+    if name not in WAVEFORM_KINDS:
         raise ConfigError(
-            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(KINDS))}."
+            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(WAVEFORM_KINDS))}."
         )
-    kind = KINDS[name]
+    kind = WAVEFORM_KINDS[name]
     if kind is ArbitraryPulse:
         given["samples"] = _given_samples(given, folder)
         given.setdefault("source", "")

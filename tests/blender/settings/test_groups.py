@@ -14,14 +14,14 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.settings.groups import (
     Settings,
-    merged,
     property_group,
 )
 from radarsim_addon.errors import ConfigError, SettingNameError
-from radarsim_addon.options import declared, setting
+from radarsim_addon.options import declared, merged, setting
 from tests.package.test_options import Example
 
 pytestmark = pytest.mark.blender
+EXAMPLE = merged(Example)
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_declared_properties(rig: Any) -> None:
 
 
 def test_float64_in_and_out(rig: Any) -> None:
-    view = Settings(rig.example)
+    view = Settings(rig.example, EXAMPLE)
     for value in (77e9, 76.512345678901e9, 5.3e9):
         view.carrier_hz = value
         assert view.carrier_hz == value
@@ -80,7 +80,7 @@ def test_float64_in_and_out(rig: Any) -> None:
 
 
 def test_wrong_values_and_names_are_refused(rig: Any) -> None:
-    view = Settings(rig.example)
+    view = Settings(rig.example, EXAMPLE)
     for name, value, message in (
         ("carrier_hz", -1.0, "Carrier is -1.0 Hz; expected a finite number above 0"),
         ("carrier_hz", "77 GHz", "Carrier is '77 GHz'"),
@@ -97,9 +97,9 @@ def test_wrong_values_and_names_are_refused(rig: Any) -> None:
 
 
 def test_kept_in_files_copies_and_linked_objects(rig: Any, tmp_path: Path) -> None:
-    view = Settings(rig.example)
+    view = Settings(rig.example, EXAMPLE)
     view.carrier_hz, view.kind, view.pulses = 76.512345678901e9, "fmcw", 7
-    assert Settings(rig.copy().example).carrier_hz == 76.512345678901e9
+    assert Settings(rig.copy().example, EXAMPLE).carrier_hz == 76.512345678901e9
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -107,7 +107,7 @@ def test_kept_in_files_copies_and_linked_objects(rig: Any, tmp_path: Path) -> No
         with bpy.data.libraries.load(path, link=link) as (_, wanted):
             wanted.objects = ["Radar"]
         item = wanted.objects[0]
-        view = Settings(item.example)
+        view = Settings(item.example, EXAMPLE)
         assert (view.carrier_hz, view.kind, view.pulses) == (76.512345678901e9, "fmcw", 7)
         if link:
             with pytest.raises(ConfigError, match="linked from another file"):
@@ -119,9 +119,9 @@ def test_keyframes_move_a_setting(rig: Any) -> None:
         rig.example.carrier_ghz = value
         assert rig.example.keyframe_insert("carrier_ghz", frame=frame)
     bpy.context.scene.frame_set(1)
-    assert Settings(rig.example).carrier_hz == 77e9
+    assert Settings(rig.example, EXAMPLE).carrier_hz == 77e9
     bpy.context.scene.frame_set(6)
-    assert Settings(rig.example).carrier_hz == pytest.approx(77.5e9)
+    assert Settings(rig.example, EXAMPLE).carrier_hz == pytest.approx(77.5e9)
 
 
 def test_one_name_is_one_setting() -> None:
