@@ -30,16 +30,16 @@ def render_command(
 
     parsed = parse_render_arguments(words, prog, needs_blend)  # exits with 0 (--help) or 2
     try:
-        import bpy  # noqa: F401
-    except ImportError as error:
+        from .blender.headless.render import run_and_leave
+    except ModuleNotFoundError as error:
+        if error.name != "bpy":
+            raise
         message = (
             f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
             "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
         )
         print(f"{MissingDependencyError.__name__}: {message}", file=sys.stderr)
         return MissingDependencyError.exit_code
-    from .blender.headless.render import run_and_leave
-
     run_and_leave(parsed)
     return 0
 

@@ -30,8 +30,7 @@ def add_arguments(
 ) -> None:
     """Add an option for each setting.
 
-    An option that is not given is None. Given values are in SI under the field's name, see
-    :func:`given`. Former options are accepted and not shown.
+    Values that are given are in SI, see :func:`given`. Former options are accepted and not shown.
 
     Parameters
     ----------
@@ -49,7 +48,7 @@ def add_arguments(
         shown = item.of.help
         if defaults and item.default is not MISSING:
             shown += f" [{default_text(item)}]"
-        options = {"dest": name, "default": None, **_reading(item)}
+        options = {"dest": name, "default": argparse.SUPPRESS, **_reading(item)}
         # argparse takes % for a format
         parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
         if item.of.old_flags:
@@ -91,8 +90,7 @@ def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], 
 
 def given(arguments: argparse.Namespace, settings: Iterable[str]) -> dict[str, Any]:
     """Return the settings that were given on the command line by their names, in SI."""
-    found = {name: getattr(arguments, name, None) for name in settings}
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: getattr(arguments, name) for name in settings if hasattr(arguments, name)}
 
 
 def default_text(item: Declared) -> str:

@@ -289,9 +289,9 @@ def declared(kind: Any) -> Mapping[str, Declared]:
     found = {}
     for item in dataclasses.fields(kind):
         if _KEY in item.metadata:
-            value_type, optional = value_type(hints[item.name])
+            values, optional = value_type(hints[item.name])
             found[item.name] = Declared(
-                item.name, value_type, optional, item.default, item.metadata[_KEY]
+                item.name, values, optional, item.default, item.metadata[_KEY]
             )
     return _DECLARED.setdefault(kind, types.MappingProxyType(found))
 

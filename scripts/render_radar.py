@@ -14,7 +14,7 @@ if (repository / "radarsim_addon" / "__init__.py").is_file():
     # the package itself never touches sys.path.
     sys.path.insert(0, str(repository))
 
-from radarsim_addon.__main__ import render_command
+from radarsim_addon.__main__ import render_command  # noqa: E402
 
 if __name__ == "__main__":
     inside_blender = "bpy" in sys.modules and bool(sys.modules["bpy"].app.binary_path)

@@ -67,13 +67,13 @@ def measured_run(bench: Bench, width_px: int, replicates: int, close: bool) -> A
     """
     import bpy
 
+    from radarsim_addon.blender import settings as properties
     from radarsim_addon.blender.headless import quiet_blender
     from radarsim_addon.blender.nodes import refresh_groups
     from radarsim_addon.blender.paths import PathJob
     from radarsim_addon.blender.plan import PathOptions
-    from radarsim_addon.blender.settings import radar as properties
 
-    if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+    if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
         properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(BLEND))
     refresh_groups()

@@ -16,7 +16,7 @@ import bpy
 
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...framewarnings import FrameWarnings
-from ...signal.pipeline import process_run
+from ...signal.pipeline import FrameResult, process_run
 from ...terminal_text import printable
 from ..plan import given_settings
 from ..scene import active_radar, radars
@@ -59,7 +59,7 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
 def run(arguments: argparse.Namespace, stop: StopRequest) -> int:
     """Render, and process if asked for. Return the exit code."""
     try:
-        render(arguments, stop)
+        measure(arguments, stop)
     except RadarSimError as error:
         return fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
@@ -67,8 +67,8 @@ def run(arguments: argparse.Namespace, stop: StopRequest) -> int:
     return 0
 
 
-def render(arguments: argparse.Namespace, stop: StopRequest) -> None:
-    """Render what the command line asks for.
+def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
+    """Measure what the command line asks for.
 
     Raises
     ------

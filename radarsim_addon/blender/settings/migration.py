@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of files of radarsim 0.1, which the scene kept, move to the radars when a file is opened.
+"""Settings that radarsim 0.1 kept in the scene move to the radars when a file is opened.
 
 Blender keeps the values of properties that nobody declares any more: up to 4.5 among the scene's
 custom properties, from 5.0 on among its system properties.

@@ -8,6 +8,7 @@ copies, other scenes, other files.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import bpy
 
 from ...contract import AntennaRecord, LinkBudget
 from ...errors import ConfigError, OutputError, SceneError
-from ...options import declared, merged, shortest_decimal
+from ...options import Declared, declared, merged, shortest_decimal
 from ...signal.radar import (
     PATTERNS,
     WAVEFORM_KINDS,
@@ -38,7 +39,11 @@ RADAR_SETTINGS = merged(
     RunSettings, Burst, *WAVEFORMS.values(), LinkBudget, Measurement, PathOptions
 )
 ANTENNA_SETTINGS = merged(AntennaRecord, *PATTERNS.values())
-_ALL = {**RADAR_SETTINGS, "transmitter": ANTENNA_SETTINGS, "receiver": ANTENNA_SETTINGS}
+_ALL: dict[str, Declared | Mapping[str, Declared]] = {
+    **RADAR_SETTINGS,
+    "transmitter": ANTENNA_SETTINGS,
+    "receiver": ANTENNA_SETTINGS,
+}
 
 
 def settings(radar: Any) -> Settings:
@@ -59,7 +64,7 @@ def carrier_hz(scene: Any) -> float:
     return float(RADAR_SETTINGS["carrier_hz"].initial)
 
 
-def refresh_for_carrier(*_: Any) -> None:
+def refresh_for_carrier(_: Any, __: Any = None) -> None:
     """Evaluate physical materials at the carrier of the active radar."""
     # What cannot be evaluated there is told by the material's panel, and by the run.
     refresh_materials(carrier_hz(bpy.context.scene))

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
-from ...contract import AmplitudeModel, LinkBudget
+from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
 from ...errors import ConfigError
+from ...options import check_settings, choices_from, setting
 from ..decoding import MAX_RANGE_RATE_MPS
 from ..echoes import Receiver
-from ..radar import Radar
+from ..radar import WINDOW_NAMES, Radar, read_system
 from ..runs import Run
 from ..spectrum import TOLERANCE, Backend, Method
 from .cfar import Cfar
@@ -26,6 +27,16 @@ class Progress:
     text: str
 
 
+_TAPERS = choices_from(WINDOW_NAMES)
+
+
+def _seed_or_none(text: str) -> int | None:
+    return None if text == "none" else int(text)
+
+
+_seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the type
+
+
 @dataclass(frozen=True)
 class ProcessOptions:
     """How a run is processed.
@@ -35,19 +46,19 @@ class ProcessOptions:
     amplitude_model
         "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`; None: the system's, or
         "radar-equation" without one.
-    receiver_gain
-        G_r, linear, for runs without a system.
-    window, doppler_taper
+    receive_antenna_gain_dbi
+        G_r [dBi], for runs without a system.
+    range_taper, doppler_taper
         Windows over the band and over the pulses, see :mod:`.radar.windows`.
     range_limits_m
         One-way ranges (start, stop) [m]; None: what the rings cover.
     max_range_rate_mps
         Limit of a believable |range rate| between the passes [m/s].
-    method
+    nufft_backend
         Engine of the non-uniform FFT.
     tolerance
         Relative L2 error of the echoes' spectrum against the direct sum.
-    synthesis
+    slow_time_transform
         "auto", "type3", "per-pulse" or "direct", see
         :class:`.spectrum.accumulator.SpectrumAccumulator`.
     speckle_seed
@@ -62,14 +73,14 @@ class ProcessOptions:
     animate
         Whether to write a GIF of all frames' maps; None: where there are pictures and several
         frames.
-    system
-        Power budget, see :mod:`.radar.link_budget`; None: the run's own.
+    link_budget
+        Link budget, see :mod:`.radar.link_budget`; None: the run's own.
     radar
         Another waveform and burst than the run's own: nothing of the renders depends on them but
         materials on the carrier.
     receiver
         Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
-    system_noise
+    thermal_noise
         Thermal noise with the noise figure and antenna temperature of the system.
     mti
         Canceller over the pulses: 0 (none), 2 or 3 pulses, see :mod:`.maps.mti`.
@@ -79,28 +90,77 @@ class ProcessOptions:
         Whether to write all results as HDF5, the raw I/Q as SigMF.
     """
 
-    amplitude_model: AmplitudeModel | None = None
-    receiver_gain: float = 1.0
-    window: str = "hamming"
-    doppler_taper: str = "hamming"
-    range_limits_m: tuple[float, float] | None = None
-    max_range_rate_mps: float = MAX_RANGE_RATE_MPS
-    method: Backend = "auto"
-    tolerance: float = TOLERANCE
-    synthesis: Method = "auto"
-    speckle_seed: int | None = 0
-    speckle_cell_size_m: float | None = None
-    products: bool = True
-    plots: bool | None = None
-    animate: bool | None = None
-    system: LinkBudget | None = None
+    amplitude_model: AmplitudeModel | None = setting(
+        default=None, **AMPLITUDE_MODEL, old_flags=("--weighting",)
+    )
+    receive_antenna_gain_dbi: float = setting(
+        "Receive antenna gain", "Set the gain of the receive antenna for runs without a link budget",
+        0.0, unit="dBi", old_flags=("--receiver-gain-db",),
+    )  # fmt: skip
+    range_taper: str = setting(
+        "Range taper", "Choose the window over the band", "hamming", choices=_TAPERS,
+        old_flags=("--window",),
+    )  # fmt: skip
+    doppler_taper: str = setting(
+        "Doppler taper", "Choose the window over the pulses", "hamming", choices=_TAPERS,
+        old_flags=("--doppler-window",),
+    )  # fmt: skip
+    range_limits_m: tuple[float, float] | None = setting(
+        "Range limits", "Set the one-way ranges of the profile. None: those of the run", None,
+        unit="m", metavar="A:B", old_flags=("--range",),
+    )  # fmt: skip
+    max_range_rate_mps: float = setting(
+        "Max range rate", "Set the limit of a believable range rate between the snapshots",
+        MAX_RANGE_RATE_MPS, unit="m/s", minimum=0.0, old_flags=("--max-speed",),
+    )  # fmt: skip
+    nufft_backend: Backend = setting(
+        "NUFFT backend", "Choose the library of the non-uniform FFT", "auto",
+        choices=choices_from(get_args(Backend)), old_flags=("--method",),
+    )  # fmt: skip
+    tolerance: float = setting(
+        "Tolerance", "Set the relative error of the echoes' spectrum", TOLERANCE,
+        minimum=1e-13, maximum=1e-2,
+    )  # fmt: skip
+    slow_time_transform: Method = setting(
+        "Slow-time transform", "Choose the transform of moving paths", "auto",
+        choices=choices_from(get_args(Method)), old_flags=("--synthesis",),
+    )  # fmt: skip
+    speckle_seed: int | None = setting(
+        "Speckle seed", "Set the seed of the random phases of rough scatterers. none: no phases", 0,
+        parse=_seed_or_none, metavar="N",
+    )  # fmt: skip
+    speckle_cell_size_m: float | None = setting(
+        "Speckle cell size", "Set the size of a scatterer's cell. None: from the pixels' footprints",
+        None, unit="m", above=0.0, old_flags=("--speckle-cell",),
+    )  # fmt: skip
+    products: bool = setting("Products", "Write the four EXR products", True)
+    plots: bool | None = setting(
+        "Plots", "Draw pictures. None: where matplotlib is installed", None
+    )
+    animate: bool | None = setting(
+        "Animate", "Write a GIF of all frames' maps. None: with several frames", None
+    )
+    link_budget: LinkBudget | None = setting(
+        "Link budget", "Read the link budget (JSON, see docs/system.md). None: the run's own", None,
+        parse=read_system, metavar="FILE", old_flags=("--system",),
+    )  # fmt: skip
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)
-    system_noise: bool = False
-    mti: int = 0
+    thermal_noise: bool = setting(
+        "Thermal noise", "Add the thermal noise of the link budget", False, old_flags=("--noise",)
+    )
+    mti: int = setting(
+        "MTI canceller", "Cancel stationary echoes over 2 or 3 pulses. 0: none", 0,
+        choices=(("0", "None", ""), ("2", "Two Pulses", ""), ("3", "Three Pulses", "")),
+    )  # fmt: skip
     cfar: Cfar | None = None
-    hdf5: bool = False
-    sigmf: bool = False
+    hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
+    sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
+
+    @property
+    def receiver_gain(self) -> float:
+        """G_r, linear, for runs without a link budget."""
+        return float(10 ** (self.receive_antenna_gain_dbi / 10))
 
     def for_run(self, run: Run) -> ProcessOptions:
         """These options with what the run itself says filled in.
@@ -111,11 +171,8 @@ class ProcessOptions:
             A receiver gain beside a system, which has one already; the noise of a system without
             one; an unknown canceller; a tolerance out of range.
         """
-        if self.mti not in (0, 2, 3):
-            raise ConfigError(f"MTI canceller of {self.mti!r} pulses; expected 0, 2 or 3.")
-        if not 1e-13 <= self.tolerance <= 1e-2:
-            raise ConfigError(f"Tolerance is {self.tolerance:g}; expected 1e-13 to 1e-2.")
-        system = self.system or run.record.link_budget
+        check_settings(self)
+        system = self.link_budget or run.record.link_budget
         if system is not None and self.receiver_gain != 1:
             raise ConfigError(
                 f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
@@ -123,7 +180,7 @@ class ProcessOptions:
             )
         amplitude_model = self.amplitude_model or (system or LinkBudget()).amplitude_model
         receiver = self.receiver
-        if self.system_noise:
+        if self.thermal_noise:
             if system is None:
                 raise ConfigError(
                     "The noise of the system is asked for, and the run has none. Give a noise "
@@ -137,7 +194,7 @@ class ProcessOptions:
         return dataclasses.replace(
             self,
             amplitude_model=amplitude_model,
-            system=system,
+            link_budget=system,
             radar=self.radar or run.radar,
             receiver=receiver,
         )

@@ -58,12 +58,12 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["rcs"]:  # its name in 0.1
         words[0] = "objects"
-    chosen = _parser(others or {}).parse_args(words)  # exits with 2 on bad arguments
     for stream in (sys.stdout, sys.stderr):
         # a console that cannot show a path's letters must not end a run
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
+        chosen = _parser(others or {}).parse_args(words)  # exits with 2 on bad arguments
         if chosen.command == "antennas":
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "objects":

@@ -137,9 +137,9 @@ def _process_frames(
     allow_incomplete: bool,
 ) -> Iterator[Progress | FrameResult]:
     draws = figures.has_matplotlib() if options.plots is None else options.plots
-    if options.system is not None and draws:
+    if options.link_budget is not None and draws:
         wavelength_m = (options.radar or run.radar).waveform.wavelength_m
-        system = make_system(options.system, wavelength_m)
+        system = make_system(options.link_budget, wavelength_m)
         save_figure(plot_antennas(system), folder / ANTENNA_PICTURE)
     steps = run.record.rings + 3
     total, finished, complete = steps * len(chosen), 0, 0
@@ -192,17 +192,17 @@ def _process_frame(
     range_limits_m = check_window(options.range_limits_m or run.range_limits_m)
     assert options.amplitude_model is not None and options.radar is not None  # by `for_run`
     radar = options.radar
-    budget = FrameBudget(frame, radar, options.system)
+    budget = FrameBudget(frame, radar, options.link_budget)
     seed = options.speckle_seed if options.amplitude_model == "radar-equation" else None
     speckle = FrameSpeckle(frame, radar, seed, options.speckle_cell_size_m)
     synthesizer = _synthesizer(radar, range_limits_m, options, seed)
     accumulator = ProfileAccumulator(
         radar,
         range_limits_m,
-        window=options.window,
+        window=options.range_taper,
         amplitude_model=options.amplitude_model,
         receiver_gain=options.receiver_gain,
-        method=options.method,
+        method=options.nufft_backend,
     )
     total = StatisticsSum(radar, options.receiver_gain)
     # What is expected of a pixel is spread over all that it covers, where that is known.
@@ -226,7 +226,7 @@ def _process_frame(
         incoming = interpolate_renders(itertools.chain([incoming], others), render_times_s(frame))
     reception = apply_receiver(incoming, options.receiver)
     echoes = reception.echoes
-    compressed = range_process(echoes, options.window)
+    compressed = range_process(echoes, options.range_taper)
     filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
     rd_map = range_doppler(filtered, options.doppler_taper)
     expected = None
@@ -235,7 +235,7 @@ def _process_frame(
             frame,
             radar,
             range_limits_m,
-            window=options.window,
+            window=options.range_taper,
             doppler_taper=options.doppler_taper,
             receiver_gain=options.receiver_gain,
             link=budget.link,
@@ -246,7 +246,7 @@ def _process_frame(
     scatterers = speckle.report()
     report = budget.report(
         statistics.power_w,
-        options.window,
+        options.range_taper,
         options.doppler_taper,
         range_limits_m=range_limits_m,
         mti=options.mti,
@@ -268,7 +268,7 @@ def _process_frame(
             tolerance=options.tolerance,
             # rounding follows the strong echoes: from pulse to pulse it may add up in phase
             noise_power=(reception.noise_power_w + reception.rounding_power_w * radar.burst.pulses)
-            * map_noise_gain(radar, options.window, options.doppler_taper),
+            * map_noise_gain(radar, options.range_taper, options.doppler_taper),
             # what is blended over the burst has sidelobes of its own beside 0 Hz
             slowest_cells=SLOWEST_CELLS if frame.visibility_updates == 1 else 3.0,
             noisy_columns=options.receiver.phase_noise is not None
@@ -315,9 +315,9 @@ def _synthesizer(
         EchoOptions(
             amplitude_model=options.amplitude_model,
             receiver_gain=options.receiver_gain,
-            method=options.method,
+            method=options.nufft_backend,
             tolerance=options.tolerance,
-            synthesis=options.synthesis,
+            synthesis=options.slow_time_transform,
             speckle_seed=seed,
         ),
         phase_noise=options.receiver.phase_noise,
@@ -333,7 +333,7 @@ def _echoes_of_render(
 ) -> Echoes:
     """Echoes of one of the renders of a burst, for all pulses."""
     assert options.radar is not None  # by `for_run`
-    budget = FrameBudget(render, options.radar, options.system)
+    budget = FrameBudget(render, options.radar, options.link_budget)
     speckle = FrameSpeckle(render, options.radar, seed, options.speckle_cell_size_m)
     synthesizer = _synthesizer(options.radar, range_limits_m, options, seed)
     for paths in iter_path_chunks(render, max_range_rate_mps=options.max_range_rate_mps):

@@ -16,7 +16,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
-from radarsim_addon.blender.settings import radar as properties
+from radarsim_addon.blender import settings as properties
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
@@ -35,8 +35,8 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
         scene = rs.new_scene()
         plate = rs.add_plate(10.0, preset="ground")
         rs.move_steadily(plate, (0, 5, 0))
-        settings = scene.radarsim
-        settings.sampling_mode = "RINGS"
+        settings = rs.radar()
+        settings.sampling_mode = "rings"
         settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
         settings.width_px = settings.height_px = 32
         bpy.ops.wm.save_as_mainfile(filepath=str(path))

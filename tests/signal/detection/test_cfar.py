@@ -54,7 +54,8 @@ def noise_map(
 ) -> RangeDopplerMap:
     """Thermal noise through the whole chain."""
     echoes = apply_receiver(
-        synthesizer_for(radar, range_limits_m).result(), Receiver(noise_figure_db=3.0, noise_seed=seed)
+        synthesizer_for(radar, range_limits_m).result(),
+        Receiver(noise_figure_db=3.0, noise_seed=seed),
     ).echoes
     return range_doppler(range_process(echoes, window), window)
 

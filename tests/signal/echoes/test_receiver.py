@@ -69,7 +69,9 @@ def test_floor_of_the_map_is_ktf_over_the_integration_time(
 ) -> None:
     """k T0 F / (T M), worse by the loss of each window that is used."""
     pulses = 64
-    received = apply_receiver(empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, noise_seed=3))
+    received = apply_receiver(
+        empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, noise_seed=3)
+    )
     rd_map = range_doppler(range_process(received.echoes, window, 1), window)
     density = BOLTZMANN * 290 * 10**0.6
     assert received.noise_power_w == pytest.approx(density * waveform.sampling_rate_hz, rel=1e-9)

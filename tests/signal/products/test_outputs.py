@@ -184,7 +184,7 @@ def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
 
 def test_what_does_not_fit_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match="noise of the system"):
-        result_of(folder, ProcessOptions(system_noise=True))
+        result_of(folder, ProcessOptions(thermal_noise=True))
     with pytest.raises(ConfigError, match="MTI canceller"):
         result_of(folder, ProcessOptions(mti=4))
     assert main(["process", str(folder), "--radar", "nowhere.json"]) == 1

@@ -338,7 +338,7 @@ def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
 def test_a_receiver_gain_beside_a_system_is_refused(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     with pytest.raises(ConfigError, match="receiver gain of 10"):
-        list(process_run(folder, ProcessOptions(receiver_gain=10.0)))
+        list(process_run(folder, ProcessOptions(receive_antenna_gain_dbi=10.0)))
 
 
 def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
