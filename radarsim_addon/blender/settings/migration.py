@@ -43,13 +43,10 @@ _RENAMED = {
 }
 
 
-def _store(scene: Any) -> Any:
-    """Where Blender keeps properties that nobody declares: a mapping, or None."""
-    if bpy.app.version >= (5, 0, 0):
-        system = scene.bl_system_properties_get()
-        if system is not None and _KEY in system:
-            return system
-    return scene if _KEY in scene else None
+def _stores(scene: Any) -> list[Any]:
+    """Where Blender keeps the scene's settings: both, in a file of 4.5 that 5.0 has opened."""
+    system = scene.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else None
+    return [store for store in (system, scene) if store is not None and _KEY in store]
 
 
 def migrate_scene(scene: Any) -> bool:
@@ -62,11 +59,11 @@ def migrate_scene(scene: Any) -> bool:
     bool
         Whether anything was moved.
     """
-    store = None if scene.library is not None else _store(scene)
+    stores = [] if scene.library is not None else _stores(scene)
     found = [radar for radar in radars(scene) if radar.library is None]
-    if store is None or not found:
+    if not stores or not found:
         return False
-    old = store[_KEY].to_dict()
+    old = stores[0][_KEY].to_dict()
     chosen = old.get("emitter")
     for radar in found:
         group = getattr(radar, RADAR_PROPERTY)
@@ -78,7 +75,8 @@ def migrate_scene(scene: Any) -> bool:
         if is_transmitter(chosen) and radar_of(chosen) == radar:
             group.light = chosen
             setattr(scene, ACTIVE_RADAR_PROPERTY, radar)
-    del store[_KEY]
+    for store in stores:
+        del store[_KEY]
     return True
 
 
