@@ -23,7 +23,7 @@ from tests.blender import radar_scenes as rs
 @pytest.fixture
 def settings() -> Iterator[Any]:
     """A plate at 10 units, small and quick; the scene's radar settings."""
-    scene = rs.new_scene()
+    rs.new_scene()
     properties.register()
     rs.add_plate(10.0, 8.0)
     found = rs.radar()

@@ -45,7 +45,7 @@ def test_set_up_looks_level_along_y() -> None:
     np.testing.assert_allclose(axes[:, 1], (0, 0, 1), atol=1e-7)
 
 
-def test_set_up_keeps_a_camera_and_refuses_a_second_radar() -> None:
+def test_set_up_keeps_a_camera_and_adds_a_second_radar() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     own = bpy.data.objects.new("Own", bpy.data.cameras.new("Own"))
@@ -54,10 +54,16 @@ def test_set_up_keeps_a_camera_and_refuses_a_second_radar() -> None:
     rig.setup_rig(scene)
     assert scene.camera == own
     assert rig.find_rig(scene).camera.name == "Radar Receiver"
-    count = len(bpy.data.objects)
-    with pytest.raises(SceneError, match="has a radar emitter already"):
-        rig.setup_rig(scene)
-    assert len(bpy.data.objects) == count
+    second = rig.setup_rig(scene)
+    assert [radar.name for radar in rig.radars(scene)] == ["Radar", second.name]
+    with pytest.raises(SceneError, match="2 radar emitters"):
+        rig.active_radar(scene)
+    found = rig.find_rig(scene, **rig.antennas_of(scene, second))
+    assert found.camera.parent == found.emitter.parent == second
+    bpy.data.objects.remove(found.emitter)
+    assert rig.active_radar(scene).name == "Radar"
+    with pytest.raises(SceneError, match="carries no radar transmitter"):
+        rig.antennas_of(scene, second)
 
 
 def test_no_emitter(tmp_path: Path) -> None:
