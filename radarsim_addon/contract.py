@@ -29,7 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .options import setting
+from .options import documented, setting
 
 SCHEMA_VERSION = 2
 """Version of every record below. Readers refuse newer ones and name the version they know."""
@@ -119,6 +119,7 @@ AMPLITUDE_MODEL: dict[str, Any] = {
 """Setting of the link budget and of the processing."""
 
 
+@documented
 @dataclass(frozen=True)
 class AntennaRecord:
     """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.radar.antennas`.
@@ -142,6 +143,7 @@ class AntennaRecord:
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
+@documented
 @dataclass(frozen=True)
 class LinkBudget:
     """Power budget of the radar; see docs/system.md.

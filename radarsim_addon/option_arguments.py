@@ -120,7 +120,9 @@ def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
         option = f"`{item.flag}`" if name in flags else ""
         allowed = ", ".join(f"`{value}`" for value in item.values) or item.bounds.strip()
         unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
-        default = f"`{default_text(item)}`" if default_text(item) else "must be given"
+        default = (
+            "must be given" if item.default is MISSING else f"`{default_text(item) or 'none'}`"
+        )
         rows.append(
             f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"
         )  # fmt: skip

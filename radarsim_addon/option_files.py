@@ -16,11 +16,6 @@ from .options import Declared, Setting, declared, value_type
 Record = TypeVar("Record")
 
 
-def to_json(record: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass instance by name, nested ones too, as JSON holds them."""
-    return dataclasses.asdict(record)
-
-
 def from_json(kind: type[Record], data: Any, where: str, error: type[Exception] = ConfigError
               ) -> Record:  # fmt: skip
     """Make a dataclass instance from parsed JSON.

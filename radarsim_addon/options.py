@@ -20,7 +20,7 @@ import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from decimal import Decimal
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from .errors import ConfigError
 
@@ -38,6 +38,7 @@ _SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
 _SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
 _SMALL_WORDS = ("by", "for", "from", "of", "per")
 _KEY = "radarsim"
+Record = TypeVar("Record")
 _DECLARED: dict[Any, Mapping[str, Declared]] = {}
 
 Choices = tuple[tuple[str, str, str], ...]
@@ -316,6 +317,18 @@ def check_settings(record: Any) -> None:
     """
     for name, item in declared(type(record)).items():
         item.check(getattr(record, name))
+
+
+def documented(kind: type[Record]) -> type[Record]:
+    """Add the section "Parameters" to a dataclass's docstring, from its settings."""
+    lines = [""]
+    for name, item in declared(kind).items():
+        unit = f" [{item.of.unit}]" if item.of.unit else ""
+        lines += [name, f"    {item.of.label}{unit}. {item.of.help}."]
+    doc = (kind.__doc__ or "").rstrip()
+    title = "" if "Parameters\n" in doc else "\n\n    Parameters\n    ----------"
+    kind.__doc__ = doc + title + "\n    ".join(lines) + "\n"
+    return kind
 
 
 def choices_from(values: Iterable[str]) -> Choices:

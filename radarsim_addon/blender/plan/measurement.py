@@ -11,7 +11,7 @@ from typing import Any
 
 from ...contract import LinkBudget
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from ...signal.radar import AnyWaveform, Burst, Radar
 
 #: More rings than this is a slip of the pen (a ring step in kilometres, a scene in millimetres).
@@ -59,6 +59,7 @@ MAX_REFLECTIONS: dict[str, Any] = {
 POLARISATIONS = ("average", "vertical", "horizontal")
 
 
+@documented
 @dataclass(frozen=True)
 class Measurement:
     """One run: radar, rings, passes, frames and how they are rendered.
@@ -69,24 +70,8 @@ class Measurement:
         The radar's numbers; they do not change what is rendered.
     frames
         Blender frames, in the order in which they are rendered.
-    rings
-        Number of rings from range 0; 0 means: as many as the scene needs.
-    ring_step_m
-        Width of a ring in one-way range [m] (Delta r of Eq. 5).
-    snapshots
-        1: at t only; 2: at t and t + snapshot_interval_s, from which Doppler follows (Eq. 12).
-    snapshot_interval_s
-        Time between the passes [s].
-    width_px, height_px, samples, seed
-        Size of each render, Cycles samples a pixel, Cycles seed (the same for all renders).
-    max_reflections
-        Most reflections of a path.
-    extinction_length_m
-        Normalising length of the Radar Material's extinction coefficient [m]; 0: one Blender unit.
     system
         Power budget, checked; None: the emitter's EIRP in all directions. It changes no render.
-    polarisation
-        Of waves that go through physical materials: one of `POLARISATIONS`.
     """
 
     waveform: AnyWaveform

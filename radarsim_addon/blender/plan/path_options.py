@@ -6,52 +6,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from .measurement import MAX_REFLECTIONS
 
 #: Cameras finer than this see float32 of their own directions [rad per pixel].
 FINEST_PITCH = 5e-7
 
 
+@documented
 @dataclass(frozen=True)
 class PathOptions:
-    """How paths are followed, and when it is enough.
-
-    Parameters
-    ----------
-    max_reflections
-        Most reflections.
-    max_depth
-        Most transparent surfaces on the receiver's side.
-    max_unfollowed_fraction
-        Share of the total power that may stay unfollowed.
-    replicates
-        Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
-        One alone tells that of objects, by their edges and by what neighbouring pixels differ.
-    max_standard_error
-        Relative standard error (over range bins and objects) at which refinement ends; 0: no
-        refinement.
-    refine_for
-        What the relative error is of: "both", "ranges" (range bins) or "objects".
-    time_limit_s
-        Time per radar frame after which no further tile is refined [s]; 0: no limit.
-    max_refinement_level
-        Most halvings of the pixel pitch.
-    tile_px
-        Side of a tile.
-    motion
-        "kinematic": every path's length at every pulse, from the motion of what it touches; "off":
-        all stands still during a burst.
-    motion_samples
-        Most samples of the animation in a burst.
-    visibility_updates
-        How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
-        at its end and evenly between. Echoes fade from one to the next.
-    range_encoding
-        "auto", "materials" or "world": what carries the range code.
-    amplitude_channel
-        Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
-    """
+    """How paths are followed, and when it is enough."""
 
     max_reflections: int = setting(default=1, **MAX_REFLECTIONS)
     max_depth: int = setting(

@@ -239,8 +239,8 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     """Hash of everything that changes the pixels of a render.
 
-    Waveform, burst and link budget are not in it (they come in after rendering), nor are the frames: a
-    run may be continued with more of them.
+    Waveform, burst and link budget are not in it (they come in after rendering), nor are the
+    frames: a run may be continued with more of them.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
     for key in ("waveform", "burst", "link_budget", "frames", "rings"):

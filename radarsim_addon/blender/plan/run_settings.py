@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...options import setting
+from ...options import documented, setting
 
 
+@documented
 @dataclass(frozen=True)
 class RunSettings:
     """Choices between records, and where a run goes; they are kept with the radar."""

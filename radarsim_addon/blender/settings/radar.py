@@ -147,7 +147,9 @@ def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement
     burst = view.record(Burst, **_of(Burst, given))
     waveform, burst = _radar(view, given, burst)
     numbers = (
-        {"extinction_length_m": waveform.wavelength_m} if view.extinction == "wavelength" else {}
+        {"extinction_length_m": waveform.wavelength_m}
+        if given.get("extinction", view.extinction) == "wavelength"
+        else {}
     )
     numbers |= _of(Measurement, given)
     frames = given.get("frames") or _frames(scene, view)

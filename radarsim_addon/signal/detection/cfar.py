@@ -16,7 +16,7 @@ import numpy as np
 
 from ...array_types import Mask, Real
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from ..maps import RangeDopplerMap
 from .cfar_thresholds import Calibration, noise_correlation
 
@@ -28,23 +28,10 @@ _MOST_SORTED = 96
 _BLOCK = 1 << 23
 
 
+@documented
 @dataclass(frozen=True)
 class Cfar:
-    """A detector.
-
-    Attributes
-    ----------
-    kind
-        "ca" (cell averaging) or "os" (ordered statistic, which neighbours of a target and edges of
-        clutter disturb less).
-    pfa
-        False alarms per cell of the map in noise alone.
-    guard, train
-        Cells (Doppler, range) to each side: none of the guard cells, all of the training cells
-        beyond them are taken.
-    rank
-        Of the ordered statistic, as a share of the training cells.
-    """
+    """A detector."""
 
     kind: CfarKind = setting(
         "CFAR",
@@ -82,6 +69,7 @@ class Cfar:
             raise ConfigError("CFAR without training cells; give some in range or Doppler.")
 
 
+@documented
 @dataclass(frozen=True)
 class CfarResult:
     """Thresholds of a map.

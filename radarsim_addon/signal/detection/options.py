@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
 from ...errors import ConfigError
-from ...options import check_settings, choices_from, setting
+from ...options import check_settings, choices_from, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS
 from ..echoes import Receiver
 from ..radar import WINDOW_NAMES, Radar, read_system
@@ -37,64 +37,27 @@ def _seed_or_none(text: str) -> int | None:
 _seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the type
 
 
+@documented
 @dataclass(frozen=True)
 class ProcessOptions:
     """How a run is processed.
 
-    Attributes
+    Parameters
     ----------
-    amplitude_model
-        "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`; None: the system's, or
-        "radar-equation" without one.
-    receive_antenna_gain_dbi
-        G_r [dBi], for runs without a system.
-    range_taper, doppler_taper
-        Windows over the band and over the pulses, see :mod:`.radar.windows`.
-    range_limits_m
-        One-way ranges (start, stop) [m]; None: what the rings cover.
-    max_range_rate_mps
-        Limit of a believable |range rate| between the passes [m/s].
-    nufft_backend
-        Engine of the non-uniform FFT.
-    tolerance
-        Relative L2 error of the echoes' spectrum against the direct sum.
-    slow_time_transform
-        "auto", "type3", "per-pulse" or "direct", see
-        :class:`.spectrum.accumulator.SpectrumAccumulator`.
-    speckle_seed
-        Of the random phases of rough scatterers, "radar-equation" only; None: no such phases, see
-        :mod:`.scattering.surface_speckle`.
-    speckle_cell_size_m
-        Edge of the cells that hold one scatterer each [m]; None: from the pixels' footprints.
-    products
-        Whether to write the four EXR products.
-    plots
-        Whether to draw pictures; None: where matplotlib is installed.
-    animate
-        Whether to write a GIF of all frames' maps; None: where there are pictures and several
-        frames.
-    link_budget
-        Link budget, see :mod:`.radar.link_budget`; None: the run's own.
     radar
         Another waveform and burst than the run's own: nothing of the renders depends on them but
         materials on the carrier.
     receiver
         Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
-    thermal_noise
-        Thermal noise with the noise figure and antenna temperature of the system.
-    mti
-        Canceller over the pulses: 0 (none), 2 or 3 pulses, see :mod:`.maps.mti`.
     cfar
         Detector, see :class:`.detection.cfar.Cfar`; None: no detections.
-    hdf5, sigmf
-        Whether to write all results as HDF5, the raw I/Q as SigMF.
     """
 
     amplitude_model: AmplitudeModel | None = setting(
         default=None, **AMPLITUDE_MODEL, old_flags=("--weighting",)
     )
     receive_antenna_gain_dbi: float = setting(
-        "Receive antenna gain", "Set the gain of the receive antenna for runs without a link budget",
+        "Receive antenna gain", "Set the gain of the receive antenna of a run without link budget",
         0.0, unit="dBi", old_flags=("--receiver-gain-db",),
     )  # fmt: skip
     range_taper: str = setting(
@@ -130,7 +93,7 @@ class ProcessOptions:
         parse=_seed_or_none, metavar="N",
     )  # fmt: skip
     speckle_cell_size_m: float | None = setting(
-        "Speckle cell size", "Set the size of a scatterer's cell. None: from the pixels' footprints",
+        "Speckle cell size", "Set the size of a scatterer's cell. None: by the pixels' footprints",
         None, unit="m", above=0.0, old_flags=("--speckle-cell",),
     )  # fmt: skip
     products: bool = setting("Products", "Write the four EXR products", True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...array_types import Real
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from ...physics.constants import REFERENCE_TEMPERATURE_K
 from ...physics.noise import complex_noise, noise_power_w
 from ..radar import FmcwWaveform
@@ -21,26 +21,10 @@ from .echoes import Echoes
 from .phase_noise import PhaseNoise, add_phase_noise, load_phase_noise, takes_phase_noise_by_path
 
 
+@documented
 @dataclass(frozen=True)
 class Receiver:
-    """A receiver's shortcomings; the default has none.
-
-    Attributes
-    ----------
-    noise_figure_db
-        Noise figure F [dB]; None: no thermal noise.
-    antenna_temperature_k
-        Of what the antenna sees [K].
-    adc_bits
-        Bits of each of I and Q, sign included, 1 to 24; None: not quantised.
-    adc_full_scale
-        Amplitude at which I and Q clip, in sqrt(W) at the receiver's input; None: the largest that
-        occurs, so that nothing clips.
-    phase_noise
-        Of the oscillator; None: none.
-    noise_seed
-        Of noise and phase noise: the same seed gives the same samples.
-    """
+    """A receiver's shortcomings; the default has none."""
 
     noise_figure_db: float | None = setting(
         "Noise figure", "Add thermal noise of this noise figure. None: no thermal noise", None,

@@ -19,7 +19,7 @@ from ...array_types import Real
 from ...contract import AntennaRecord
 from ...errors import ConfigError
 from ...option_files import from_json
-from ...options import setting
+from ...options import documented, setting
 from ...physics.antenna_table import TableAntenna, read_pattern
 from ...physics.antennas import Antenna, Aperture, CosinePower, Gaussian
 from ...physics.arrays import PlanarArray
@@ -146,6 +146,7 @@ class Pattern(Protocol):
         ...
 
 
+@documented
 @dataclass(frozen=True)
 class IsotropicPattern:
     """The same gain in all directions."""
@@ -174,6 +175,7 @@ def _beamwidth(plane: str, initial: float) -> Any:
     )  # fmt: skip
 
 
+@documented
 @dataclass(frozen=True)
 class CosinePattern:
     """A power of the cosine of the angle from boresight, nothing behind."""
@@ -199,6 +201,7 @@ class CosinePattern:
         return _with_gain(antenna, self.peak_gain_dbi)
 
 
+@documented
 @dataclass(frozen=True)
 class GaussianPattern:
     """A Gaussian beam."""
@@ -214,6 +217,7 @@ class GaussianPattern:
         return _with_gain(antenna, self.peak_gain_dbi)
 
 
+@documented
 @dataclass(frozen=True)
 class AperturePattern:
     """A uniformly lit rectangle."""
@@ -261,6 +265,7 @@ _TAPER: dict[str, Any] = {
 }
 
 
+@documented
 @dataclass(frozen=True)
 class ArrayPattern:
     """A grid of elements, steered by phase."""
@@ -312,6 +317,7 @@ def _taper(value: Any) -> str | tuple[float, ...]:
     return value if isinstance(value, str) else tuple(np.atleast_1d(real_array("Taper", value)))
 
 
+@documented
 @dataclass(frozen=True)
 class TablePattern:
     """Gains over azimuth and elevation, from a file or given."""

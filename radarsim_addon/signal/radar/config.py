@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .waveform import AnyWaveform
 
@@ -26,6 +26,7 @@ _DURATION_NAMES = {
 }
 
 
+@documented
 @dataclass(frozen=True)
 class Burst:
     """A train of equal pulses: ``pulses`` of them, ``prf_hz`` a second."""

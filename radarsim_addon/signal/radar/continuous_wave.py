@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 from ...array_types import Complex
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .chips import CHIP, ChipNumbers
 from .codes import m_sequence
@@ -95,29 +95,10 @@ class LineWaveform(AnyWaveform, Protocol):
         ...
 
 
+@documented
 @dataclass(frozen=True)
 class FmcwWaveform(LineNumbers):
-    """Linear FMCW with de-chirp: the beat of each chirp is sampled.
-
-    Parameters
-    ----------
-    carrier_hz
-        Frequency in the middle of the sampled part of the ramp [Hz].
-    bandwidth_hz
-        Swept while the ADC samples, N times slope / fs [Hz].
-    adc_samples
-        Samples N per chirp.
-    adc_rate_hz
-        Sampling rate of the ADC [Hz].
-    adc_start_s
-        From the start of the ramp to the first sample [s].
-    ramp_s
-        Length of the ramp [s]; None: it ends with the last sample.
-    idle_s
-        Pause before the next chirp [s].
-    real_adc
-        Whether the mixer and the ADC have one (real) channel; else I and Q.
-    """
+    """Linear FMCW with de-chirp: the beat of each chirp is sampled."""
 
     carrier_hz: float = setting(**CARRIER)
     bandwidth_hz: float = setting(**BANDWIDTH)
@@ -207,21 +188,10 @@ class FmcwWaveform(LineNumbers):
         return 1 / self.sampling_rate_hz
 
 
+@documented
 @dataclass(frozen=True)
 class SteppedWaveform(LineNumbers):
-    """Stepped frequency: N tones, one complex sample of each.
-
-    Parameters
-    ----------
-    carrier_hz
-        Middle of the steps [Hz].
-    step_hz
-        Distance of two steps [Hz]; the range repeats with c / 2 step.
-    steps
-        Number N of steps.
-    step_time_s
-        Time on each step, over which the receiver averages [s].
-    """
+    """Stepped frequency: N tones, one complex sample of each."""
 
     carrier_hz: float = setting(**CARRIER)
     step_hz: float = setting(
@@ -288,23 +258,10 @@ class SteppedWaveform(LineNumbers):
         return self.step_time_s
 
 
+@documented
 @dataclass(frozen=True)
 class PmcwWaveform(ChipNumbers, LineNumbers):
-    """Phase-modulated continuous wave: an m-sequence sent over and over.
-
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    chip_duration_s
-        Length of one chip [s]; the bandwidth is its inverse.
-    code_degree
-        Of the m-sequence: 2^degree - 1 chips.
-    code_repeats
-        Codes that the correlator adds up for one pulse of the burst.
-    samples_per_chip
-        Complex samples per chip, from 1.
-    """
+    """Phase-modulated continuous wave: an m-sequence sent over and over."""
 
     carrier_hz: float = setting(**CARRIER)
     chip_duration_s: float = setting(**CHIP)

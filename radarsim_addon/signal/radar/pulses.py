@@ -14,7 +14,7 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError
-from ...options import check_settings, setting
+from ...options import check_settings, documented, setting
 from .chips import CHIP, ChipNumbers
 from .codes import barker
 from .config import _SLACK
@@ -28,21 +28,10 @@ from .waveform import (
 )
 
 
+@documented
 @dataclass(frozen=True)
 class PhaseCodedPulse(ChipNumbers, PulseNumbers):
-    """A pulse of chips of phase 0 or pi, after a Barker code.
-
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    chip_duration_s
-        Length of one chip [s]; the bandwidth is its inverse.
-    code_length
-        Chips: 2, 3, 4, 5, 7, 11 or 13.
-    samples_per_chip
-        Complex samples per chip, from 1.
-    """
+    """A pulse of chips of phase 0 or pi, after a Barker code."""
 
     carrier_hz: float = setting(**CARRIER)
     chip_duration_s: float = setting(**CHIP)
@@ -75,21 +64,15 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
         return self.sampled(barker(self.code_length))
 
 
+@documented
 @dataclass(frozen=True)
 class ArbitraryPulse(PulseNumbers):
     """A pulse of given complex samples, read from a file by :mod:`.radar.radar_files`.
 
     Parameters
     ----------
-    carrier_hz
-        Carrier frequency f0, 0 Hz of the samples [Hz].
-    sampling_rate_hz
-        Complex sampling rate [Hz].
     samples
         Complex samples, (n,); scaled so that the mean of |w|^2 is 1.
-    band_hz
-        Band |f| <= B/2 that the samples use, over which windows are laid [Hz]; None: all of the
-        sampling rate.
     source
         Name of the file, for records.
     """
@@ -144,21 +127,10 @@ class ArbitraryPulse(PulseNumbers):
         return self.samples
 
 
+@documented
 @dataclass(frozen=True)
 class Waveform(PulseNumbers):
-    """A linear FM pulse.
-
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    bandwidth_hz
-        Swept bandwidth B [Hz].
-    chirp_duration_s
-        Pulse length T_p [s].
-    sampling_rate_hz
-        Complex (I/Q) sampling rate [Hz]; at least the bandwidth.
-    """
+    """A linear FM pulse."""
 
     carrier_hz: float = setting(**CARRIER)
     bandwidth_hz: float = setting(**BANDWIDTH)

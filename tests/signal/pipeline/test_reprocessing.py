@@ -77,12 +77,17 @@ def test_a_tolerance_is_named_as_it_was_given(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["process", str(folder), "--tolerance", "0"]) == 2
-    assert "Tolerance is 0.0; expected a finite number from 1e-13 to 0.01" in capsys.readouterr().err
+    assert (
+        "Tolerance is 0.0; expected a finite number from 1e-13 to 0.01" in capsys.readouterr().err
+    )
 
 
 def test_a_beamwidth_is_named_in_degrees() -> None:
     beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 1e9}
-    with pytest.raises(ConfigError, match=r"elevation_beamwidth_deg: Elevation beamwidth is 1000000000\.0 deg.*at most 180 deg"):
+    with pytest.raises(
+        ConfigError,
+        match=r"elevation_beamwidth_deg: Elevation beamwidth is 1000000000\.0 deg.*at most 180 deg",
+    ):
         make_antenna(AntennaRecord("gaussian", beam), 0.05)
 
 
