@@ -241,7 +241,7 @@ def _maps(
         part = synthesize(
             _paths(run, budget, seed), radar, range_limits_m=range_limits_m, speckle_seed=seed
         )
-        noise = dataclasses.replace(receiver, seed=seed + 1)
+        noise = dataclasses.replace(receiver, noise_seed=seed + 1)
         found = range_doppler(range_process(apply_receiver(part, noise).echoes, oversample=4))
         rows = np.abs(found.doppler_hz) < 450
         cols = np.abs(found.range_m - TARGET_M) < 30

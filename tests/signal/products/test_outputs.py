@@ -175,7 +175,7 @@ def test_sigmf_is_a_valid_recording(folder: Path, waveform: object) -> None:
 def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
     samples = []
     for seed in (1, 1, 2):
-        receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), seed=seed)
+        receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), noise_seed=seed)
         options = ProcessOptions(products=False, plots=False, receiver=receiver)
         samples.append(result_of(folder, options).echoes.samples)
     np.testing.assert_array_equal(samples[0], samples[1])
