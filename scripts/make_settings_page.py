@@ -23,7 +23,7 @@ window shows the same setting in the unit that people use, and options of the co
 that unit: `carrier_hz` is `--carrier-ghz`. Options leave out plain metres, seconds, kelvins and
 watts. `scripts/make_settings_page.py` writes this page from the declarations in the code.
 
-In Python, `radarsim_addon.blender.settings.settings(rig)` returns the settings of a radar; its
+In Python, `radarsim_addon.blender.rig_settings.settings(rig)` returns the settings of a radar; its
 antennas are `settings(rig).transmitter` and `settings(rig).receiver`.
 """
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ..paths import PathJob
+from ..rig_settings import read_link_budget, read_measurement, read_path_options, settings
 from ..rings import RingJob
 from ..run import MeasurementJob
 from ..scene import active_radar, antennas_of
-from ..settings import read_link_budget, read_measurement, read_path_options, settings
 
 
 def make_job(

@@ -19,8 +19,8 @@ from ...framewarnings import FrameWarnings
 from ...signal.pipeline import FrameResult, process_run
 from ...terminal_text import printable
 from ..plan import given_settings
+from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..scene import active_radar, radars
-from ..settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from .console import ProgressLine, quiet_blender
 from .jobs import make_job
 

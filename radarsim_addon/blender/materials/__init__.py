@@ -6,7 +6,13 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .layers import beyond_float32, is_entered, set_layer_normals
-from .physical_materials import EXACT_FACETS, is_physical, refresh_materials, update_materials
+from .physical_materials import (
+    EXACT_FACETS,
+    is_physical,
+    make_physical_material,
+    refresh_materials,
+    update_materials,
+)
 from .surface_roughness import roughness_of
 
 __all__ = [
@@ -17,6 +23,7 @@ __all__ = [
     "beyond_float32",
     "is_entered",
     "is_physical",
+    "make_physical_material",
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",

@@ -14,6 +14,7 @@ from .materials import (
     PRESETS,
     MaterialPreset,
     assign_radar_material,
+    assign_to,
     is_radar_material,
     make_material,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "PRESETS",
     "MaterialPreset",
     "assign_radar_material",
+    "assign_to",
     "ensure_group",
     "find_groups",
     "group_version",

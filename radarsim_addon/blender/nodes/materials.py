@@ -208,14 +208,26 @@ def preset_material(preset: str) -> Any:
 
 
 def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
-    """Give objects the material of a preset, in all their material slots.
+    """Give objects the material of a preset; as `assign_to`.
+
+    Raises
+    ------
+    ConfigError
+        No preset of that name.
+    SceneError
+        None of the objects can carry a material.
+    """
+    return assign_to(objects, preset_material(preset))
+
+
+def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
+    """Give objects a material, in all their material slots.
 
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-        Those that cannot carry a material (empties, lamps, cameras...) are passed over.
-    preset
-        Key of `PRESETS`.
+        Objects that cannot carry a material (empties, lights, cameras) are passed over.
+    material : bpy.types.Material
 
     Returns
     -------
@@ -224,8 +236,6 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
 
     Raises
     ------
-    ConfigError
-        No preset of that name.
     SceneError
         None of the objects can carry a material.
     """
@@ -241,7 +251,6 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
             f"No object for a radar material: {found} selected. "
             "Select one or more meshes that are not linked from another file."
         )
-    material = preset_material(preset)
     for obj in usable:
         if not obj.material_slots:
             obj.data.materials.append(material)

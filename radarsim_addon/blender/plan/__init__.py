@@ -4,6 +4,7 @@
 from .config_warnings import derive, warnings_for
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
+from .presets import preset_settings
 from .render_arguments import given_settings, parse_render_arguments, render_settings
 from .run_plan import (
     Extent,
@@ -41,6 +42,7 @@ __all__ = [
     "make_plan",
     "parse_frames",
     "parse_render_arguments",
+    "preset_settings",
     "render_settings",
     "run_record",
     "warnings_for",

@@ -15,7 +15,7 @@ import bpy
 
 from ...errors import SceneError
 from ..materials import physical_materials as pm
-from ..settings import carrier_hz
+from ..rig_settings import carrier_hz
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 BLEND = FOLDER / "radar_materials.blend"

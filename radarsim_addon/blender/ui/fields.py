@@ -9,8 +9,8 @@ from typing import Any
 
 from ...errors import SceneError
 from ...options import Declared
+from ..rig_settings import RADAR_PROPERTY
 from ..scene import active_radar
-from ..settings import RADAR_PROPERTY
 
 
 def active_group(scene: Any) -> Any:

@@ -14,8 +14,8 @@ from ...options import declared
 from ...physics.radar_equation import monostatic_power_w
 from ...signal.detection import predicted_snr
 from ...signal.radar import PATTERNS, RadarSystem, make_system
+from ..rig_settings import read_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
-from ..settings import read_link_budget, read_measurement
 from .fields import active_group, draw_fields, wrapped
 
 

@@ -10,9 +10,9 @@ import bpy
 from ...errors import RadarSimError
 from ..headless import ProgressLine, make_job, progress_text, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
+from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
 from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
-from ..settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
 from .interactive import InteractiveRender
 from .results import ProcessingJob, show_images
 

@@ -18,6 +18,15 @@ from ..plan import (
     derive,
     warnings_for,
 )
+from ..rig_settings import (
+    PROGRESS_PROPERTY,
+    RADAR_PROPERTY,
+    RADAR_SETTINGS,
+    WAVEFORMS,
+    read_measurement,
+    read_path_options,
+    settings,
+)
 from ..scene import (
     ACTIVE_RADAR_PROPERTY,
     Rig,
@@ -27,15 +36,6 @@ from ..scene import (
     find_rig,
     radars,
     scene_extent,
-)
-from ..settings import (
-    PROGRESS_PROPERTY,
-    RADAR_PROPERTY,
-    RADAR_SETTINGS,
-    WAVEFORMS,
-    read_measurement,
-    read_path_options,
-    settings,
 )
 from .fields import active_group, draw_fields, wrapped
 

@@ -20,8 +20,8 @@ from radarsim_addon.blender.plan import (
     parse_render_arguments,
     render_settings,
 )
+from radarsim_addon.blender.rig_settings import RADAR_SETTINGS, settings
 from radarsim_addon.blender.scene import setup_rig
-from radarsim_addon.blender.settings import RADAR_SETTINGS, settings
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.option_arguments import add_arguments, given
 from radarsim_addon.option_files import from_json

@@ -12,7 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.settings.groups import (
+from radarsim_addon.blender.rig_settings.groups import (
     Settings,
     property_group,
 )

@@ -10,8 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.scene import active_radar, radars, setup_rig
-from radarsim_addon.blender.settings import (
+from radarsim_addon.blender.rig_settings import (
     RADAR_SETTINGS,
     migrate_scene,
     read_link_budget,
@@ -19,6 +18,7 @@ from radarsim_addon.blender.settings import (
     read_path_options,
     settings,
 )
+from radarsim_addon.blender.scene import active_radar, radars, setup_rig
 from radarsim_addon.contract import AntennaRecord
 from radarsim_addon.errors import SceneError
 from radarsim_addon.signal.radar import (
