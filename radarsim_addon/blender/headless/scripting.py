@@ -271,6 +271,8 @@ def measure(
                 job.finish(task)
                 if progress is not None:
                     progress(job.fraction)
+            if progress is not None:  # a frame counts as done when the next one is asked for
+                progress(job.fraction)
     return open_run(path)
 
 
