@@ -23,7 +23,7 @@ def _measure(bench: Bench, units_per_m: float) -> Acquired:
     wall = nodes.make_material("Wall", 1.4, 0.0, 0.0, 0.5)
     add_box("Wall", (0.6, 6.0, -1.1), (2.9, 6.3, 2.2), wall)
     add_plate("Behind", facing_plate((2.4, 11.0, 0.6), 3.0, 10.0), lambert(0.6))
-    return acquire(bench, 64, 2, max_reflections=2, code="world")
+    return acquire(bench, 64, 2, max_reflections=2, range_encoding="world")
 
 
 def scales(bench: Bench) -> list[Check]:
