@@ -174,7 +174,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("output", nargs="?", type=Path, default=default)
     output = parser.parse_args(argv).output
 
-    from radarsim_addon.blender import settings as properties
+    from radarsim_addon.blender import rig_settings as properties
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     properties.register()

@@ -85,7 +85,7 @@ class PaperScene:
     def __init__(self, blend: Path, folder: Path) -> None:
         import bpy
 
-        from radarsim_addon.blender import settings as properties
+        from radarsim_addon.blender import rig_settings as properties
         from radarsim_addon.blender.nodes import refresh_groups
 
         if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):

@@ -67,7 +67,7 @@ def measured_run(bench: Bench, width_px: int, replicates: int, close: bool) -> A
     """
     import bpy
 
-    from radarsim_addon.blender import settings as properties
+    from radarsim_addon.blender import rig_settings as properties
     from radarsim_addon.blender.headless import quiet_blender
     from radarsim_addon.blender.nodes import refresh_groups
     from radarsim_addon.blender.paths import PathJob

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix
 
-from radarsim_addon.blender import settings as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.layers import layer_normal, object_layer_normal
 from radarsim_addon.blender.nodes import attributes

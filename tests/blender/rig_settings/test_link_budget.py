@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.blender import settings as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.scene import pattern_mesh
 from radarsim_addon.blender.ui import link_budget_panel as system_panel

@@ -12,7 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender import settings as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.ui.results import ProcessingJob
 from radarsim_addon.errors import ConfigError

@@ -10,7 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender import settings as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
 from radarsim_addon.errors import OutputError
 from tests.blender import radar_scenes as rs

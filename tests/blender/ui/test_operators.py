@@ -11,7 +11,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender import settings as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.ui import interactive, panels, pictures, results
 from radarsim_addon.blender.ui.interactive import InteractiveRender
