@@ -98,7 +98,9 @@ def parse_render_arguments(
     # Options of 0.1 in other units, or of one sampling mode.
     hidden: dict[str, Any] = {"help": argparse.SUPPRESS}
     parser.add_argument("--auto-rings", action="store_true", **hidden)
-    parser.add_argument("--delta-t", type=finite_number, **hidden)
+    parser.add_argument(
+        "--delta-t", "--snapshot-interval", dest="delta_t", type=finite_number, **hidden
+    )
     parser.add_argument("--order", type=int, **hidden)
     parser.add_argument("--bounces", type=int, **hidden)
     return parser.parse_args(words)

@@ -52,7 +52,7 @@ def property_group(
                 description=item.of.help,
                 default=item.of.on or item.default is not None,
             )
-        annotations[item.shown_name] = _property(item)
+        annotations[item.shown_name] = _property(item, (changes or {}).get(item.name))
     annotations.update(others or {})
     members = {
         "__annotations__": annotations,
@@ -62,10 +62,12 @@ def property_group(
     return type(name, (bpy.types.PropertyGroup,), members)
 
 
-def _property(item: Declared) -> Any:
+def _property(item: Declared, change: Change | None) -> Any:
     """A field of the window."""
     of = item.of
     common: dict[str, Any] = {"name": item.shown_label, "description": of.help}
+    if change is not None:  # not called by keyframes, which may change nothing else
+        common["update"] = lambda group, _: change(group)
     if item.kind is bool:
         return bpy.props.BoolProperty(default=bool(item.initial), **common)
     if of.choices:
@@ -86,7 +88,7 @@ def _property(item: Declared) -> Any:
         return item.to_shown(group.get(item.name, item.initial))
 
     def put(group: Any, value: float) -> None:
-        write(group, item, shortest_decimal(value, item.exponent))
+        group[item.name] = shortest_decimal(value, item.exponent)
 
     return bpy.props.FloatProperty(get=get, set=put, precision=of.digits, **common)
 
@@ -102,15 +104,15 @@ def read(group: Any, item: Declared) -> Any:
 
 
 def write(group: Any, item: Declared, value: Any) -> None:
-    """Set the value of a setting, which was checked."""
+    """Set the value of a setting, which was checked; others are told as if the window had."""
     if item.optional:
         setattr(group, f"use_{item.name}", value is not None)
     if item.kind is float and value is not None:
         group[item.name] = float(value)
+        if item.name in group.changes:
+            group.changes[item.name](group)
     elif value is not None:
         setattr(group, item.name, str(value) if item.of.choices else value)
-    if item.name in group.changes:
-        group.changes[item.name](group)
 
 
 class Settings:

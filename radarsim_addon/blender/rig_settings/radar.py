@@ -53,7 +53,14 @@ def settings(radar: Any) -> Settings:
     ----------
     radar : bpy.types.Object
         The rig.
+
+    Raises
+    ------
+    ConfigError
+        The properties are not registered.
     """
+    if not hasattr(radar, RADAR_PROPERTY):
+        raise ConfigError("Radars have no settings yet. Call radarsim_addon.register() first.")
     return Settings(getattr(radar, RADAR_PROPERTY), _ALL)
 
 
