@@ -131,9 +131,8 @@ def expected_power(
     sums = _TableSums(frame_input, cells, receiver_gain, link, points_to)
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
     for views in views_by_shift(table.rows, table.record.replicates):
-        profile_of_one, map_of_one = smeared(sums.replicate(views))
-        profile.add(profile_of_one)
-        image.add(map_of_one)
+        for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
+            total.add(values)
     finer_profile, finer_map = smeared(sums.finer)
     return ExpectedPower(
         range_m=cells.range_m,

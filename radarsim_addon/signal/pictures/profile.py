@@ -78,14 +78,12 @@ def plot_range_profile(
     _draw_curves(axis, curves, scale)
     _draw_error(axis, expected, scale)
     if noise_db is not None:
-        level = with_minus(fixed(10 * math.log10(noise_power), 1))
-        text = f"mean noise, {level} {unit}".rstrip()
-        axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
+        _draw_noise(axis, noise_db, noise_power, unit)
     _draw_references(axis, reference_ranges_m, scale)
     axis.set_ylabel(f"power [dB re strongest{reference_text(top, unit)}]" if top else "power [dB]")
     axis.set_title(title, fontsize=10)
     source = profile or compressed
-    cell_m = source.radar.waveform.range_resolution_m if source is not None else 1.0
+    cell_m = 1.0 if source is None else source.radar.waveform.range_resolution_m
     _draw_edges(figure, axis, edges, scale, cell_m, bool(top))
     return figure
 
@@ -144,6 +142,12 @@ def _draw_curves(axis: Axes, curves: Sequence[_Curve], scale: _Scale) -> None:
     axis.ticklabel_format(useOffset=False)
     axis.set_xlabel(f"one-way range [{length.name}]")
     axis.grid(alpha=0.3)
+
+
+def _draw_noise(axis: Axes, noise_db: float, noise_power: float, unit: str) -> None:
+    level = with_minus(fixed(10 * math.log10(noise_power), 1))
+    text = f"mean noise, {level} {unit}".rstrip()
+    axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
 
 
 def _draw_references(axis: Axes, ranges_m: Sequence[float], scale: _Scale) -> None:

@@ -59,7 +59,7 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
     """Process one radar frame.
 
     Pure: it writes and prints nothing and opens nothing but what the input holds. The same input
-    and options give the same bits on any number of threads.
+    and options give the same bits on any number of the synthesis' own threads.
 
     Parameters
     ----------
@@ -77,6 +77,11 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
     ------
     RadarSimError
         One of its named kinds, see :mod:`radarsim_addon.errors`.
+
+    Notes
+    -----
+    A BLAS library of several threads may round the noise of an ordered-statistic CFAR differently
+    in its last bits; echoes, profiles and maps do not depend on it.
     """
     steps = frame_steps(frame_input, options)
     while True:

@@ -120,7 +120,7 @@ def test_processing_needs_no_folder_and_says_nothing(
 
 
 @RUNS
-def test_bits_do_not_depend_on_the_number_of_threads(
+def test_bits_do_not_depend_on_the_number_of_synthesis_threads(
     tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = open_run(make(tmp_path / "run"))
