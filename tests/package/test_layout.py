@@ -21,7 +21,7 @@ ROOMS = (
     "", "physics",
     "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.pictures", "signal.products", "signal.pipeline", "signal",
+    "signal.results", "signal.pictures", "signal.products", "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
     "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
     "blender.paths", "blender.headless", "blender.ui", "blender",

@@ -17,11 +17,12 @@ from ...framewarnings import FrameWarnings
 from ...terminal_text import printable
 from ..detection import target_count
 from ..maps import level_unit
+from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
 from .console import detection_lines, map_digits
 from .info_command import _info
 from .objects_command import add_objects_parser, print_objects
-from .process import FrameResult, Progress, process_run
+from .process import Progress, process_run
 from .process_arguments import add_process_parser, frame_numbers, process_options
 
 
@@ -138,7 +139,7 @@ def _print_frame(result: FrameResult) -> None:
         print(f"  CFAR         {count}, {cells} above the threshold")
         for line in detection_lines(found.targets, result.rd_map):
             print(f"  {line}")
-    for line in result.budget.lines() if result.budget is not None else []:
+    for line in result.budget.lines():
         print(f"  {line}")
     if result.files:
         print(f"  {len(result.files)} files in {result.files[0].parent}")

@@ -8,13 +8,13 @@ from typing import Any
 
 from ...errors import FrameFileError
 from ...terminal_text import printable
+from ..decoding import open_frame
 from ..detection import (
     BudgetReport,
     FrameBudget,
     matching_objects,
     object_echoes,
     projection_warnings,
-    require_objects,
 )
 from ..radar import read_system
 from ..runs import open_run
@@ -51,17 +51,17 @@ def print_objects(
         No such run, frame or object; a run of rings.
     """
     run = open_run(folder)
-    system = run.record.link_budget if system_file is None else read_system(system_file)
+    link_budget = None if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     warnings: dict[str, None] = {}
     for frame in chosen:
-        require_objects(frame)
         gaps = frame.missing()
         if gaps:
             raise FrameFileError(f"{frame.path}: {gaps[0].reason}. Render the run again.")
-        groups = None if pattern is None else {pattern: matching_objects(frame, pattern)}
-        link = FrameBudget(frame, run.radar, system).link
-        echoes = object_echoes(frame, run.radar.waveform.carrier_hz, link, groups)
+        frame_input = open_frame(frame, link_budget=link_budget)
+        groups = None if pattern is None else {pattern: matching_objects(frame_input, pattern)}
+        link = FrameBudget(frame_input).link
+        echoes = object_echoes(frame_input, run.radar.waveform.carrier_hz, link, groups)
         total_w = sum(echo.power_w for echo in echoes)
         print(f"frame {frame.number}: t = {frame.time_s:g} s")
         for line in BudgetReport(total_w, None, echoes).lines():
@@ -73,7 +73,7 @@ def print_objects(
                     "W come by way of "
                     "other objects too and are not in its cross section"
                 )
-        warnings |= dict.fromkeys(projection_warnings(frame))
+        warnings |= dict.fromkeys(projection_warnings(frame_input))
     for warning in warnings:
         print(f"warning: {warning}")
     return 0

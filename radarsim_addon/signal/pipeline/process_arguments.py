@@ -8,10 +8,11 @@ from typing import Any
 
 from ...option_arguments import add_arguments, given
 from ...options import declared
-from ..detection import Cfar, ProcessOptions
+from ..detection import Cfar
 from ..echoes import Receiver
 from ..radar import Burst, load_radar
 from ..runs import open_run
+from .options import ProcessOptions
 
 
 def frame_numbers(text: str) -> list[int]:

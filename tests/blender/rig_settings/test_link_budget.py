@@ -20,7 +20,7 @@ from radarsim_addon.blender.ui import link_budget_panel as system_panel
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget, matching_objects, object_echoes
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.radar import make_system
@@ -259,7 +259,7 @@ def test_swept_beam_through_cycles(bpy: Any, tmp_path: Path) -> None:
         folder = tmp_path / f"run{number}"
         ph.run_paths(folder, width_px=64, height_px=64)
         run = open_run(folder)
-        budget = FrameBudget(run.frame(1), run.radar, record)
+        budget = FrameBudget(open_frame(run.frame(1), link_budget=record))
         paths = budget.apply(frame_paths(run.frame(1)))
         plain = path_power_w(frame_paths(run.frame(1)), WAVELENGTH_M).sum()
         levels.append(10 * math.log10(path_power_w(paths, WAVELENGTH_M).sum() / plain))
@@ -296,7 +296,7 @@ def test_runs_know_collections_and_roughness(bpy: Any, tmp_path: Path) -> None:
     assert (item.rms_height_m, item.correlation_length_m) == (0.0004, 0.004)
     assert matching_objects(frame, "Outer") == ["Plate"]
     radar = open_run(run.folder).radar
-    speckle = FrameSpeckle(frame, radar, 0)
+    speckle = FrameSpeckle(open_frame(frame, radar=radar), 0)
     assert "'Plate': the Kirchhoff model does not hold" in speckle.warnings[0]
     # k h = 0.044: nearly all of the power is coherent, 1 - (2 k h)^2
     factors = speckle.apply(frame_paths(frame)).phasors
@@ -325,14 +325,14 @@ def test_speckle_moves_with_an_animated_object(bpy: Any, tmp_path: Path) -> None
     found = []
     for number in (1, 10):
         frame = opened.frame(number)
-        paths = FrameSpeckle(frame, opened.radar, 0, 1.0).apply(frame_paths(frame))
+        paths = FrameSpeckle(open_frame(frame), 0, 1.0).apply(frame_paths(frame))
         assert paths.phasors is not None
         phase = np.exp(-2j * np.pi * paths.length_m / WAVELENGTH_M)
         found.append(np.sqrt(path_power_w(paths, WAVELENGTH_M)) * paths.phasors * phase)
     one, other = (np.sum(values) for values in found)
     # float32 poses in Blender: 1e-6 of 40 m are a thousandth of the wavelength
     assert abs(one - other) < 0.05 * abs(one)
-    seed = FrameSpeckle(opened.frame(1), opened.radar, 1, 1.0)
+    seed = FrameSpeckle(open_frame(opened.frame(1)), 1, 1.0)
     phasors = seed.apply(frame_paths(opened.frame(1))).phasors
     assert phasors is not None
     assert abs(np.vdot(phasors, found[0] / np.abs(found[0]))) < 0.2 * phasors.size

@@ -76,7 +76,7 @@ def test_floor_of_the_map_is_ktf_over_the_integration_time(
     density = BOLTZMANN * 290 * 10**0.6
     assert received.noise_power_w == pytest.approx(density * waveform.sampling_rate_hz, rel=1e-9)
     # sampled at mid-share, a window over 64 pulses loses slightly more than the continuous one
-    windows = (rd_map.window == "hamming") + (rd_map.doppler_taper == "hamming")
+    windows = (rd_map.range_taper == "hamming") + (rd_map.doppler_taper == "hamming")
     expected = density / (integration_s * pulses) * 10 ** (windows * HAMMING_DB / 10)
     cells = rd_map.power.size / (1.36**windows)  # as many independent ones
     # 4 standard errors, and what the closed form leaves out: ripple of the chirp's spectrum

@@ -107,7 +107,7 @@ def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
         products=False, plots=False, cfar=Cfar(pfa=1e-7), receiver=Receiver(noise_figure_db=60.0)
     )
     result = result_of(far, noisy)
-    assert result.reception is not None and result.reception.noise_power_w > 0
+    assert result.received.noise_power_w > 0
     assert result.moving_targets == []
 
 
@@ -183,7 +183,7 @@ def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
 
 
 def test_what_does_not_fit_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ConfigError, match="noise of the system"):
+    with pytest.raises(ConfigError, match="noise of the link budget"):
         result_of(folder, ProcessOptions(thermal_noise=True))
     with pytest.raises(ConfigError, match="MTI canceller"):
         result_of(folder, ProcessOptions(mti=4))

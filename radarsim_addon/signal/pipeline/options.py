@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a run is processed, and what comes of a frame."""
+"""How a run is processed."""
 
 from __future__ import annotations
 
@@ -10,22 +10,12 @@ from typing import Any, get_args
 from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
 from ...errors import ConfigError
 from ...options import check_settings, choices_from, documented, setting
-from ..decoding import MAX_RANGE_RATE_MPS
-from ..echoes import Receiver
+from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
+from ..detection import Cfar
+from ..echoes import EchoOptions, Receiver, check_window
 from ..radar import WINDOW_NAMES, Radar, read_system
-from ..runs import Run
+from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
-from .cfar import Cfar
-
-
-@dataclass(frozen=True)
-class Progress:
-    """`done` of `total` steps of the whole run are done; `text` says which was the last."""
-
-    done: int
-    total: int
-    text: str
-
 
 _TAPERS = choices_from(WINDOW_NAMES)
 
@@ -50,7 +40,7 @@ class ProcessOptions:
     receiver
         Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
     cfar
-        Detector, see :class:`.detection.cfar.Cfar`; None: no detections.
+        Detector, see :class:`.detection.Cfar`; None: no detections.
     """
 
     amplitude_model: AmplitudeModel | None = setting(
@@ -125,43 +115,108 @@ class ProcessOptions:
         """G_r, linear, for runs without a link budget."""
         return float(10 ** (self.receive_antenna_gain_dbi / 10))
 
-    def for_run(self, run: Run) -> ProcessOptions:
-        """These options with what the run itself says filled in.
+    def for_run(self, run: Run) -> ResolvedOptions:
+        """Settle what the run decides.
+
+        Parameters
+        ----------
+        run
+            The run that is to be processed.
+
+        Returns
+        -------
+        ResolvedOptions
+            These options with the run's radar and link budget, where none are given.
 
         Raises
         ------
         ConfigError
-            A receiver gain beside a system, which has one already; the noise of a system without
-            one; an unknown canceller; a tolerance out of range.
+            A receiver gain and a link budget, which has one already; thermal noise without a link
+            budget; an unknown canceller; a tolerance or range limits that cannot be.
         """
         check_settings(self)
-        system = self.link_budget or run.record.link_budget
-        if system is not None and self.receiver_gain != 1:
+        link_budget = self.link_budget or run.record.link_budget
+        if link_budget is not None and self.receive_antenna_gain_dbi != 0:
             raise ConfigError(
-                f"A receiver gain of {self.receiver_gain:g} is given, and a system, whose receiver "
-                "antenna has one. Set gain_dbi there, or leave the receiver gain out."
+                f"A receiver gain of {self.receive_antenna_gain_dbi:g} dBi is given, and a link "
+                "budget, whose receiver antenna has one. Set gain_dbi there, or leave the receiver "
+                "gain out."
             )
-        amplitude_model = self.amplitude_model or (system or LinkBudget()).amplitude_model
-        receiver = self.receiver
-        if self.thermal_noise:
-            if system is None:
-                raise ConfigError(
-                    "The noise of the system is asked for, and the run has none. Give a noise "
-                    "figure, or a system."
-                )
-            receiver = dataclasses.replace(
-                receiver,
-                noise_figure_db=system.noise_figure_db,
-                antenna_temperature_k=system.antenna_temperature_k,
+        settled = {
+            "amplitude_model": self.amplitude_model
+            or (link_budget or LinkBudget()).amplitude_model,
+            "link_budget": link_budget,
+            "radar": self.radar or run.radar,
+            "receiver": self._receiver(link_budget),
+            "limits_m": check_window(self.range_limits_m or run.range_limits_m),
+        }
+        return ResolvedOptions(**(vars(self) | settled))
+
+    def _receiver(self, link_budget: LinkBudget | None) -> Receiver:
+        if not self.thermal_noise:
+            return self.receiver
+        if link_budget is None:
+            raise ConfigError(
+                "The noise of the link budget is asked for, and the run has none. Give a noise "
+                "figure, or a link budget."
             )
         return dataclasses.replace(
-            self,
-            amplitude_model=amplitude_model,
-            link_budget=system,
-            radar=self.radar or run.radar,
-            receiver=receiver,
+            self.receiver,
+            noise_figure_db=link_budget.noise_figure_db,
+            antenna_temperature_k=link_budget.antenna_temperature_k,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedOptions(ProcessOptions):
+    """Options for a run, with nothing left open; made by :meth:`ProcessOptions.for_run`.
+
+    Attributes
+    ----------
+    amplitude_model, radar
+        As in `ProcessOptions`, never None.
+    limits_m
+        One-way ranges (start, stop) of all frames [m].
+    """
+
+    amplitude_model: AmplitudeModel
+    radar: Radar
+    limits_m: tuple[float, float]
+
+    @property
+    def echo_options(self) -> EchoOptions:
+        """How echoes are formed; only powers in watts get random phases."""
+        watts = self.amplitude_model == "radar-equation"
+        return EchoOptions(
+            amplitude_model=self.amplitude_model,
+            receiver_gain=self.receiver_gain,
+            nufft_backend=self.nufft_backend,
+            tolerance=self.tolerance,
+            slow_time_transform=self.slow_time_transform,
+            speckle_seed=self.speckle_seed if watts else None,
+        )
+
+    @property
+    def writers(self) -> tuple[str, ...]:
+        """Names of the writers of result files, pictures apart."""
+        wanted = {"hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products}
+        return ("npz", "json", "csv", *(name for name, wish in wanted.items() if wish))
+
+    def open(self, frame: RadarFrame) -> FrameInput:
+        """Open a frame with the radar, link budget and range limits of these options.
+
+        Raises
+        ------
+        FrameFileError, SchemaError
+            As :func:`.decoding.open_frame`.
+        """
+        return open_frame(
+            frame, radar=self.radar, link_budget=self.link_budget, range_limits_m=self.limits_m
         )
 
     def record(self) -> dict[str, Any]:
-        """As plain JSON, without the radar, which has a record of its own."""
-        return dataclasses.asdict(dataclasses.replace(self, radar=None))
+        """Return the options as plain JSON, without the radar, which has a record of its own."""
+        given = {
+            field.name: getattr(self, field.name) for field in dataclasses.fields(ProcessOptions)
+        }
+        return dataclasses.asdict(ProcessOptions(**(given | {"radar": None})))
