@@ -19,7 +19,7 @@ from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import EXTINCTION, KIND
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
 
 #: Share of an object's surface that must lie in one pair of directions for it to be a layer.
@@ -78,22 +78,13 @@ def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
     **widths
         Numbers a face of each property of `bpy.types.MeshPolygon`.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return None
-    try:
-        count = len(mesh.polygons)
-        if not count:
+    with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+        if mesh is None or not len(mesh.polygons):
             return None
-        found = {}
-        for name, width in widths.items():
-            values = np.empty(count * width, dtype=np.float32)
-            mesh.polygons.foreach_get(name, values)
-            found[name] = values.reshape(-1, width).astype(np.float64)
-        return found
-    finally:
-        evaluated.to_mesh_clear()
+        return {
+            name: read_numbers(mesh.polygons, name, width).astype(np.float64)
+            for name, width in widths.items()
+        }
 
 
 def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:

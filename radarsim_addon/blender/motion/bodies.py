@@ -19,7 +19,8 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
-from ..scene import InstancePose, Key, Poses, beside_box
+from ..scene import InstancePose, Poses, distance_from_box
+from ..state import Key
 
 #: How far from a surface a vertex may lie, relative to the path's length: vertices from the
 #: emitter's colours are known to 1e-6 of the scene's size.
@@ -33,7 +34,7 @@ class Part:
     number: int
     name: str
     key: Key
-    shown: InstancePose
+    instance: InstancePose
 
 
 class Bodies:
@@ -57,13 +58,10 @@ class Bodies:
         self._metres_per_unit = metres_per_unit
         self._depsgraph = depsgraph
         numbers = {name: number for number, name in enumerate(names, start=1)}
-        #: Originals by number, of what is rendered.
-        self.originals: dict[int, Any] = {}
-        for item in depsgraph.object_instances:
-            original = item.object.original
-            number = numbers.get(original.name)
-            if number is not None and not original.hide_render:
-                self.originals[number] = original
+        #: Original objects that are rendered, by number.
+        self.originals: dict[int, Any] = {
+            numbers[name]: item for name, item in poses.rendered.items() if name in numbers
+        }
         self._surfaces: dict[int, Any] = {}
         parts = [
             Part(numbers[name], name, key, shown)
@@ -117,7 +115,9 @@ class Bodies:
         count = np.zeros(len(points), dtype=np.intp)
         found = np.full(len(points), -1)
         for index, near in self._near(points, allowed, parts):
-            outside = np.linalg.norm(beside_box(self.parts[index].shown, points[near])[1], axis=-1)
+            outside = np.linalg.norm(
+                distance_from_box(self.parts[index].instance, points[near])[1], axis=-1
+            )
             inside = near[outside <= allowed[near]]
             if inside.size:
                 candidates.append((index, inside))
@@ -143,7 +143,7 @@ class Bodies:
         sorted_m = points[order, axis]
         margin = float(allowed.max())
         for index in parts:
-            shown = self.parts[index].shown
+            shown = self.parts[index].instance
             centre = shown.pose[:3, :3] @ shown.box.mean(axis=0) + shown.pose[:3, 3]
             half = np.abs(shown.pose[:3, :3]) @ (shown.box[1] - shown.box[0]) / 2
             low = np.searchsorted(sorted_m, centre[axis] - half[axis] - margin)
@@ -158,7 +158,9 @@ class Bodies:
         if not len(points):
             return best
         for index in parts:
-            distance = np.linalg.norm(beside_box(self.parts[index].shown, points)[1], axis=-1)
+            distance = np.linalg.norm(
+                distance_from_box(self.parts[index].instance, points)[1], axis=-1
+            )
             nearer = distance < least
             best[nearer], least[nearer] = index, distance[nearer]
         return best
@@ -171,11 +173,11 @@ class Bodies:
         surface = self._surface(part.number)
         if surface is None:
             return float("inf")
-        local = beside_box(part.shown, point[None])[0][0] / self._metres_per_unit
+        local = distance_from_box(part.instance, point[None])[0][0] / self._metres_per_unit
         _, _, _, distance = surface.find_nearest(tuple(local))
         if distance is None:
             return float("inf")
-        scale = float(np.linalg.norm(part.shown.pose[:3, :3], axis=0).max())
+        scale = float(np.linalg.norm(part.instance.pose[:3, :3], axis=0).max())
         return float(distance) * scale * self._metres_per_unit
 
     def _surface(self, number: int) -> Any:

@@ -27,7 +27,7 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Poses, evaluated_poses, instance_name, pose_in_metres
+from ..scene import evaluated_poses, instance_name, pose_in_metres
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
@@ -91,27 +91,26 @@ class BurstMotion:
 
     def begin(self) -> Any:
         """Look for deforming surfaces; returns the depsgraph at the frame's time."""
-        candidates = self._candidates(self._show(self._plan.shown[1]))
+        instant = self._plan.shown[1]
+        depsgraph = self._show(instant)
+        self.poses = evaluated_poses(depsgraph, self._units)
+        wanted = set(self._names)
+        candidates = {
+            name: item
+            for name, item in self.poses.rendered.items()
+            if name in wanted and may_deform(item)
+        }
         deforming: dict[str, Any] = {}
         if candidates and not self._frozen:
             deforming = self._find_deforming(candidates)
-        depsgraph = self._show(self._plan.shown[1])
+            depsgraph = self._show(instant)
+            self.poses = evaluated_poses(depsgraph, self._units)
         surfaces = {
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
-        self.poses: Poses = evaluated_poses(depsgraph, self._units)
         self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
         return depsgraph
-
-    def _candidates(self, depsgraph: Any) -> dict[str, Any]:
-        wanted = set(self._names)
-        found = {}
-        for item in depsgraph.object_instances:
-            original = item.object.original
-            if original.name in wanted and may_deform(original) and not original.hide_render:
-                found[original.name] = original
-        return found
 
     def _find_deforming(self, candidates: dict[str, Any]) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
@@ -244,7 +243,7 @@ class BurstMotion:
             for item in (self._rig.camera, self._rig.emitter)
         )
         at_s = self._plan.shown[0]
-        bodies = [BodyMotion(part.shown.pose, epoch_offset_s=at_s) for part in self._touched]
+        bodies = [BodyMotion(part.instance.pose, epoch_offset_s=at_s) for part in self._touched]
         self._samples, self._bound_m = 1, 0.0
         self._scene = FrameMotion(
             self._plan.span_s,

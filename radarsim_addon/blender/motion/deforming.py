@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ...array_types import Real, Single
 from ...signal.paths import PathRows
 from ..materials import SURFACE_TYPES
-from ..scene import beside_box
+from ..scene import distance_from_box
+from ..state import evaluated_mesh, read_numbers, read_triangles
 from .bodies import Part
 
 #: Kinds of parents that deform what hangs from them.
@@ -38,16 +39,10 @@ def may_deform(item: Any) -> bool:
 
 def vertex_positions(item: Any, depsgraph: Any) -> Single:
     """Vertices of the evaluated mesh in the object's own axes, (vertices, 3), Blender units."""
-    evaluated = item.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return np.empty((0, 3), dtype=np.float32)
-    try:
-        positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-        mesh.vertices.foreach_get("co", positions)
-    finally:
-        evaluated.to_mesh_clear()
-    return positions.reshape(-1, 3)
+    with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+        if mesh is None:
+            return np.empty((0, 3), dtype=np.float32)
+        return read_numbers(mesh.vertices, "co", 3)
 
 
 class DeformingSurface:
@@ -65,18 +60,9 @@ class DeformingSurface:
     def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
         self.item = item
         self._units = metres_per_unit
-        evaluated = item.evaluated_get(depsgraph)
-        mesh = evaluated.to_mesh()
-        try:
-            positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-            mesh.vertices.foreach_get("co", positions)
-            mesh.calc_loop_triangles()
-            triangles = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
-            mesh.loop_triangles.foreach_get("vertices", triangles)
-        finally:
-            evaluated.to_mesh_clear()
-        self._vertices = positions.astype(np.float64).reshape(-1, 3)
-        self.triangles = triangles.reshape(-1, 3)
+        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+            positions, self.triangles = read_triangles(mesh)
+        self._vertices = positions.astype(np.float64)
         self._tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
         self.count = len(self._vertices)
         #: Vertices that tracks use, in the order of their place in the series.
@@ -148,7 +134,7 @@ class Deformations:
     def attach(self, rows: PathRows, bodies: Sequence[Part]) -> None:
         """Tie points of rows to faces; to be called for all rows before `number`."""
         for points, mine, part in self._ends(rows, bodies):
-            local, _ = beside_box(part.shown, np.array(rows[points][mine]))
+            local, _ = distance_from_box(part.instance, np.array(rows[points][mine]))
             vertices, weights = self.surfaces[part.name].attach(local)
             self.body.append(np.full(mine.size, rows[_COLUMNS[points][0]][mine[0]]))
             self.vertices.append(vertices)

@@ -158,8 +158,8 @@ class Fits:
 
 def _reach(part: Part) -> float:
     """Farthest corner of a body's box from its origin [m]."""
-    low, high = part.shown.box
+    low, high = part.instance.box
     corners = np.array(
         [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     )
-    return float(np.linalg.norm(corners @ part.shown.pose[:3, :3].T, axis=-1).max())
+    return float(np.linalg.norm(corners @ part.instance.pose[:3, :3].T, axis=-1).max())

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...array_types import Real
 from ..plan import Instant, instant_at
-from ..scene import Key, check_pose, check_vertices, instance_key, pose_in_metres
+from ..scene import check_pose, check_vertices, pose_in_metres
+from ..state import Key, evaluated_objects
 from .bodies import Bodies, Part
 from .deforming import Deformations
 
@@ -108,13 +109,11 @@ class Sampler:
                 item = self._originals[part.number].evaluated_get(depsgraph)
                 poses[index + 2] = self._pose(part.name, item.matrix_world, frame)
         if self._instances:
-            for item in depsgraph.object_instances:
-                if not item.is_instance:
-                    continue
-                place = self._instances.get((item.object.original.name, instance_key(item)))
+            for one in evaluated_objects(depsgraph):
+                name = one.original.name
+                place = self._instances.get((name, one.key)) if one.key else None
                 if place is not None:
-                    name = item.object.original.name
-                    poses[place + 2] = self._pose(name, item.matrix_world, frame)
+                    poses[place + 2] = self._pose(name, one.matrix_world, frame)
         self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():

@@ -28,7 +28,8 @@ from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import evaluated_depsgraph, receiver_record, transmitter_record
+from ..scene import receiver_record, transmitter_record
+from ..state import evaluated_depsgraph
 from ..views import (
     Gate,
     PathScene,

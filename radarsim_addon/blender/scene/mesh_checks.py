@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 from ..nodes.group_search import group_node
+from ..state import evaluated_objects, read_numbers
 
 Whole = NDArray[Any]
 
@@ -58,13 +59,12 @@ def check_meshes(depsgraph: Any) -> list[str]:
         Up to date.
     """
     found: list[Faces] = []
-    for instance in depsgraph.object_instances:
-        item = instance.object
+    for one in evaluated_objects(depsgraph):
+        item = one.evaluated
         if item.type != "MESH" or item.hide_render:
             continue
-        matrix = np.array(instance.matrix_world, dtype=np.float64)
-        name = item.name if not instance.is_instance else f"{item.name} (instance)"
-        faces = _faces(item.data, matrix, name, has_interior(item))
+        name = item.name if one.instancer is None else f"{item.name} (instance)"
+        faces = _faces(item.data, one.matrix, name, has_interior(item))
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
@@ -89,20 +89,16 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
     count, corners = len(mesh.polygons), len(mesh.loops)
     if not count:
         return None
-    points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-    mesh.vertices.foreach_get("co", points)
-    start = np.empty(count, dtype=np.int32)
-    mesh.polygons.foreach_get("loop_start", start)
-    corner = np.empty(corners, dtype=np.int32)
-    mesh.loops.foreach_get("vertex_index", corner)
-    local = np.empty(count * 3, dtype=np.float32)
-    mesh.polygons.foreach_get("normal", local)
+    points = read_numbers(mesh.vertices, "co", 3)
+    start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
+    corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
+    local = read_numbers(mesh.polygons, "normal", 3)
     linear = matrix[:3, :3]
-    world = points.reshape(-1, 3).astype(np.float64) @ linear.T + matrix[:3, 3]
+    world = points.astype(np.float64) @ linear.T + matrix[:3, 3]
     determinant = float(np.linalg.det(linear))
     if determinant == 0:
         return None
-    normal = local.reshape(-1, 3).astype(np.float64) @ np.linalg.inv(linear)
+    normal = local.astype(np.float64) @ np.linalg.inv(linear)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     at_corner = world[corner]
     low = np.minimum.reduceat(at_corner, start, axis=0)
