@@ -254,7 +254,7 @@ class PathJob(MeasurementJob):
         emitter = transmitter_record(self.rig, depsgraph, units)
         self.path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        work = FrameWork(self, frame, sampling.shown[1], camera, emitter, motion)
+        work = FrameWork(self, frame, sampling.rendered[1], camera, emitter, motion)
         yield from work.run()
 
     def found_done(self) -> None:
