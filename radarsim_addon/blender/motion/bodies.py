@@ -65,10 +65,10 @@ class Bodies:
         }
         self._surfaces: dict[int, Any] = {}
         parts = [
-            Part(numbers[name], name, key, shown)
+            Part(numbers[name], name, key, instance)
             for name, instances in poses.objects.items()
             if numbers.get(name) in self.originals
-            for key, shown in instances.items()
+            for key, instance in instances.items()
         ]
         #: Body number n is parts[n - 1].
         self.parts = sorted(parts, key=lambda part: (part.number, str(part.key)))

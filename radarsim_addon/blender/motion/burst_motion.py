@@ -27,7 +27,7 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import evaluated_poses, instance_name, pose_in_metres
+from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
@@ -66,7 +66,7 @@ class BurstMotion:
     def __init__(
         self,
         show: Callable[[Instant], Any],
-        rig: Any,
+        rig: Rig,
         names: Sequence[str],
         plan: SamplingPlan,
         receiver_kind: str,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..plan import Instant, instant_at
-from ..scene import check_pose, check_vertices, pose_in_metres
+from ..scene import Rig, check_pose, check_vertices, pose_in_metres
 from ..state import Key, evaluated_objects
 from .bodies import Bodies, Part
 from .deforming import Deformations
@@ -90,7 +90,7 @@ class Sampler:
     def __init__(
         self,
         show: Callable[[Instant], Any],
-        rig: Any,
+        rig: Rig,
         parts: list[Part],
         bodies: Bodies,
         deformations: Deformations,
@@ -142,9 +142,9 @@ class Sampler:
         if self._instances:
             for one in evaluated_objects(depsgraph):
                 name = one.original.name
-                place = self._instances.get((name, one.key)) if one.key else None
-                if place is not None:
-                    poses[place + 2] = self._pose(name, one.matrix_world, frame)
+                row = self._instances.get((name, one.key)) if one.key else None
+                if row is not None:
+                    poses[row + 2] = self._pose(name, one.matrix_world, frame)
         self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():

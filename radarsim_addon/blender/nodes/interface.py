@@ -222,9 +222,9 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     horizontal = math(
         "DIVIDE", "w_s of H", math("MULTIPLY", "product^2", product, product), lengths, clamp=True
     )
-    asked = build.scene_attribute(attributes.ATTR_POLARISATION)
-    is_horizontal = math("GREATER_THAN", "H asked", asked, 1.5)
-    is_vertical = math("GREATER_THAN", "V or H asked", asked, 0.5)
+    requested = build.scene_attribute(attributes.ATTR_POLARISATION)
+    is_horizontal = math("GREATER_THAN", "H asked", requested, 1.5)
+    is_vertical = math("GREATER_THAN", "V or H asked", requested, 0.5)
     vertical = math("SUBTRACT", "w_s of V", 1.0, horizontal)
     one = build.select("w_s of V or H", is_horizontal, vertical, horizontal)
     weight_s = build.select("w_s", is_vertical, 0.5, one)

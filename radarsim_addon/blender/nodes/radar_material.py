@@ -89,9 +89,9 @@ def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
         "LESS_THAN", "before the gate", depth, build.scene_attribute(attributes.ATTR_SURFACE_DEPTH)
     )
     stop = build.scene_attribute(attributes.ATTR_SURFACE_STOP)
-    asked = math("GREATER_THAN", "stop asked for", stop, 0.0)
+    requested = math("GREATER_THAN", "stop asked for", stop, 0.0)
     at_gate = math("GREATER_THAN", "at the gate", depth, stop)
-    stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", asked, at_gate), camera)
+    stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", requested, at_gate), camera)
     passing = math("MULTIPLY", "passing", before, camera)
     return (
         math("SUBTRACT", "reflects", 1.0, passing),

@@ -53,11 +53,11 @@ def _path_gate(build: TreeBuilder) -> Any:
         ("order", order, attributes.ATTR_ORDER_MIN, attributes.ATTR_ORDER_MAX),
         ("depth", depth, attributes.ATTR_DEPTH_MIN, attributes.ATTR_DEPTH_MAX),
     ):
-        least = build.scene_attribute(low)
-        most = build.scene_attribute(high)
-        above = math("GREATER_THAN", f"{label} > min", value, least)
-        limited = math("GREATER_THAN", f"{label} limited", most, 0.0)
-        below = math("LESS_THAN", f"{label} < max", value, most)
+        minimum = build.scene_attribute(low)
+        maximum = build.scene_attribute(high)
+        above = math("GREATER_THAN", f"{label} > min", value, minimum)
+        limited = math("GREATER_THAN", f"{label} limited", maximum, 0.0)
+        below = math("LESS_THAN", f"{label} < max", value, maximum)
         inside = build.select(f"{label} below max", limited, 1.0, below)
         both = math("MULTIPLY", f"{label} gate", above, inside)
         gate = both if gate is None else math("MULTIPLY", "Path gate", gate, both)
