@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...errors import SceneError
-from .projections import NEAR_CLIP_UNITS, camera_kind, frame_edges, frustum
+from .projections import NEAR_CLIP_UNITS, camera_kind, frame_edges
 from .rig import Rig, check_scale
 
 
@@ -64,10 +64,7 @@ def receiver_record(
     camera = rig.camera.evaluated_get(depsgraph)
     check_scale(rig.camera, camera.matrix_world)
     kind = camera_kind(camera.data)
-    if kind == "perspective":
-        left, right, bottom, top = frustum(camera.data, width_px, height_px)
-    else:
-        left, right, bottom, top = frame_edges(camera.data, width_px, height_px, metres_per_unit)
+    left, right, bottom, top = frame_edges(camera.data, width_px, height_px, metres_per_unit)
     if not (0 < right - left < math.inf and 0 < top - bottom < math.inf):
         setting = {
             "perspective": f"a focal length of {camera.data.lens:g} mm",

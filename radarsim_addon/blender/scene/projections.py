@@ -55,7 +55,25 @@ def _panorama(camera: Any) -> Any:
 
 
 def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
-    """Return the edges of the frame of an orthographic or equirectangular camera."""
+    """Return the edges of a camera's frame, from Blender's rules.
+
+    The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
+    The pixels, which are square, give the other dimension.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+        Camera of a kind that `camera_kind` accepts.
+    width_px, height_px
+        Size of the render.
+    metres_per_unit
+        Metres per Blender unit, for an orthographic camera.
+
+    Returns
+    -------
+    tuple of float
+        Left, right, bottom, top.
+    """
     if camera.type == "PANO":
         settings = _panorama(camera)
         across = float(settings.longitude_max) - float(settings.longitude_min)
@@ -67,43 +85,21 @@ def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: flo
             float(settings.latitude_min) + move_v,
             float(settings.latitude_max) + move_v,
         )
-    size = float(camera.ortho_scale) * metres_per_unit
-    fitted_px = width_px if fits_width(camera, width_px, height_px) else height_px
+    fit = camera.sensor_fit
+    fits_width = width_px >= height_px if fit == "AUTO" else fit == "HORIZONTAL"
+    if camera.type == "ORTHO":
+        size = float(camera.ortho_scale) * metres_per_unit
+    else:  # AUTO uses the sensor's width for both dimensions
+        sensor = camera.sensor_height if fit == "VERTICAL" else camera.sensor_width
+        size = float(sensor) / float(camera.lens)
+    fitted_px = width_px if fits_width else height_px
     return _shifted(camera, size, size / 2 * width_px / fitted_px, size / 2 * height_px / fitted_px)
-
-
-def fits_width(camera: Any, width_px: int, height_px: int) -> bool:
-    """Return whether Blender fits the width, and not the height, of a camera's frame."""
-    if camera.sensor_fit == "AUTO":
-        return width_px >= height_px
-    return bool(camera.sensor_fit == "HORIZONTAL")
 
 
 def _shifted(camera: Any, size: float, half_u: float, half_v: float) -> Edges:
     """Return the edges of a frame; lens shift is in units of its fitted dimension."""
     move_u, move_v = float(camera.shift_x) * size, float(camera.shift_y) * size
     return move_u - half_u, move_u + half_u, move_v - half_v, move_v + half_v
-
-
-def frustum(camera: Any, width_px: int, height_px: int) -> Edges:
-    """Return the tangents of the edges of a perspective camera's frame.
-
-    The fitted dimension of the sensor covers sensor / lens. The pixels, which are square, give the
-    other dimension.
-
-    Parameters
-    ----------
-    camera : bpy.types.Camera
-    width_px, height_px
-        Size of the render.
-    """
-    fits = fits_width(camera, width_px, height_px)
-    # AUTO uses the sensor's width for both dimensions.
-    is_width = fits or camera.sensor_fit == "AUTO"
-    size = float(camera.sensor_width if is_width else camera.sensor_height) / float(camera.lens)
-    fitted_px = width_px if fits else height_px
-    half_u, half_v = 0.5 * size * width_px / fitted_px, 0.5 * size * height_px / fitted_px
-    return _shifted(camera, size, half_u, half_v)
 
 
 def aim(

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.scene import rig, rigid_pose
-from radarsim_addon.blender.scene.projections import frustum
+from radarsim_addon.blender.scene.projections import frame_edges
 from radarsim_addon.errors import SceneError
 from tests.blender import radar_scenes as rs
 
@@ -142,7 +142,7 @@ def test_frustum_is_blenders(size: tuple[int, int], fit: str) -> None:
     scene.render.resolution_x, scene.render.resolution_y = size
     corners = np.array([tuple(c) for c in camera.view_frame(scene=scene)])
     tangents = corners[:, :2] / -corners[:, 2:]
-    left, right, bottom, top = frustum(camera, *size)
+    left, right, bottom, top = frame_edges(camera, *size, 1.0)
     low, high = tangents.min(axis=0), tangents.max(axis=0)
     np.testing.assert_allclose((left, bottom), low, atol=1e-6)
     np.testing.assert_allclose((right, top), high, atol=1e-6)
