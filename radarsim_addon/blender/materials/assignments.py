@@ -32,6 +32,11 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Returns
+    -------
+    list of MaterialAssignment
+        One per object, in the order of the depsgraph.
     """
     found: dict[int, MaterialAssignment] = {}
     for one in evaluated_objects(depsgraph):
@@ -51,6 +56,11 @@ def slot_materials(item: Any) -> tuple[Any, ...]:
     ----------
     item : bpy.types.Object
         If evaluated, the materials that Geometry Nodes set are included.
+
+    Returns
+    -------
+    tuple of bpy.types.Material or None
+        One per slot.
     """
     return tuple(
         None if slot.material is None else slot.material.original for slot in item.material_slots

@@ -188,7 +188,12 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
 
 
 def is_entered(material: Any) -> bool:
-    """Return whether a physical material has an interior: its Volume is connected."""
+    """Return whether a physical material has an interior: its Volume is connected.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
     node = group_node(material)
     if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
         return False

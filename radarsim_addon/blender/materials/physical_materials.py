@@ -100,7 +100,12 @@ def surface_of(material: Any) -> Surface | None:
 
 
 def is_physical(material: Any) -> bool:
-    """Return whether a material has one of the physical groups: the material's, or the sheet's."""
+    """Return whether a material has one of the physical groups: the material's, or the sheet's.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
     return _kind_of(material) in (KIND, SHEET_KIND)
 
 
@@ -368,7 +373,13 @@ def _keeps_numbers(material: Any) -> bool:
 
 
 def refresh_materials(carrier_hz: float) -> None:
-    """Evaluate all physical materials; one that cannot be evaluated keeps its numbers."""
+    """Evaluate all physical materials; one that cannot be evaluated keeps its numbers.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier [Hz].
+    """
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):
             update_material(material, carrier_hz)

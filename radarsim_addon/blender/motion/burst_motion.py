@@ -252,6 +252,15 @@ class BurstMotion:
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
         """Write the motion file (and surface points) of this frame, after `complete` of all rows.
 
+        Parameters
+        ----------
+        folder
+            Folder of the burst.
+        time_s
+            Time of the frame [s].
+        versions
+            Versions of the programs, for the record.
+
         Returns
         -------
         Path

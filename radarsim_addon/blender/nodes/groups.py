@@ -29,7 +29,17 @@ DEFINITIONS: dict[str, GroupDefinition] = {
 
 
 def group_version(tree: Any) -> int | None:
-    """Return the version of a radarsim group; None for other groups."""
+    """Return the version of a radarsim group.
+
+    Parameters
+    ----------
+    tree : bpy.types.NodeTree
+
+    Returns
+    -------
+    int or None
+        None for other groups.
+    """
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
         return None
@@ -37,7 +47,18 @@ def group_version(tree: Any) -> int | None:
 
 
 def find_groups(kind: str) -> list[Any]:
-    """Return all editable groups of a kind in this file, newest version first."""
+    """Return all editable groups of a kind in this file.
+
+    Parameters
+    ----------
+    kind
+        Key of `DEFINITIONS`.
+
+    Returns
+    -------
+    list of bpy.types.NodeTree
+        Newest version first.
+    """
     groups = [
         tree
         for tree in bpy.data.node_groups

@@ -82,7 +82,12 @@ PRESETS: dict[str, MaterialPreset] = {
 
 
 def is_radar_material(material: Any) -> bool:
-    """Return whether a material has the Radar Material group, and so encodes the range."""
+    """Return whether a material has the Radar Material group, and so encodes the range.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
     return group_node(material) is not None
 
 

@@ -36,14 +36,38 @@ class Poses:
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
-    """Return Blender's matrix with the translation in metres, shape (4, 4)."""
+    """Return a matrix of Blender with its translation in metres.
+
+    Parameters
+    ----------
+    matrix : mathutils.Matrix
+        4x4, Blender units.
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (4, 4), float64.
+    """
     pose = np.array(matrix, dtype=np.float64)
     pose[:3, 3] *= metres_per_unit
     return pose
 
 
 def instance_name(key: Key) -> str:
-    """Return a key as text: the instancer, and the numbers that Blender uses."""
+    """Return a key as text.
+
+    Parameters
+    ----------
+    key
+        Key of an instance.
+
+    Returns
+    -------
+    str
+        The instancer and Blender's numbers, with slashes between; empty for the object itself.
+    """
     # Blender fills unused numbers with 2^31 - 1.
     return "/".join(str(part) for part in key if part != 2**31 - 1)
 
@@ -57,6 +81,11 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
         Up to date.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    Poses
+        Poses and boxes in metres.
     """
     objects: dict[str, dict[Key, InstancePose]] = {}
     rendered: dict[str, Any] = {}
@@ -76,6 +105,8 @@ def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]
 
     Parameters
     ----------
+    instance
+        Pose and box.
     points
         Shape (n, 3), world axes [m].
 

@@ -56,6 +56,11 @@ def receiver_record(
     width_px, height_px
         Size of the render.
 
+    Returns
+    -------
+    contract.ReceiverRecord
+        Pose and near clip distance in metres.
+
     Raises
     ------
     SceneError
@@ -99,6 +104,11 @@ def transmitter_record(
         Up to date.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    contract.TransmitterRecord
+        Pose in metres, EIRP in watts.
 
     Raises
     ------

@@ -20,7 +20,7 @@ RIG_NAME = "Radar"
 ACTIVE_RADAR_PROPERTY = "radarsim_rig"
 RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
-#: EIRP of a new emitter [W]: 1 kW into an antenna of 30 dB.
+#: EIRP of a new transmitter [W]: 1 kW into an antenna of 30 dB.
 DEFAULT_EIRP_W = 1e6
 #: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
 SCALE_TOLERANCE = 1e-4
@@ -92,22 +92,52 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def radar_of(light: Any) -> Any:
-    """Return the object that keeps the settings of a transmitter: its parent, else itself."""
+    """Return the object that keeps the settings of a transmitter.
+
+    Parameters
+    ----------
+    light : bpy.types.Object
+        Transmitter.
+
+    Returns
+    -------
+    bpy.types.Object
+        Parent of the transmitter, else the transmitter.
+    """
     return light.parent or light
 
 
 def radars(scene: Any) -> list[Any]:
-    """Return the radars of a scene, in the order of its objects."""
+    """Return the radars of a scene.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    list of bpy.types.Object
+        As `radar_of` returns them, in the order of the scene's objects.
+    """
     return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
 
 
 def active_radar(scene: Any) -> Any:
     """Return the radar that a scene measures with: the chosen one, else the only one.
 
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    bpy.types.Object
+        As `radar_of` returns it.
+
     Raises
     ------
     SceneError
-        There is none, or there are several of which none is chosen.
+        The scene has no radar, or it has several and none is chosen.
     """
     chosen = getattr(scene, ACTIVE_RADAR_PROPERTY, None)
     if chosen is not None and chosen.name in scene.objects:
@@ -119,23 +149,34 @@ def active_radar(scene: Any) -> Any:
 
 
 def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
-    """Return the objects that a radar names or carries, as `find_rig` takes them.
+    """Return the camera and the light of a radar.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    radar : bpy.types.Object
+        As `radar_of` returns it.
+
+    Returns
+    -------
+    dict
+        Arguments ``camera`` and ``emitter`` of `find_rig`; None for an object that it finds.
 
     Raises
     ------
     SceneError
-        It has no transmitter.
+        The radar has no transmitter.
     """
     group = getattr(radar, "radarsim", None)
     camera, light = (getattr(group, name, None) for name in ("camera", "light"))
     own = [item for item in scene.objects if is_transmitter(item) and radar_of(item) == radar]
     if light is None and not own:
         raise SceneError(
-            f"{radar.name!r} carries no radar transmitter. Choose another radar in the Radar tab, "
-            "or press Radar > Set Up Radar."
+            f"{radar.name!r} has no transmitter. Choose another radar in the Radar tab, or press "
+            "Radar > Set Up Radar."
         )
-    shown = [item for item in own if not item.hide_render] or own
-    return {"camera": camera, "emitter": light or (shown[0] if len(shown) == 1 else None)}
+    rendered = [item for item in own if not item.hide_render] or own
+    return {"camera": camera, "emitter": light or (rendered[0] if len(rendered) == 1 else None)}
 
 
 def find_rig(
@@ -152,6 +193,11 @@ def find_rig(
     any_projection
         Accept orthographic and panoramic cameras.
 
+    Returns
+    -------
+    Rig
+        Objects of the scene.
+
     Raises
     ------
     SceneError
@@ -160,8 +206,8 @@ def find_rig(
     emitter = emitter or _only_emitter(scene)
     if not is_transmitter(emitter) or emitter.name not in scene.objects:
         raise SceneError(
-            f"{emitter.name!r} is not an emitter of this scene; expected a point lamp with the "
-            "Ring Emitter node group. Press Radar > Set Up Radar."
+            f"{emitter.name!r} is not a transmitter of this scene: a Point light with the Ring "
+            "Emitter node group. Choose another light, or press Radar > Set Up Radar."
         )
     if not emitter.data.energy > 0:
         raise SceneError(
@@ -177,7 +223,7 @@ def find_rig(
     if camera.data.type != "PERSP" and not any_projection:
         raise SceneError(
             f"Camera {camera.name!r} is of type {camera.data.type}, but ring sampling needs a "
-            "perspective camera. Set Camera > Lens > Type to Perspective, or Ray Sampling to Paths."
+            "perspective one. Set Camera > Lens > Type to Perspective, or Sampling mode to Paths."
         )
     return Rig(camera, emitter)
 
@@ -211,7 +257,12 @@ def check_scale(item: Any, matrix_world: Any) -> None:
 
 
 def is_transmitter(item: Any) -> bool:
-    """Return whether an object is a Point light with the Ring Emitter."""
+    """Return whether an object is a Point light with the Ring Emitter.
+
+    Parameters
+    ----------
+    item : bpy.types.Object or None
+    """
     return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
 
 
@@ -221,17 +272,17 @@ def _only_emitter(scene: Any) -> Any:
         hidden = [item.name for item in scene.objects if is_transmitter(item)]
         if hidden:
             raise SceneError(
-                f"The radar emitter {hidden[0]!r} is hidden from renders. "
+                f"The transmitter {hidden[0]!r} is hidden from renders, so there is no echo. "
                 "Enable it in the outliner (camera icon)."
             )
         raise SceneError(
-            "The scene has no radar emitter: no point lamp holds the Ring Emitter node group. "
+            "The scene has no transmitter: no Point light has the Ring Emitter node group. "
             "Press Radar > Set Up Radar."
         )
     if len(found) > 1:
         names = ", ".join(repr(item.name) for item in found)
         raise SceneError(
-            f"The scene has {len(found)} radar emitters ({names}); a measurement has one. "
+            f"The scene has {len(found)} transmitters ({names}), but a measurement has one. "
             "Hide the others from renders, or choose one in the Radar tab."
         )
     return found[0]

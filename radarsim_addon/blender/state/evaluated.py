@@ -55,7 +55,16 @@ class EvaluatedObject(NamedTuple):
 
 
 def evaluated_depsgraph(view_layer: Any) -> Any:
-    """Return the depsgraph of a view layer, up to date."""
+    """Return the depsgraph of a view layer, up to date.
+
+    Parameters
+    ----------
+    view_layer : bpy.types.ViewLayer
+
+    Returns
+    -------
+    bpy.types.Depsgraph
+    """
     view_layer.update()
     return view_layer.depsgraph
 
@@ -67,6 +76,11 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Yields
+    ------
+    EvaluatedObject
+        Valid until the next one.
     """
     for item in depsgraph.object_instances:
         instancer = item.parent.original if item.is_instance else None
@@ -82,7 +96,17 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
 
 @contextmanager
 def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
-    """Provide the mesh of an evaluated object of any type; None for an object without a surface."""
+    """Provide the mesh of an evaluated object of any type during a context.
+
+    Parameters
+    ----------
+    evaluated : bpy.types.Object
+
+    Yields
+    ------
+    bpy.types.Mesh or None
+        None for an object without a surface.
+    """
     mesh = evaluated.to_mesh()
     try:
         yield mesh
@@ -118,7 +142,19 @@ def read_numbers(
 
 
 def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return the vertices, shape (n, 3), in Blender units, and the triangles, (m, 3), of a mesh."""
+    """Return the triangles of a mesh.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Shape (n, 3), object axes, Blender units.
+    triangles : numpy.ndarray
+        Vertex indices, shape (m, 3).
+    """
     mesh.calc_loop_triangles()
     triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
     return read_numbers(mesh.vertices, "co", 3), triangles

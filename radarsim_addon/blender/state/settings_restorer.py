@@ -26,6 +26,14 @@ class SettingsRestorer:
     def set(self, owner: Any, name: str, value: Any) -> None:
         """Set an attribute and record its former value, if they differ.
 
+        Parameters
+        ----------
+        owner : bpy.types.bpy_struct
+        name
+            Attribute.
+        value
+            New value.
+
         Raises
         ------
         AttributeError, TypeError, ValueError
@@ -38,12 +46,19 @@ class SettingsRestorer:
         self._undo.append((name, lambda: setattr(owner, name, before)))
 
     def set_if_present(self, owner: Any, name: str, value: Any) -> None:
-        """Set an attribute that only some Blender versions have."""
+        """Set an attribute that only some Blender versions have; parameters as `set`."""
         if hasattr(owner, name):
             self.set(owner, name, value)
 
     def set_item(self, owner: Any, key: str, value: Any) -> None:
-        """Set a custom property ``owner[key]``; `restore` removes it if it was absent."""
+        """Set a custom property; `restore` removes it if it was absent.
+
+        Parameters
+        ----------
+        owner : bpy.types.ID
+        key, value
+            ``owner[key] = value``.
+        """
         before = owner.get(key, _ABSENT)
         owner[key] = value
 
@@ -57,7 +72,15 @@ class SettingsRestorer:
         self._undo.append((key, undo))
 
     def on_restore(self, name: str, undo: Callable[[], None]) -> None:
-        """Add a step that takes another change back."""
+        """Add a step that takes another change back.
+
+        Parameters
+        ----------
+        name
+            Name of the change, for messages.
+        undo
+            Takes it back.
+        """
         self._undo.append((name, undo))
 
     def restore(self) -> list[str]:
