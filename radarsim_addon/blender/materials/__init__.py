@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which material is where, and what it is at the carrier.
+"""Materials of objects, and their properties at the carrier.
 
 In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
 """

@@ -28,7 +28,8 @@ from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import evaluated_depsgraph, receiver_record, transmitter_record
+from ..scene import receiver_record, transmitter_record
+from ..state import evaluated_depsgraph
 from ..views import (
     Gate,
     PathScene,
@@ -253,7 +254,7 @@ class PathJob(MeasurementJob):
         emitter = transmitter_record(self.rig, depsgraph, units)
         self.path_scene.place(depsgraph)
         self._vertex_map = _vertex_map(self.plan.extent, camera, units)
-        work = FrameWork(self, frame, sampling.shown[1], camera, emitter, motion)
+        work = FrameWork(self, frame, sampling.rendered[1], camera, emitter, motion)
         yield from work.run()
 
     def found_done(self) -> None:

@@ -41,14 +41,13 @@ from ..plan import (
 )
 from ..scene import (
     Rig,
-    evaluated_depsgraph,
     find_rig,
     receiver_record,
     show_what_renders,
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, evaluated_depsgraph
 from . import output_folder, run_files
 from .folder_lock import FolderLock
 from .scene_state import MeasurementSettings

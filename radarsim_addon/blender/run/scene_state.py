@@ -23,8 +23,8 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, evaluated_depsgraph, isolate
-from ..state import SettingsRestorer
+from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
+from ..state import SettingsRestorer, evaluated_depsgraph
 
 #: Surfaces that may lie in line; transparent ones count.
 TRANSPARENT_BOUNCES = 1024

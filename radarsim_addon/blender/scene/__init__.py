@@ -4,16 +4,13 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .depsgraph import evaluated_depsgraph
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
-    Key,
     Poses,
-    beside_box,
+    distance_from_box,
     evaluated_poses,
-    instance_key,
     instance_name,
     pose_in_metres,
 )
@@ -40,23 +37,20 @@ __all__ = [
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "InstancePose",
-    "Key",
     "Poses",
     "Rig",
     "active_radar",
     "aim",
     "antennas_of",
-    "beside_box",
     "camera_kind",
     "check_meshes",
     "check_pose",
     "check_vertices",
+    "distance_from_box",
     "draw_patterns",
     "echoes",
-    "evaluated_depsgraph",
     "evaluated_poses",
     "find_rig",
-    "instance_key",
     "instance_name",
     "is_transmitter",
     "isolate",

@@ -179,7 +179,7 @@ def test_settings_without_a_radar_wait_for_one(addon: Any) -> None:
     else:
         scene["radarsim"] = stored
     assert not migrate_scene(scene)
-    with pytest.raises(SceneError, match="no radar emitter"):
+    with pytest.raises(SceneError, match="no transmitter"):
         active_radar(scene)
     assert bpy.ops.radarsim.setup_rig() == {"FINISHED"}
     view = settings(active_radar(scene))

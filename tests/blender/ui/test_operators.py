@@ -184,7 +184,7 @@ def test_operators_report_named_errors(scene: Any, tmp_path: Path) -> None:
     rs.radar().output_folder = str(tmp_path / "none" / "run")
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.radarsim.render_frames()
-    with pytest.raises(RuntimeError, match="holds no run"):
+    with pytest.raises(RuntimeError, match="contains no run"):
         bpy.ops.radarsim.process_last_run()
     with pytest.raises(RuntimeError, match="does not exist yet"):
         bpy.ops.radarsim.open_output()
@@ -296,7 +296,7 @@ def test_a_render_that_vanishes_is_named(
     monkeypatch.setattr(interactive, "_PATIENCE_TICKS", 3)
     assert not interactive_run.tick()
     interactive_run._ended = ""
-    with pytest.raises(interactive.RenderError, match="without saying why"):
+    with pytest.raises(interactive.RenderError, match="without a message"):
         for _ in range(10):
             interactive_run.tick()
 
