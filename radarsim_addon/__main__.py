@@ -1,8 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``python -m radarsim_addon`` is the ``radarsim`` command."""
+"""The ``radarsim`` command, which joins both halves: ``python -m radarsim_addon`` is the same.
+
+Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
-from .signal.pipeline import main
+from .errors import MissingDependencyError
 
-sys.exit(main())
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["render"]:
+        return render_command(words[1:])
+    from .signal.pipeline import main as process_main
+
+    return process_main(words, {"render": "measure the radar frames of a .blend file (needs bpy)"})
+
+
+def render_command(
+    words: list[str], prog: str = "radarsim render", needs_blend: bool = True
+) -> int:
+    """Measure a .blend file; ends the process with the exit code once Blender runs in it."""
+    from .blender.plan import parse_render_arguments
+
+    parsed = parse_render_arguments(words, prog, needs_blend)  # exits with 0 (--help) or 2
+    try:
+        from .blender.headless.render import run_and_leave
+    except ModuleNotFoundError as error:
+        if error.name != "bpy":
+            raise
+        message = (
+            f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
+            "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
+        )
+        print(f"{MissingDependencyError.__name__}: {message}", file=sys.stderr)
+        return MissingDependencyError.exit_code
+    run_and_leave(parsed)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

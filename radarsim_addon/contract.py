@@ -29,6 +29,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from .options import documented, setting
+
 SCHEMA_VERSION = 2
 """Version of every record below. Readers refuse newer ones and name the version they know."""
 
@@ -105,6 +107,19 @@ class TransmitterRecord:
     eirp_w: float
 
 
+AmplitudeModel = Literal["radar-equation", "paper"]
+AMPLITUDE_MODEL: dict[str, Any] = {
+    "label": "Amplitude model",
+    "help": "Choose how radiance becomes amplitude",
+    "choices": (
+        ("radar-equation", "Radar Equation", "Amplitude is the root of the received power"),
+        ("paper", "Paper", "Blue as amplitude times range squared (Eq. 10, 14)"),
+    ),
+}
+"""Setting of the link budget and of the processing."""
+
+
+@documented
 @dataclass(frozen=True)
 class AntennaRecord:
     """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.radar.antennas`.
@@ -112,10 +127,23 @@ class AntennaRecord:
     The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
     """
 
-    kind: str = "isotropic"
+    kind: str = setting(
+        "Pattern",
+        "Choose the gain against direction",
+        "isotropic",
+        choices=(
+            ("isotropic", "Isotropic", "The same gain in all directions"),
+            ("cosine", "Cosine", "A power of the cosine of the angle from boresight"),
+            ("gaussian", "Gaussian", "By half-power beamwidths in azimuth and elevation"),
+            ("aperture", "Aperture", "Uniformly lit rectangle, sinc² in both planes"),
+            ("array", "Array", "Grid of elements, steered by phase"),
+            ("table", "Table", "CSV file: full pattern or principal cuts"),
+        ),
+    )
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
+@documented
 @dataclass(frozen=True)
 class LinkBudget:
     """Power budget of the radar; see docs/system.md.
@@ -126,15 +154,33 @@ class LinkBudget:
     renders alone: it cancels.
     """
 
-    transmit_power_w: float = 1.0
+    transmit_power_w: float = setting(
+        "Transmit power", "Set the peak power at the transmitter's output", 1.0, unit="W",
+        above=0.0, initial=1000.0,
+    )  # fmt: skip
     transmitter: AntennaRecord = field(default_factory=AntennaRecord)
     receiver: AntennaRecord = field(default_factory=AntennaRecord)
-    transmit_loss_db: float = 0.0
-    receive_loss_db: float = 0.0
-    other_loss_db: float = 0.0
-    noise_figure_db: float = 0.0
-    antenna_temperature_k: float = 290.0
-    amplitude_model: str = "radar-equation"
+    transmit_loss_db: float = setting(
+        "Transmit loss", "Set the loss between transmitter and antenna", 0.0, unit="dB",
+        minimum=0.0, digits=2,
+    )  # fmt: skip
+    receive_loss_db: float = setting(
+        "Receive loss", "Set the loss between antenna and receiver", 0.0, unit="dB",
+        minimum=0.0, digits=2,
+    )  # fmt: skip
+    other_loss_db: float = setting(
+        "Other losses", "Set the losses that remain: atmosphere, processing", 0.0, unit="dB",
+        minimum=0.0, digits=2,
+    )  # fmt: skip
+    noise_figure_db: float = setting(
+        "Noise figure", "Set the noise figure of the receiver, at 290 K", 0.0, unit="dB",
+        minimum=0.0, digits=2, initial=3.0,
+    )  # fmt: skip
+    antenna_temperature_k: float = setting(
+        "Antenna temperature", "Set the noise temperature of the antenna", 290.0, unit="K",
+        minimum=0.0, digits=1,
+    )  # fmt: skip
+    amplitude_model: AmplitudeModel = setting(default="radar-equation", **AMPLITUDE_MODEL)
     schema: str = "radarsim/system"
     schema_version: int = SCHEMA_VERSION
 
@@ -379,6 +425,3 @@ class RunRecord:
     link_budget: LinkBudget | None = None
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION
-
-
-AmplitudeModel = Literal["radar-equation", "paper"]

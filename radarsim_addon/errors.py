@@ -44,3 +44,7 @@ class MissingDependencyError(RadarSimError):
 
 class PathDataError(RadarSimError):
     """A path cannot be summed: its length or its amplitude is NaN or infinite."""
+
+
+class SettingNameError(ConfigError, AttributeError):
+    """There is no setting of that name."""

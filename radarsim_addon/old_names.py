@@ -32,6 +32,11 @@ _TODAY = {
     "no_code_share": "unranged_power_fraction",
     "renders_per_burst": "visibility_updates",
     "chirp_length_s": "chirp_duration_s",
+    "chip_length_s": "chip_duration_s",
+    "sampling_rate_hz": "adc_rate_hz",  # of FMCW
+    "degree": "code_degree",
+    "repeats": "code_repeats",
+    "gain_dbi": "peak_gain_dbi",  # of antennas with a shape
     "pieces": "segments",
     "move": "translation",
     "pivot": "rotation_centre",

@@ -37,7 +37,7 @@ from radarsim_addon.signal.pictures import (
     plot_rings,
     save_figure,
 )
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.runs import open_run
 
 #: An edge this far from an object's near face is of something else [range resolutions].

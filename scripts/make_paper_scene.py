@@ -122,17 +122,16 @@ def build() -> None:
     scene.camera.data.sensor_fit = "HORIZONTAL"
     scene.camera.data.angle = math.radians(40)
 
-    settings = scene.radarsim
+    settings = radar.radarsim
     settings.carrier_ghz = 5.3
     settings.bandwidth_mhz = 50.0
     settings.chirp_duration_us = 2.5
     settings.sampling_rate_mhz = 60.0
     settings.prf_hz = 1000.0
     settings.pulses = 128
-    settings.sampling_mode = "RINGS"
-    settings.ring_mode = "COUNT"
+    settings.sampling_mode = "rings"
     settings.ring_step_m = 250.0
-    settings.ring_count = 21
+    settings.rings = 21
     settings.snapshots = "2"
     settings.snapshot_interval_ms = 10.0
     settings.extinction_length_m = 21 * 250.0
@@ -175,7 +174,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("output", nargs="?", type=Path, default=default)
     output = parser.parse_args(argv).output
 
-    from radarsim_addon.blender.settings import radar as properties
+    from radarsim_addon.blender import rig_settings as properties
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     properties.register()

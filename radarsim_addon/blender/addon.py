@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from .settings import radar as properties
+from . import rig_settings
 from .ui import asset_library, material_panel, operators, panels
 from .ui import link_budget_panel as system_panel
 
@@ -22,7 +22,7 @@ CLASSES: tuple[type, ...] = (
 
 def register() -> None:
     """Register settings, operators and panels. A second call changes nothing."""
-    properties.register()
+    rig_settings.register()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -33,4 +33,4 @@ def unregister() -> None:
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)
-    properties.unregister()
+    rig_settings.unregister()

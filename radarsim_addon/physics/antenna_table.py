@@ -29,16 +29,22 @@ class TableAntenna:
 
     Parameters
     ----------
-    azimuth_deg [A], elevation_deg [E]
-        Increasing. A grid of azimuths that covers the full circle is closed by itself.
-    gain_db [A, E]
-        Gain over isotropic [dBi].
+    azimuth_deg, elevation_deg
+        Increasing angles, (A,) and (E,) [deg]. A grid of azimuths over the full circle is closed.
+    gain_db
+        Gain over isotropic, (A, E) [dBi].
+
+    Attributes
+    ----------
+    outside_db
+        Gain outside the grid [dBi]: the smallest of the table, because measured patterns usually
+        end at the noise of the measurement.
 
     Notes
     -----
-    Outside the grid the gain is the smallest of the table: measured patterns usually end where the
-    noise of the range begins. The error of linear interpolation of a beam of half-power width b at
-    steps h is 3 (h/b)^2 dB per axis, at most.
+    The error of linear interpolation of a beam of half-power width b at steps h is at most 3
+    (h/b)^2 dB
+    per axis.
     """
 
     azimuth_deg: Real
@@ -76,7 +82,7 @@ class TableAntenna:
         return float(10 ** (self.gain_db.max() / 10))
 
     def gain_dbi(self, directions: ArrayLike) -> Real:
-        """Gain [...] in dBi."""
+        """Return the gain [dBi], (...), in directions (..., 3) of the antenna's frame."""
         azimuth, elevation = angles_from_direction(directions)
         along_a, weight_a, inside_a = _locate(self.azimuth_deg, np.degrees(azimuth))
         along_e, weight_e, inside_e = _locate(self.elevation_deg, np.degrees(elevation))
@@ -90,12 +96,12 @@ class TableAntenna:
         return np.asarray(np.where(inside_a & inside_e, value, self.outside_db), dtype=np.float64)
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...], linear; `directions` [..., 3] in the antenna's frame."""
+        """Return the power gain, linear, (...), in directions (..., 3) of the antenna's frame."""
         return np.asarray(10 ** (self.gain_dbi(directions) / 10), dtype=np.float64)
 
 
 def _centred(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:
-    """Azimuths of 0 to 360 as -180 to 180."""
+    """Convert azimuths of 0 to 360 degrees to -180 to 180."""
     turned = np.where(azimuth > 180 + _SAME_ANGLE_DEG, azimuth - 360, azimuth)
     order = np.argsort(turned, kind="stable")
     turned, gain_db = turned[order], gain_db[order]
@@ -110,7 +116,7 @@ def _centred(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:
 
 
 def _closed(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:
-    """Repeat the first and last azimuth across +-180 degrees where the circle is full."""
+    """Repeat the first and last azimuth across +-180 degrees if the circle is full."""
     gap = azimuth[0] + 360 - azimuth[-1]
     if gap < _SAME_ANGLE_DEG or gap > 1.5 * np.diff(azimuth).max():
         return azimuth.copy(), gain_db.copy()
@@ -121,7 +127,7 @@ def _closed(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:
 
 
 def _locate(grid: Real, at: Real) -> tuple[NDArray[np.intp], Real, NDArray[np.bool_]]:
-    """Cell below, weight of its upper edge, and whether the grid reaches there."""
+    """Return the cell below, the weight of its upper edge, and whether the grid extends there."""
     cell = np.clip(np.searchsorted(grid, at, side="right") - 1, 0, grid.size - 2)
     weight = (at - grid[cell]) / (grid[cell + 1] - grid[cell])
     inside = (at >= grid[0] - _SAME_ANGLE_DEG) & (at <= grid[-1] + _SAME_ANGLE_DEG)
@@ -131,16 +137,23 @@ def _locate(grid: Real, at: Real) -> tuple[NDArray[np.intp], Real, NDArray[np.bo
 def read_pattern(path: str | Path) -> TableAntenna:
     """Read an antenna pattern from CSV.
 
-    Either the full pattern, columns azimuth_deg, elevation_deg, gain_db, every pair of azimuth and
-    elevation once, rows in any order; or two principal cuts, columns cut, angle_deg, gain_db with
-    cut 'azimuth' (at elevation 0) or 'elevation' (at azimuth 0). From the cuts
-    G(az, el) = G_az(az) + G_el(el) - G(0, 0) in dB, the usual product of the two, good near the
-    principal planes.
+    Parameters
+    ----------
+    path
+        Either the full pattern, columns azimuth_deg, elevation_deg, gain_db, each pair of azimuth
+        and elevation once, rows in any order; or two principal cuts, columns cut, angle_deg,
+        gain_db with cut 'azimuth' (at elevation 0) or 'elevation' (at azimuth 0).
+
+    Returns
+    -------
+    TableAntenna
+        From two cuts it is G(az, el) = G_az(az) + G_el(el) - G(0, 0) in dB, the usual product, good
+        near the principal planes.
 
     Raises
     ------
     ConfigError
-        With file and line for what cannot be read, is missing, double, or out of range.
+        A value is unreadable, missing, double or out of range; the message has file and line.
     """
     table = read_csv(path, (PATTERN_COLUMNS, CUT_COLUMNS))
     if set(PATTERN_COLUMNS) <= set(table.columns):
@@ -202,7 +215,7 @@ def _from_cuts(table: CsvTable) -> TableAntenna:
         raise ConfigError(
             f"{table.path.name}: at 0 degrees the azimuth cut has {on_boresight[0]:g} dB and the "
             f"elevation cut {on_boresight[1]:g} dB; expected the same gain within "
-            f"{_CUTS_AGREE_DB:g} dB. Are both cuts through boresight, and both in dBi?"
+            f"{_CUTS_AGREE_DB:g} dB. Give both cuts through boresight, and both in dBi."
         )
     (azimuth, along_a), (elevation, along_e) = cuts
     boresight_db = (on_boresight[0] + on_boresight[1]) / 2

@@ -2,14 +2,14 @@
 """Antenna patterns: power gain against direction.
 
 Directions are unit vectors in the antenna's own frame, which is that of Blender's cameras and
-lamps: boresight along -Z, +X to the right, +Y up, seen from behind the antenna.
+lights: boresight along -Z, +X to the right, +Y up, seen from behind the antenna.
 
     azimuth   = atan2(x, -z)   positive to the right, -180 to 180 degrees
     elevation = asin(y)        positive up, -90 to 90 degrees
 
 Gain is linear, over isotropic; a lossless antenna's gain is its directivity, 4 pi over the
-integral of the pattern over the sphere. ``antenna.gain(directions)`` is all that callers need.
-Arrays stand in arrays.py, tables in antenna_table.py.
+integral of the pattern over the sphere. Callers need only ``antenna.gain(directions)``.
+Arrays are in arrays.py, tables in antenna_table.py.
 """
 
 from __future__ import annotations
@@ -27,15 +27,26 @@ from .checks import real_array
 
 
 class Antenna(Protocol):
-    """What has a gain against direction."""
+    """An object with a gain against direction."""
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain over isotropic, linear; `directions` [..., 3] in the antenna's frame."""
+        """Return the power gain over isotropic, linear, (...), in directions (..., 3)."""
         ...
 
 
 def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Real:
-    """Unit vectors [..., 3] in the antenna's frame."""
+    """Return unit vectors in the antenna's frame.
+
+    Parameters
+    ----------
+    azimuth_rad, elevation_rad
+        Angles of any shapes that broadcast [rad].
+
+    Returns
+    -------
+    ndarray
+        Directions, (..., 3).
+    """
     azimuth, elevation = np.broadcast_arrays(
         np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
     )
@@ -44,14 +55,35 @@ def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> R
 
 
 def angles_from_direction(directions: ArrayLike) -> tuple[Real, Real]:
-    """Azimuth and elevation [rad] of vectors [..., 3] in the antenna's frame."""
+    """Return azimuth and elevation of vectors.
+
+    Parameters
+    ----------
+    directions
+        Vectors of any length in the antenna's frame, (..., 3).
+
+    Returns
+    -------
+    azimuth, elevation
+        Angles, (...) [rad].
+    """
     x, y, z = np.moveaxis(unit_directions(directions), -1, 0)
     # hypot keeps the digits near the poles, where asin(y) loses them.
     return np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
 
 
 def unit_directions(directions: ArrayLike) -> Real:
-    """Vectors [..., 3] scaled to length 1.
+    """Scale vectors to length 1.
+
+    Parameters
+    ----------
+    directions
+        Vectors, (..., 3).
+
+    Returns
+    -------
+    ndarray
+        Unit vectors, (..., 3).
 
     Raises
     ------
@@ -68,14 +100,24 @@ def unit_directions(directions: ArrayLike) -> Real:
 
 
 def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Real:
-    """World directions [..., 3] into the frame of an antenna with the pose `matrix_world` (4x4).
+    """Rotate world directions into the frame of an antenna.
 
-    Only the rotation of the matrix is used; a scale in it does no harm.
+    Parameters
+    ----------
+    matrix_world
+        Pose of the antenna, (4, 4) or (3, 3). Only its rotation is used; a scale has no effect.
+    directions_world
+        Directions in the world, (..., 3).
+
+    Returns
+    -------
+    ndarray
+        Unit vectors, (..., 3).
 
     Raises
     ------
     ConfigError
-        The matrix is of another shape, or a direction is none.
+        The matrix has another shape, or a direction is NaN or zero.
     """
     matrix = real_array("Pose matrix", matrix_world)
     if matrix.shape not in ((3, 3), (4, 4)):
@@ -85,16 +127,42 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
 
 
 def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> Real:
-    """Product of both gains, (...) for directions (..., 3): the monostatic two-way pattern."""
+    """Return the product of both gains: the monostatic two-way pattern.
+
+    Parameters
+    ----------
+    transmit, receive
+        Antennas.
+    directions
+        Directions in the common frame, (..., 3).
+
+    Returns
+    -------
+    ndarray
+        Gain over isotropic, squared, (...).
+    """
     return transmit.gain(directions) * receive.gain(directions)
 
 
 def sphere_mean(antenna: Antenna, latitudes: int = 181, longitudes: int = 360) -> float:
-    """Mean gain over the sphere: 1 for a lossless antenna.
+    """Return the mean gain over the sphere: 1 for a lossless antenna.
 
-    Gauss-Legendre in the cosine of the angle from boresight, each hemisphere by itself since many
-    patterns end at 90 degrees; equal steps around boresight. Raise both numbers to several per
-    sidelobe for large apertures.
+    Parameters
+    ----------
+    antenna
+        Antenna to integrate.
+    latitudes, longitudes
+        Nodes per hemisphere and around boresight; use several per sidelobe for large apertures.
+
+    Returns
+    -------
+    float
+        Mean gain, linear.
+
+    Notes
+    -----
+    Gauss-Legendre in the cosine of the angle from boresight, each hemisphere separately since many
+    patterns end at 90 degrees; equal steps around boresight.
     """
     nodes, weights = np.polynomial.legendre.leggauss(latitudes)
     phi = 2 * np.pi * (np.arange(longitudes) + 0.5) / longitudes
@@ -115,7 +183,13 @@ def _positive(name: str, value: float, unit: str, maximum: float | None = None) 
 
 @dataclass(frozen=True)
 class Isotropic:
-    """The same gain everywhere; 1 without losses."""
+    """The same gain in all directions.
+
+    Parameters
+    ----------
+    efficiency
+        Radiated over accepted power, 0 to 1.
+    """
 
     efficiency: float = 1.0
 
@@ -123,15 +197,20 @@ class Isotropic:
         _positive("Efficiency", self.efficiency, "", 1.0)
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...]."""
+        """Return the power gain, (...), in directions (..., 3)."""
         return np.full(unit_directions(directions).shape[:-1], float(self.efficiency))
 
 
 @dataclass(frozen=True)
 class CosinePower:
-    """Power pattern cos^q of the angle from boresight, nothing behind.
+    """Power pattern cos^q of the angle from boresight, 0 behind.
 
-    Directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact).
+    Parameters
+    ----------
+    exponent
+        q, 0 or more. Directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact).
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     exponent: float
@@ -143,7 +222,19 @@ class CosinePower:
 
     @classmethod
     def from_beamwidth(cls, half_power_rad: float, efficiency: float = 1.0) -> CosinePower:
-        """With the full width `half_power_rad` at half power; less than 180 degrees.
+        """Return the pattern with a full width at half power.
+
+        Parameters
+        ----------
+        half_power_rad
+            Full width, more than 0 and less than pi [rad].
+        efficiency
+            Radiated over accepted power, 0 to 1.
+
+        Returns
+        -------
+        CosinePower
+            The pattern.
 
         Raises
         ------
@@ -169,7 +260,7 @@ class CosinePower:
         return 2 * float(np.arccos(0.5 ** (1 / self.exponent))) if self.exponent else float(np.pi)
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...]."""
+        """Return the power gain, (...), in directions (..., 3)."""
         cosine = -unit_directions(directions)[..., 2]
         ahead = np.maximum(cosine, 0.0) ** self.exponent
         return np.asarray(np.where(cosine > 0, self.peak_gain * ahead, 0.0), dtype=np.float64)
@@ -182,9 +273,9 @@ class Gaussian:
     Parameters
     ----------
     azimuth_beamwidth_rad, elevation_beamwidth_rad
-        Full widths at half power, up to pi.
+        Full widths at half power, up to pi [rad].
     efficiency
-        Radiated over accepted power.
+        Radiated over accepted power, 0 to 1.
     """
 
     azimuth_beamwidth_rad: float
@@ -216,7 +307,7 @@ class Gaussian:
         return float(4 * np.pi / (azimuth * elevation) * self.efficiency)
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...]."""
+        """Return the power gain, (...), in directions (..., 3)."""
         azimuth, elevation = angles_from_direction(directions)
         exponent = (azimuth / self.azimuth_beamwidth_rad) ** 2 + (
             elevation / self.elevation_beamwidth_rad
@@ -229,8 +320,17 @@ class Aperture:
     """Uniformly lit rectangular aperture: sinc^2(W x/lambda) sinc^2(H y/lambda) ahead, 0 behind.
 
     x and y are the direction's components to the right and up (Balanis, Antenna Theory, 12.5.1,
-    without obliquity factor). Half-power width 2 asin(0.4429 lambda/W); directivity tends to
-    4 pi W H / lambda^2.
+    without obliquity factor). Half-power width 2 asin(0.4429 lambda/W); directivity tends to 4 pi W
+    H / lambda^2.
+
+    Parameters
+    ----------
+    width_m, height_m
+        W and H [m].
+    wavelength_m
+        lambda [m].
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     width_m: float
@@ -260,7 +360,7 @@ class Aperture:
         return float(4 * np.pi / integral * self.efficiency)
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...]."""
+        """Return the power gain, (...), in directions (..., 3)."""
         x, y, z = np.moveaxis(unit_directions(directions), -1, 0)
         field = np.sinc(self.width_m / self.wavelength_m * x) * np.sinc(
             self.height_m / self.wavelength_m * y
@@ -269,7 +369,7 @@ class Aperture:
 
 
 def _panels(size: float) -> tuple[Real, Real]:
-    """Gauss-Legendre nodes on [0, 1], 10 per wavelength of `size`."""
+    """Return Gauss-Legendre nodes and weights on [0, 1], 10 per wavelength of `size`."""
     count = int(np.ceil(size)) + 1
     nodes, weights = np.polynomial.legendre.leggauss(10)
     starts = np.arange(count)[:, None] / count

@@ -21,9 +21,20 @@ TAPERS = ("uniform", "hamming", "hann", "taylor", "chebyshev")
 
 
 def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
-    """Amplitudes of `count` elements, (count,), from a name of `TAPERS` or given one by one.
+    """Return the amplitudes of the elements of an array.
 
-    'taylor' is nbar 4, -35 dB; 'chebyshev' -50 dB.
+    Parameters
+    ----------
+    taper
+        Name of `TAPERS` ('taylor' is nbar 4, -35 dB; 'chebyshev' -50 dB), or one weight per
+        element.
+    count
+        Number of elements.
+
+    Returns
+    -------
+    ndarray
+        Amplitudes, (count,).
 
     Raises
     ------
@@ -36,7 +47,7 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
         weights = real_array("Taper", taper)
         if weights.shape != (count,):
             raise ConfigError(
-                f"Taper has {weights.size} weights; expected {count}, one an element."
+                f"Taper has {weights.size} weights; expected {count}, one per element."
             )
     elif taper == "uniform" or count == 1:
         weights = np.ones(count)
@@ -62,13 +73,16 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
     else:
         raise ConfigError(f"Taper is {taper!r}; expected one of {', '.join(TAPERS)}, or weights.")
     if not abs(weights.sum()) > 0:
-        raise ConfigError("The weights of the taper add up to zero: nothing on boresight.")
+        raise ConfigError(
+            "The weights of the taper add up to zero, so the array has no gain on boresight. Give "
+            "weights with a sum other than zero."
+        )
     return weights
 
 
 @dataclass(frozen=True)
 class PlanarArray:
-    """A grid of equal elements in the plane across boresight; one row is a linear array.
+    """Grid of equal elements in the plane across boresight; one row is a linear array.
 
     |AF|^2 times the element's power pattern, scaled to 4 pi over its integral (mutual coupling is
     left out). AF = AF_x AF_y, AF_x = sum_m w_m exp(j k d_x m (x - x_0)), x the direction's
@@ -81,15 +95,15 @@ class PlanarArray:
     column_spacing_m, row_spacing_m
         Distances between them [m].
     wavelength_m
-        [m].
+        Wavelength [m].
     steer_azimuth_rad, steer_elevation_rad
-        Where the beam points.
+        Direction of the beam [rad].
     column_taper, row_taper
-        Name of `TAPERS` or one weight an element.
+        Name of `TAPERS` or one weight per element.
     element_exponent
-        Element's power pattern cos^q ahead and nothing behind; None: isotropic on both sides.
+        Element's power pattern cos^q ahead and 0 behind; None: isotropic on both sides.
     efficiency
-        Radiated over accepted power.
+        Radiated over accepted power, 0 to 1.
     """
 
     columns: int
@@ -121,7 +135,7 @@ class PlanarArray:
 
     @property
     def grating_lobes(self) -> bool:
-        """Whether another full lobe lies in visible space, ahead or at its edge."""
+        """Whether another full lobe is in visible space, ahead or at its edge."""
         steered = direction_from_angles(self.steer_azimuth_rad, self.steer_elevation_rad)
         for axis, count, spacing in self._axes():
             step = self.wavelength_m / spacing
@@ -170,7 +184,7 @@ class PlanarArray:
         )
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain [...]; `directions` [..., 3] in the antenna's frame."""
+        """Return the power gain, (...), in directions (..., 3) of the antenna's frame."""
         unit = unit_directions(directions)
         steered = direction_from_angles(self.steer_azimuth_rad, self.steer_elevation_rad)
         pattern = np.ones(unit.shape[:-1])
@@ -185,7 +199,7 @@ class PlanarArray:
 
 
 def _polynomial(weights: Real, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """sum_m w_m z^m by Horner: memory does not grow with the elements."""
+    """Return sum_m w_m z^m by Horner: memory does not grow with the elements."""
     total = np.full(z.shape, weights[-1], dtype=np.complex128)
     for weight in weights[-2::-1]:
         total = total * z + weight
@@ -193,7 +207,7 @@ def _polynomial(weights: Real, z: NDArray[np.complex128]) -> NDArray[np.complex1
 
 
 def _element_kernel(exponent: float | None) -> Callable[[Real], Real]:
-    """Integral of the element's pattern times exp(j k.r) over directions; r across boresight."""
+    """Return the integral of the element pattern times exp(j k.r) over directions."""
     if exponent is None:
         return lambda separation: np.asarray(4 * np.pi * np.sinc(2 * separation), dtype=np.float64)
     q = float(exponent)

@@ -18,7 +18,7 @@ from ..textfile import TextTooLongError, read_text
 
 #: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
 EDGE_SLACK = 1e-6
-#: Most bytes of a table: a sphere in steps of a quarter of a degree has 30 MB.
+#: Maximum size of a table [bytes]: a sphere in steps of a quarter of a degree has 30 MB.
 _MAX_TABLE_BYTES = 1 << 26
 
 
@@ -30,14 +30,28 @@ def real_array(
     maximum: float | None = None,
     above: float | None = None,
 ) -> Real:
-    """`value` as float64 array of its shape: finite, >= `minimum`, <= `maximum`, > `above`.
+    """Return a value as float64 array after a check of its range.
 
-    Values that pass a bound by no more than `EDGE_SLACK` of it are set to the bound.
+    Parameters
+    ----------
+    name, unit
+        For the message.
+    value
+        Number or array; all elements must be finite.
+    minimum, maximum
+        Closed bounds; None: no bound. Values beyond one by up to `EDGE_SLACK` of it are set to it.
+    above
+        Open lower bound; None: no bound.
+
+    Returns
+    -------
+    ndarray
+        The numbers, in the shape of `value`.
 
     Raises
     ------
     ConfigError
-        With the first offending value and what was expected.
+        A value is no number, not finite or out of range; the message has the first one.
     """
     try:
         if np.iscomplexobj(value):
@@ -84,10 +98,15 @@ def _interval(minimum: float | None, maximum: float | None) -> str:
 def require_one_shape(**arrays: NDArray[Any]) -> None:
     """Check that the arguments broadcast against each other.
 
+    Parameters
+    ----------
+    **arrays
+        Arrays by the name that the message uses.
+
     Raises
     ------
     ConfigError
-        With the name and shape of each.
+        They do not; the message has the name and shape of each.
     """
     try:
         np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -99,18 +118,28 @@ def require_one_shape(**arrays: NDArray[Any]) -> None:
 
 
 def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
-    """`index` as complex array of its shape: finite, not zero, Im >= 0.
+    """Return an index of refraction as complex array after a check.
+
+    Parameters
+    ----------
+    index
+        n + jk, any shape, finite, not zero, k >= 0.
+
+    Returns
+    -------
+    ndarray
+        The index, in the same shape.
 
     Raises
     ------
     ConfigError
-        For NaN or Inf, for zero, and for gain; the last is nearly always the sign convention.
+        NaN or Inf, zero, or gain, which is nearly always the other sign convention.
     """
     array = np.array(index, dtype=np.complex128)
     if not np.all(np.isfinite(array)):
         raise ConfigError(
             f"Index of refraction holds {array[~np.isfinite(array)].flat[0]}; "
-            "expected finite numbers."
+            "expected finite numbers. Give n + jk of the medium."
         )
     if np.any(array == 0):
         raise ConfigError(
@@ -126,25 +155,56 @@ def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
 
 
 def direction_cosine(cos_incidence: ArrayLike) -> Real:
-    """Cosine of the angle of incidence as float64 array in [0, 1]."""
+    """Return a cosine of the angle of incidence as array after a check.
+
+    Parameters
+    ----------
+    cos_incidence
+        Cosine, any shape, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        The cosine, in the same shape.
+    """
     return real_array("Cosine of the angle of incidence", cos_incidence, "", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class CsvTable:
-    """Cells of a CSV file by column name (lower case), with the line each row came from."""
+    """Cells of a CSV file.
+
+    Attributes
+    ----------
+    path
+        File.
+    columns
+        Cells of each column by its name in lower case.
+    lines
+        Line of the file that each row comes from.
+    """
 
     path: Path
     columns: dict[str, list[str]]
     lines: list[int]
 
     def numbers(self, column: str) -> Real:
-        """One column as float64.
+        """Return one column as float64.
+
+        Parameters
+        ----------
+        column
+            Name in lower case.
+
+        Returns
+        -------
+        ndarray
+            Numbers, (rows,).
 
         Raises
         ------
         ConfigError
-            For a cell that is not a finite number, with file and line.
+            A cell is not a finite number; the message has file and line.
         """
         values = []
         for cell, line in zip(self.columns[column], self.lines, strict=True):
@@ -164,8 +224,18 @@ class CsvTable:
 def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
     """Read a CSV file whose header holds all columns of one of `choices`.
 
-    Comma-separated, UTF-8 with or without byte-order mark; blank lines and lines that start with
-    # are skipped; columns in any order, names in any case.
+    Parameters
+    ----------
+    path
+        Comma-separated, UTF-8 with or without byte-order mark; blank lines and lines that start
+        with # are skipped; columns in any order, names in any case.
+    choices
+        Alternative sets of column names.
+
+    Returns
+    -------
+    CsvTable
+        Its cells.
 
     Raises
     ------
@@ -182,7 +252,7 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
         raise ConfigError(f"Table {path} is not UTF-8 text; save it as CSV (UTF-8).") from None
     except TextTooLongError as error:
         raise ConfigError(
-            f"Table {path} cannot be read: {error}. Thin it out; values between are interpolated."
+            f"Table {path} cannot be read: {error}. Remove rows; values between are interpolated."
         ) from error
     except OSError as error:
         raise ConfigError(f"Table {path} cannot be read: {error.strerror}.") from error
@@ -201,7 +271,9 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
             f"expected {wanted}. Add a header line with these names, separated by commas."
         )
     if len(set(header)) != len(header):
-        raise ConfigError(f"{path.name}, line {rows[0][0]}: a column name stands twice.")
+        raise ConfigError(
+            f"{path.name}, line {rows[0][0]}: a column name occurs twice; remove one column."
+        )
     for number, row in rows[1:]:
         if len(row) != len(header):
             raise ConfigError(

@@ -14,7 +14,7 @@ from ..array_types import Complex, Real
 
 
 def _terms(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
-    """n^2, cos(theta) and q = sqrt(n^2 - sin^2 theta), the branch with Im(q) >= 0."""
+    """Return n^2, cos(theta) and q = sqrt(n^2 - sin^2 theta), the branch with Im(q) >= 0."""
     eps = np.asarray(index, dtype=np.complex128) ** 2
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     # n^2 - sin^2 as (n^2 - 1) + cos^2 keeps its digits at grazing incidence and for n near 1.
@@ -22,7 +22,7 @@ def _terms(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, C
 
 
 def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Complex]:
-    """Amplitude reflection coefficients from vacuum onto a medium.
+    """Return the amplitude reflection coefficients from vacuum onto a medium.
 
     Parameters
     ----------
@@ -48,15 +48,20 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
 
 def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real, Real]:
-    """Share of the power that enters the medium, 1 - |r|^2 for s and p.
+    """Return the fraction of the power that enters the medium, 1 - |r|^2.
 
-    Formed without the subtraction, so that it keeps its digits where |r| is near one: conductors
-    and grazing incidence. Index n + jk and cosine are broadcast; both results have that shape.
+    Computed without the subtraction, so that it keeps its digits if |r| is near one: conductors and
+    grazing incidence.
 
-    Raises
-    ------
-    ConfigError
-        Amplifying index, cosine beyond 0 to 1.
+    Parameters
+    ----------
+    index, cos_incidence
+        As for `reflection_coefficients`.
+
+    Returns
+    -------
+    t_s, t_p
+        Fractions for both polarisations, of the broadcast shape.
     """
     eps, cosine, q = _terms(index, cos_incidence)
     t_s = 4 * cosine * q.real / np.abs(cosine + q) ** 2
@@ -65,6 +70,17 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 
 
 def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """(|r_s|^2 + |r_p|^2)/2: what the Radar Material's nodes evaluate."""
+    """Return the reflectance (|r_s|^2 + |r_p|^2)/2 that the Radar Material's nodes evaluate.
+
+    Parameters
+    ----------
+    index, cos_incidence
+        As for `reflection_coefficients`.
+
+    Returns
+    -------
+    ndarray
+        Fraction of the incident power, of the broadcast shape.
+    """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
     return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)

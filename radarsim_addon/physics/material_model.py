@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a material model is: an equation, where it comes from, and where it holds.
+"""Material models: an equation, its source, and its band of validity.
 
 Convention everywhere: exp(-j w t), so a passive medium has Im(eps) >= 0 and Im(n) >= 0.
 All media are non-magnetic (mu = 1): n = sqrt(eps).
@@ -20,9 +20,18 @@ from .checks import EDGE_SLACK, real_array, require_one_shape
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that a model takes. ``default`` None means: it must be given.
+    """One number that a model takes.
 
-    Bounds are inclusive; `above` is an exclusive lower one.
+    Attributes
+    ----------
+    name, unit, meaning
+        Texts for users.
+    default
+        Value if none is given; None: it must be given.
+    minimum, maximum
+        Closed bounds; None: no bound.
+    above
+        Open lower bound; None: no bound.
     """
 
     name: str
@@ -43,17 +52,17 @@ class MaterialModel:
     name
         Key in the registry.
     title
-        What it is, in words.
+        Name for people.
     source, edition
-        Publication of the equation or the numbers, and which edition of it.
+        Publication of the equation or the numbers, and its edition.
     bands_hz
-        Frequency intervals [Hz], both ends included, where the source says that it holds.
+        Frequency intervals [Hz], both ends included, in which the source declares it valid.
     permittivity_of
-        Equation: (frequency_hz, **parameters) -> complex relative permittivity. It checks nothing.
+        Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
     parameters
-        What else it takes.
+        Its other parameters.
     remedy
-        Where to turn outside the band.
+        Advice for frequencies outside the band.
     """
 
     name: str
@@ -70,18 +79,23 @@ class MaterialModel:
 
     @property
     def band_text(self) -> str:
-        """The valid bands in words, in GHz."""
+        """The valid bands as text, in GHz."""
         return " and ".join(_interval_text(low, high) for low, high in self.bands_hz)
 
     def permittivity(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
-        """Complex relative permittivity.
+        """Return the complex relative permittivity.
 
         Parameters
         ----------
         frequency_hz
             Frequency [Hz], any shape; parameters broadcast with it.
         **parameters
-            As `parameters` of the model names them.
+            Values of the model's `parameters` by name.
+
+        Returns
+        -------
+        ndarray
+            Complex, of the broadcast shape.
 
         Raises
         ------
@@ -98,13 +112,13 @@ class MaterialModel:
             given = ", ".join(f"{name} {value}" for name, value in values.items())
             raise ConfigError(
                 f"Material {self.name!r} ({self.source}) gives no passive permittivity with "
-                f"{given}: its fit does not reach there. Use values nearer to the data it was made "
-                "from, or the models 'table' or 'permittivity'."
+                f"{given}: its fit does not extend there. Use values nearer to its data, or the "
+                "models 'table' or 'permittivity'."
             )
         return eps
 
     def index(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
-        """Complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
+        """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
         return index_from_permittivity(self.permittivity(frequency_hz, **parameters))
 
     def _values(self, given: dict[str, ArrayLike]) -> dict[str, Real]:
@@ -113,8 +127,7 @@ class MaterialModel:
         if unknown:
             takes = ", ".join(f"{p.name} [{p.unit or '1'}]" for p in self.parameters) or "none"
             raise ConfigError(
-                f"Material {self.name!r} does not know the parameter {unknown[0]!r}; "
-                f"its parameters: {takes}."
+                f"Material {self.name!r} has no parameter {unknown[0]!r}; its parameters: {takes}."
             )
         values = {}
         for parameter in self.parameters:
@@ -122,7 +135,7 @@ class MaterialModel:
             if value is None:
                 raise ConfigError(
                     f"Material {self.name!r} needs {parameter.name} [{parameter.unit or '1'}]: "
-                    f"{parameter.meaning}."
+                    f"{parameter.meaning}. Give a value."
                 )
             values[parameter.name] = real_array(
                 f"{parameter.name} of material {self.name!r}",
@@ -151,7 +164,18 @@ class MaterialModel:
 
 
 def index_from_permittivity(permittivity: ArrayLike) -> Complex:
-    """n + jk = sqrt(eps), the root of a passive medium (Re >= 0, Im >= 0)."""
+    """Return n + jk = sqrt(eps), the root of a passive medium.
+
+    Parameters
+    ----------
+    permittivity
+        Complex relative permittivity, any shape.
+
+    Returns
+    -------
+    ndarray
+        Index with Re >= 0 and Im >= 0, in the same shape.
+    """
     eps = np.array(permittivity, dtype=np.complex128)
     # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
     return np.asarray(np.sqrt(eps.real + 1j * np.abs(eps.imag)), dtype=np.complex128)

@@ -31,22 +31,34 @@ TABLE = "table"
 
 @lru_cache(maxsize=1)
 def models() -> MappingProxyType[str, MaterialModel]:
-    """Every model of the library by name (read only)."""
+    """Return all models of the library by name (read only)."""
     everything = (*general_models(), *itu_models(), *water_models(), *soil_models())
     return MappingProxyType({model.name: model for model in everything})
 
 
 def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
-    """The model called `name`: its source, edition, band and parameters.
+    """Return a model: its source, edition, band and parameters.
+
+    Parameters
+    ----------
+    name
+        Key of `models`, or 'table'.
+    path
+        CSV file, for 'table' only.
+
+    Returns
+    -------
+    MaterialModel
+        The model.
 
     Raises
     ------
     ConfigError
-        For a name that is not in the library, with the nearest ones; for 'table' without `path`.
+        Unknown name, with the nearest ones; 'table' without `path`, or another name with it.
     """
     if name == TABLE:
         if path is None:
-            raise ConfigError("Material 'table' needs path: a CSV file over frequency.")
+            raise ConfigError("Material 'table' has no path; give a CSV file over frequency.")
         return table_model(path)
     if path is not None:
         raise ConfigError(f"Material {name!r} takes no path; only 'table' reads a file.")
@@ -63,7 +75,7 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
 def material(
     name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
 ) -> Complex:
-    """Complex index of refraction n + jk of a material of the library, Im >= 0.
+    """Return the complex index of refraction n + jk of a material of the library.
 
     Parameters
     ----------
@@ -74,11 +86,12 @@ def material(
     path
         CSV file, for 'table' only.
     **parameters
-        As the model's ``parameters`` name them; they broadcast with `frequency_hz`.
+        Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`.
 
     Returns
     -------
-    Index, of the broadcast shape.
+    ndarray
+        Index of the broadcast shape, Im >= 0.
 
     Raises
     ------
@@ -91,6 +104,16 @@ def material(
 def permittivity(
     name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
 ) -> Complex:
-    """Complex relative permittivity of a material of the library, in the shape of `frequency_hz`
-    [Hz] and parameters; arguments and errors as `material`."""
+    """Return the complex relative permittivity of a material of the library.
+
+    Parameters
+    ----------
+    name, frequency_hz, path, **parameters
+        As for `material`.
+
+    Returns
+    -------
+    ndarray
+        Permittivity of the broadcast shape, Im >= 0.
+    """
     return material_model(name, path).permittivity(frequency_hz, **parameters)

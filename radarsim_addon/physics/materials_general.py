@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Media given by their own numbers: vacuum, permittivity, index, Debye, conductor, CSV table."""
+"""Media given by user's numbers: vacuum, permittivity, index, Debye, conductor, CSV table."""
 
 from __future__ import annotations
 
@@ -29,7 +29,22 @@ TABLE_COLUMNS = (
 def conductor_permittivity(
     frequency_hz: ArrayLike, conductivity_s_per_m: ArrayLike, relative_permittivity: ArrayLike = 1.0
 ) -> Complex:
-    """eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Engineering Electromagnetics, 2-72)."""
+    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Engineering Electromagnetics, 2-72).
+
+    Parameters
+    ----------
+    frequency_hz
+        f [Hz]. All arguments broadcast.
+    conductivity_s_per_m
+        sigma [S/m].
+    relative_permittivity
+        eps'.
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
     f = np.asarray(frequency_hz, dtype=np.float64)
     loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
         2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M
@@ -67,7 +82,13 @@ _CONDUCTIVITY = "conductivity_s_per_m"
 
 
 def general_models() -> tuple[MaterialModel, ...]:
-    """Models whose numbers the user gives; they hold at every frequency."""
+    """Return the models with user-given numbers, which hold at every frequency.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        Vacuum, permittivity, index, debye, conductor.
+    """
     own, edition = "values given by the user", "constant over frequency"
     return (
         MaterialModel("vacuum", "Vacuum, air", "definition", "exact", _ALL_HZ, _vacuum),
@@ -126,17 +147,24 @@ def general_models() -> tuple[MaterialModel, ...]:
 
 
 def table_model(path: str | Path) -> MaterialModel:
-    """A medium measured by the user: a CSV file over frequency.
+    """Return a medium measured by the user: a CSV file over frequency.
 
-    Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag or n, k; rows in any order. The
-    permittivity is interpolated linearly over log f: exact at the rows, passive between them. The
-    band is that of the rows; one row holds at its own frequency only.
+    Parameters
+    ----------
+    path
+        Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag or n, k; rows in any order.
+
+    Returns
+    -------
+    MaterialModel
+        Permittivity interpolated linearly over log f: exact at the rows, passive between them. The
+        band is that of the rows; one row holds at its own frequency only.
 
     Raises
     ------
     ConfigError
-        With file, line and column, where the table is missing, misnamed, not numeric, not
-        positive in frequency, double in frequency, or amplifying.
+        The table is missing, misnamed, not numeric, not positive in frequency, double in frequency,
+        or amplifying; the message has file, line and column.
     """
     table = read_csv(path, TABLE_COLUMNS)
     columns = table.columns

@@ -24,7 +24,15 @@ ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"
 
 
 class ItuRow(NamedTuple):
-    """Coefficients of one material in one band; f in GHz, sigma in S/m."""
+    """Coefficients of a material in a band: eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m.
+
+    Attributes
+    ----------
+    low_ghz, high_ghz
+        Band [GHz].
+    a, b, c, d
+        Coefficients.
+    """
 
     low_ghz: float
     high_ghz: float
@@ -66,7 +74,20 @@ ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
 
 
 def itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
-    """P.2040 eq. (57) to (59): complex relative permittivity, NaN outside every row's band."""
+    """Return the complex relative permittivity of P.2040 eq. (57) to (59).
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz], any shape.
+    rows
+        Bands of one material.
+
+    Returns
+    -------
+    ndarray
+        Permittivity in the same shape, NaN outside all bands.
+    """
     f_ghz = frequency_hz / 1e9
     eps = np.full(f_ghz.shape, complex(np.nan, np.nan))
     for row in rows:
@@ -102,7 +123,13 @@ def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
 
 
 def itu_models() -> tuple[MaterialModel, ...]:
-    """Every row of the table as a model."""
+    """Return all rows of the table as models.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        One per material.
+    """
     return tuple(
         _model(name, rows, edition)
         for table, edition in ((ITU_ROWS, ITU_EDITION), (ITU_NEW_ROWS, ITU_NEW_EDITION))

@@ -32,11 +32,29 @@ def soil_permittivity(
     bulk_density_g_per_cm3: ArrayLike,
     temperature_c: ArrayLike,
 ) -> Complex:
-    """Dobson et al. 1985 (IEEE Trans. GE-23, 35) eq. (28)-(31); Peplinski et al. 1995
+    """Return the complex relative permittivity of moist mineral soil.
+
+    Dobson et al. 1985 (IEEE Trans. GE-23, 35) eq. (28)-(31); Peplinski et al. 1995
     (IEEE Trans. GRS-33, 803) eq. (2)-(10).
 
-    Fractions of 1: volumetric `moisture`, `sand` and `clay` by weight. NaN where the fitted
-    conductivity makes the free water amplify (very sandy soil at low frequency).
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz]. All arguments broadcast.
+    moisture
+        Water by volume, fraction of 1.
+    sand, clay
+        Fractions of 1 by weight.
+    bulk_density_g_per_cm3
+        Dry bulk density [g/cm^3].
+    temperature_c
+        Temperature [degC].
+
+    Returns
+    -------
+    ndarray
+        Permittivity; NaN if the fitted conductivity makes the free water amplify (very sandy soil
+        at low frequency).
     """
     f = np.asarray(frequency_hz, dtype=np.float64)
     mv = np.asarray(moisture, dtype=np.float64)
@@ -56,9 +74,9 @@ def soil_permittivity(
     static = 87.134 - 1.949e-1 * t - 1.276e-2 * t**2 + 2.491e-4 * t**3
     omega_tau = f * (1.1109e-10 - 3.824e-12 * t + 6.938e-14 * t**2 - 5.096e-16 * t**3)
     water_real = _WATER_INFINITE + (static - _WATER_INFINITE) / (1 + omega_tau**2)
-    solid_share = (_SOLID_DENSITY_G_PER_CM3 - density) / (_SOLID_DENSITY_G_PER_CM3 * mv)
+    solid_fraction = (_SOLID_DENSITY_G_PER_CM3 - density) / (_SOLID_DENSITY_G_PER_CM3 * mv)
     water_imag = omega_tau * (static - _WATER_INFINITE) / (1 + omega_tau**2) + (
-        conductivity * solid_share / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
+        conductivity * solid_fraction / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
     )
     real = (
         1
@@ -83,7 +101,7 @@ def _checked(
     if np.any(total > 1 + 1e-6):
         raise ConfigError(
             f"Sand and clay of material 'soil' add up to {np.max(total):g}; expected at most 1 "
-            "(fractions by weight; the rest is silt). Percent must be divided by 100."
+            "(fractions by weight; the rest is silt). Divide percentages by 100."
         )
     return soil_permittivity(
         frequency_hz, moisture, sand, clay, bulk_density_g_per_cm3, temperature_c
@@ -91,7 +109,13 @@ def _checked(
 
 
 def soil_models() -> tuple[MaterialModel, ...]:
-    """The soil model with its two bands."""
+    """Return the soil model with its two bands.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        One model.
+    """
     return (
         MaterialModel(
             name="soil",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pure water, sea water and ice. Equations only; the bands stand in the models below.
+"""Pure water, sea water and ice: the equations, and the models with their bands.
 
-exp(-j w t): Im(eps) >= 0.
+Convention exp(-j w t): Im(eps) >= 0. All arguments broadcast.
 """
 
 from __future__ import annotations
@@ -20,7 +20,20 @@ def debye_permittivity(
     infinite_permittivity: ArrayLike,
     relaxation_frequency_hz: ArrayLike,
 ) -> Complex:
-    """eps_inf + (eps_s - eps_inf)/(1 - j f/f_r), f_r = 1/(2 pi tau) (Debye 1929)."""
+    """Return eps_inf + (eps_s - eps_inf)/(1 - j f/f_r), f_r = 1/(2 pi tau) (Debye 1929).
+
+    Parameters
+    ----------
+    frequency_hz, relaxation_frequency_hz
+        f and f_r [Hz].
+    static_permittivity, infinite_permittivity
+        eps_s and eps_inf.
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
     static = np.asarray(static_permittivity, dtype=np.float64)
     infinite = np.asarray(infinite_permittivity, dtype=np.float64)
     ratio = np.asarray(frequency_hz, dtype=np.float64) / np.asarray(relaxation_frequency_hz)
@@ -28,7 +41,22 @@ def debye_permittivity(
 
 
 def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
-    """Pure water: Liebe, Hufford and Manabe 1991, eq. (1) to (4); ITU-R P.527-4 has the same."""
+    """Return the permittivity of pure water by Liebe, Hufford and Manabe 1991.
+
+    Eq. (1) to (4); ITU-R P.527-4 has the same.
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz].
+    temperature_c
+        Temperature [degC].
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
     theta = 300 / (np.asarray(temperature_c, dtype=np.float64) + ZERO_CELSIUS_K) - 1
     static = 77.66 + 103.3 * theta
     middle = 0.0671 * static
@@ -42,7 +70,22 @@ def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Com
 
 
 def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
-    """Pure water: Kaatze 1989 (J. Chem. Eng. Data 34, 371), one relaxation, eq. (5) to (7)."""
+    """Return the permittivity of pure water by Kaatze 1989.
+
+    J. Chem. Eng. Data 34, 371, eq. (5) to (7).
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz].
+    temperature_c
+        Temperature [degC].
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity, one relaxation.
+    """
     celsius = np.asarray(temperature_c, dtype=np.float64)
     static = 10 ** (1.94404 - 1.991e-3 * celsius)
     infinite = 5.77 - 2.74e-2 * celsius
@@ -54,7 +97,24 @@ def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Co
 def klein_swift_permittivity(
     frequency_hz: ArrayLike, temperature_c: ArrayLike, salinity_psu: ArrayLike
 ) -> Complex:
-    """Sea water: Klein and Swift 1977 (IEEE Trans. AP-25, 104), eq. (5), (8), (14), (17), (18)."""
+    """Return the permittivity of sea water by Klein and Swift 1977 (IEEE Trans. AP-25, 104).
+
+    Eq. (5), (8), (14), (17), (18).
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz].
+    temperature_c
+        Temperature [degC].
+    salinity_psu
+        Salinity [psu].
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
     f = np.asarray(frequency_hz, dtype=np.float64)
     t = np.asarray(temperature_c, dtype=np.float64)
     s = np.asarray(salinity_psu, dtype=np.float64)
@@ -78,7 +138,22 @@ def klein_swift_permittivity(
 
 
 def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
-    """Pure ice: Maetzler 2006 (Thermal Microwave Radiation, IET, section 5.3)."""
+    """Return the permittivity of pure ice by Maetzler 2006.
+
+    Thermal Microwave Radiation (IET), section 5.3.
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz].
+    temperature_c
+        Temperature [degC].
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
     f_ghz = np.asarray(frequency_hz, dtype=np.float64) / 1e9
     celsius = np.asarray(temperature_c, dtype=np.float64)
     kelvin = celsius + ZERO_CELSIUS_K
@@ -100,7 +175,13 @@ def _temperature(default: float, minimum: float, maximum: float) -> Parameter:
 
 
 def water_models() -> tuple[MaterialModel, ...]:
-    """Water, sea water and ice with their bands."""
+    """Return water, sea water and ice with their bands.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        Four models.
+    """
     return (
         MaterialModel(
             name="water",

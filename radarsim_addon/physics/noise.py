@@ -20,10 +20,24 @@ def noise_power_w(
     noise_figure_db: ArrayLike = 0.0,
     antenna_temperature_k: ArrayLike = REFERENCE_TEMPERATURE_K,
 ) -> Real:
-    """Noise power referred to the receiver's input [W].
+    """Return the noise power referred to the receiver's input, k (T_a + (F - 1) T_0) B.
 
-    k (T_a + (F - 1) T_0) B with T_0 = 290 K (Skolnik, 2.3); k T_0 B F at T_a = T_0. For complex
-    samples B is the sampling rate: the power of each sample's noise, real and imaginary together.
+    T_0 = 290 K (Skolnik, 2.3); at T_a = T_0 it is k T_0 B F.
+
+    Parameters
+    ----------
+    bandwidth_hz
+        B [Hz]. For complex samples it is the sampling rate: the result is the power of each
+        sample's noise, real and imaginary together.
+    noise_figure_db
+        F in dB, 0 or more.
+    antenna_temperature_k
+        T_a [K].
+
+    Returns
+    -------
+    ndarray
+        Power of the broadcast shape [W].
 
     Raises
     ------
@@ -40,7 +54,22 @@ def noise_power_w(
 def complex_noise(
     rng: np.random.Generator, shape: tuple[int, ...], power_w: float
 ) -> NDArray[np.complex128]:
-    """White complex Gaussian noise whose mean |x|^2 is `power_w` [W]; same seed, same noise."""
+    """Return white complex Gaussian noise; the same seed gives the same noise.
+
+    Parameters
+    ----------
+    rng
+        Source of random numbers.
+    shape
+        Shape of the result.
+    power_w
+        Mean |x|^2 [W].
+
+    Returns
+    -------
+    ndarray
+        Complex noise.
+    """
     scale = np.sqrt(float(real_array("Noise power", power_w, "W", minimum=0.0)) / 2)
     noise = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
     return np.asarray(scale * noise, dtype=np.complex128)
@@ -48,14 +77,16 @@ def complex_noise(
 
 @dataclass(frozen=True)
 class SnrPrediction:
-    """Signal-to-noise ratios of one target, in dB.
+    """Signal-to-noise ratios of one target.
 
+    Attributes
+    ----------
     single_sample_db
-        One complex sample of the echo, before any processing.
+        One complex sample of the echo, before any processing [dB].
     single_pulse_db
-        Peak of the compressed pulse: signal energy over noise density, P T / (k T_s).
+        Peak of the compressed pulse: signal energy over noise density, P T / (k T_s) [dB].
     burst_db
-        Peak of the range-Doppler map, all pulses added coherently, windows included.
+        Peak of the range-Doppler map, all pulses added coherently, tapers included [dB].
     """
 
     single_sample_db: float
@@ -72,24 +103,29 @@ def predict_snr(
     antenna_temperature_k: float = REFERENCE_TEMPERATURE_K,
     window_loss_db: float = 0.0,
 ) -> SnrPrediction:
-    """What a matched filter and coherent integration make of a point target's echo.
+    """Predict the SNR of a point target after a matched filter and coherent integration.
 
-    Peak signal over mean noise power. The compressed pulse has SNR E/N_0 = P T/(k T_s), whatever
-    the sampling rate (Skolnik, 5.2); N pulses give N times it. Holds for a target in the middle of
-    a range and Doppler cell: off the middle, up to 3.9 dB less per axis (straddling, no window).
+    Peak signal over mean noise power. The compressed pulse has SNR E/N_0 = P T/(k T_s) at any
+    sampling rate (Skolnik, 5.2); N pulses give N times it. Valid for a target in the middle of a
+    range and Doppler cell: off the middle, up to 3.9 dB less per axis (straddling, no taper).
 
     Parameters
     ----------
     received_power_w
-        Power of the echo while the pulse lasts [W], from the radar equation with its losses.
+        Power of the echo during the pulse [W], from the radar equation with its losses.
     pulse_length_s, sampling_rate_hz
-        Chirp length and complex sampling rate.
+        Pulse width [s] and complex sampling rate [Hz].
     pulses
         Pulses added coherently.
     noise_figure_db, antenna_temperature_k
         As in `noise_power_w`.
     window_loss_db
-        SNR loss of the range and Doppler windows together, 0 or more: see `window_loss_db()`.
+        SNR loss of the range and Doppler tapers together, 0 or more: see `window_loss_db()`.
+
+    Returns
+    -------
+    SnrPrediction
+        In dB.
 
     Raises
     ------
@@ -104,21 +140,39 @@ def predict_snr(
     loss = real_array("Window loss", window_loss_db, "dB", minimum=0.0)
     noise = noise_power_w(rate, noise_figure_db, antenna_temperature_k)
     if noise <= 0:
-        raise ConfigError("Noise power is zero (0 K and 0 dB noise figure): the SNR is infinite.")
+        raise ConfigError(
+            "Noise power is zero (0 K and 0 dB noise figure), so the SNR is infinite. Give an "
+            "antenna temperature or a noise figure above 0."
+        )
     sample = float(to_db(power / noise))
     pulse = sample + float(to_db(length * rate))
     return SnrPrediction(sample, pulse, pulse + float(to_db(pulses)) - float(loss))
 
 
 def window_loss_db(window: ArrayLike) -> float:
-    """SNR loss of a window against the matched filter [dB], N sum w^2 / (sum w)^2 (Harris 1978).
+    """Return the SNR loss of a window against the matched filter, N sum w^2 / (sum w)^2.
+
+    Harris 1978.
+
+    Parameters
+    ----------
+    window
+        Weights, (N,).
+
+    Returns
+    -------
+    float
+        Loss [dB], 0 or more.
 
     Raises
     ------
     ConfigError
-        No row of weights, or their sum is zero.
+        The weights are no list, or their sum is zero.
     """
     weights = real_array("Window", window)
     if weights.ndim != 1 or weights.size == 0 or weights.sum() == 0:
-        raise ConfigError("A window is a list of weights whose sum is not zero.")
+        raise ConfigError(
+            f"Window has the shape {weights.shape} and the sum {weights.sum():g}; expected a list "
+            "of weights with a sum other than zero."
+        )
     return float(to_db(weights.size * np.sum(weights**2) / np.sum(weights) ** 2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Powers: from radiance to received watts, and what the radar equation expects."""
+"""Powers: from radiance to received watts, and the radar equation. All arguments broadcast."""
 
 from __future__ import annotations
 
@@ -11,7 +11,17 @@ from .checks import real_array
 
 
 def to_db(ratio: ArrayLike) -> Real:
-    """10 log10 of a power ratio; zero gives -inf.
+    """Return 10 log10 of a power ratio.
+
+    Parameters
+    ----------
+    ratio
+        Ratio, 0 or more.
+
+    Returns
+    -------
+    ndarray
+        Decibels; -inf for zero.
 
     Raises
     ------
@@ -23,14 +33,38 @@ def to_db(ratio: ArrayLike) -> Real:
         return np.asarray(10 * np.log10(value), dtype=np.float64)
 
 
-def from_db(power_to_db: ArrayLike) -> Real:
-    """Power ratio of decibels, 10^(dB/10)."""
-    value = np.asarray(power_to_db, dtype=np.float64)
+def from_db(level_db: ArrayLike) -> Real:
+    """Return the power ratio 10^(dB/10).
+
+    Parameters
+    ----------
+    level_db
+        Decibels.
+
+    Returns
+    -------
+    ndarray
+        Ratio, in the same shape.
+    """
+    value = np.asarray(level_db, dtype=np.float64)
     return np.asarray(10 ** (value / 10), dtype=np.float64)
 
 
 def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
-    """Effective area of a receiving antenna, G lambda^2 / (4 pi) [m^2] (Balanis, eq. 2-110)."""
+    """Return the effective area of a receiving antenna, G lambda^2 / (4 pi) (Balanis, eq. 2-110).
+
+    Parameters
+    ----------
+    wavelength_m
+        lambda [m].
+    gain
+        G, linear.
+
+    Returns
+    -------
+    ndarray
+        Area [m^2].
+    """
     wavelength = np.asarray(wavelength_m, dtype=np.float64)
     return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
 
@@ -38,10 +72,23 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
 def received_power_w(
     radiance: ArrayLike, solid_angle_sr: ArrayLike, wavelength_m: ArrayLike, gain: ArrayLike = 1.0
 ) -> Real:
-    """Power that a pixel delivers to the receiver [W].
+    """Return the power that a pixel delivers to the receiver, P = L A_e dOmega.
 
-    P = L A_e dOmega with L in W/(m^2 sr). There is no further range weight: the return leg's
-    1/R^2 is in dOmega.
+    There is no further range weight: the return path's 1/R^2 is in dOmega.
+
+    Parameters
+    ----------
+    radiance
+        L [W/(m^2 sr)].
+    solid_angle_sr
+        dOmega [sr].
+    wavelength_m, gain
+        As for `effective_area_m2`.
+
+    Returns
+    -------
+    ndarray
+        Power [W].
     """
     return (
         np.asarray(radiance, dtype=np.float64)
@@ -57,7 +104,26 @@ def monostatic_power_w(
     wavelength_m: ArrayLike,
     gain: ArrayLike = 1.0,
 ) -> Real:
-    """Radar equation, P_r = EIRP G_r lambda^2 sigma / ((4 pi)^3 R^4) [W] (Skolnik, eq. 1.7)."""
+    """Return EIRP G_r lambda^2 sigma / ((4 pi)^3 R^4), the radar equation (Skolnik, eq. 1.7).
+
+    Parameters
+    ----------
+    eirp_w
+        EIRP [W].
+    rcs_m2
+        sigma [m^2].
+    range_m
+        R [m].
+    wavelength_m
+        lambda [m].
+    gain
+        G_r, linear.
+
+    Returns
+    -------
+    ndarray
+        Received power [W].
+    """
     numerator = (
         np.asarray(eirp_w, dtype=np.float64)
         * np.asarray(gain, dtype=np.float64)
@@ -76,9 +142,27 @@ def bistatic_power_w(
     gain: ArrayLike = 1.0,
     loss_db: ArrayLike = 0.0,
 ) -> Real:
-    """Bistatic radar equation [W] (Skolnik, eq. 25.1), all losses in one number.
+    """Return EIRP G_r lambda^2 sigma / ((4 pi)^3 R_t^2 R_r^2 L) (Skolnik, eq. 25.1).
 
-    EIRP G_r lambda^2 sigma / ((4 pi)^3 R_t^2 R_r^2 L); `eirp_w` and `gain` towards the target.
+    Parameters
+    ----------
+    eirp_w
+        EIRP towards the target [W].
+    rcs_m2
+        sigma [m^2].
+    transmitter_range_m, receiver_range_m
+        R_t and R_r [m].
+    wavelength_m
+        lambda [m].
+    gain
+        G_r towards the target, linear.
+    loss_db
+        All losses together, L in dB.
+
+    Returns
+    -------
+    ndarray
+        Received power [W].
 
     Raises
     ------
@@ -103,7 +187,20 @@ def rcs_from_power_m2(
     wavelength_m: ArrayLike,
     gain: ArrayLike = 1.0,
 ) -> Real:
-    """Radar cross section [m^2] of what returns `power_w`: `bistatic_power_w` solved for sigma."""
+    """Return the radar cross section that returns a power: `bistatic_power_w` solved for sigma.
+
+    Parameters
+    ----------
+    power_w
+        Received power [W].
+    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain
+        As for `bistatic_power_w`.
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
     unit = bistatic_power_w(eirp, 1.0, transmitter_range_m, receiver_range_m, wavelength_m, gain)
@@ -111,7 +208,22 @@ def rcs_from_power_m2(
 
 
 def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """Monostatic radar cross section of a rough (Lambert) plate, 4 rho A cos^2(theta) [m^2]."""
+    """Return the monostatic cross section of a rough (Lambert) plate, 4 rho A cos^2(theta).
+
+    Parameters
+    ----------
+    albedo
+        rho.
+    area_m2
+        A [m^2].
+    cos_incidence
+        cos(theta).
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     area = np.asarray(area_m2, dtype=np.float64)
     return np.asarray(4 * np.asarray(albedo, dtype=np.float64) * area * cosine**2)
@@ -120,9 +232,25 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
 def lambert_radiance(
     albedo: ArrayLike, eirp_w: ArrayLike, range_m: ArrayLike, cos_incidence: ArrayLike = 1.0
 ) -> Real:
-    """Radiance of a Lambert surface lit by a point emitter, W/(m^2 sr).
+    """Return the radiance of a Lambert surface lit by a point transmitter.
 
     rho/pi * EIRP cos(theta) / (4 pi R^2).
+
+    Parameters
+    ----------
+    albedo
+        rho.
+    eirp_w
+        EIRP [W].
+    range_m
+        R [m].
+    cos_incidence
+        cos(theta).
+
+    Returns
+    -------
+    ndarray
+        Radiance [W/(m^2 sr)].
     """
     irradiance = (
         np.asarray(eirp_w, dtype=np.float64)

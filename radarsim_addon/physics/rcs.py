@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Radar cross sections in closed form [m^2], conducting bodies, backscatter.
 
-Optical limit or physical optics: good where the body measures several wavelengths. Physical optics
-of a sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of
-dB near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer,
-Tuley, Radar Cross Section, table 6-1.
+Optical limit or physical optics: good for bodies of several wavelengths. Physical optics of a
+sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of dB
+near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer, Tuley,
+Radar Cross Section, table 6-1.
 
 Lengths are in metres and angles in radians, of any shapes that broadcast; results have that shape.
-What is not finite, or not positive where it must be, is a ConfigError that names it.
+A value that is not finite or out of range raises a ConfigError that names it.
 """
 
 from __future__ import annotations
@@ -24,25 +24,71 @@ def _length(name: str, value: ArrayLike) -> Real:
 
 
 def dbsm(rcs_m2: ArrayLike) -> Real:
-    """dB over one square metre; zero gives -inf."""
+    """Return a cross section in dB over one square metre.
+
+    Parameters
+    ----------
+    rcs_m2
+        Cross section [m^2].
+
+    Returns
+    -------
+    ndarray
+        Level [dBsm]; -inf for zero.
+    """
     value = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(value), dtype=np.float64)
 
 
 def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
-    """4 pi A^2 / lambda^2: what returns in phase from an effective area A."""
+    """Return 4 pi A^2 / lambda^2, the cross section of an effective area that returns in phase.
+
+    Parameters
+    ----------
+    area_m2
+        A [m^2].
+    wavelength_m
+        lambda [m].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     area = real_array("Area", area_m2, "m^2", minimum=0.0)
     return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
 
 
 def sphere_optical(radius_m: ArrayLike) -> Real:
-    """pi a^2, the limit of large ka."""
+    """Return pi a^2, the limit for large ka.
+
+    Parameters
+    ----------
+    radius_m
+        a [m].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
 
 
 def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
-    """pi a^2 (1 - sin(2x)/x + sin^2(x)/x^2), x = ka (Ruck, 3.3; Bowman 10.2)."""
+    """Return pi a^2 (1 - sin(2x)/x + sin^2(x)/x^2), x = ka (Ruck, 3.3; Bowman 10.2).
+
+    Parameters
+    ----------
+    radius_m, wavelength_m
+        Radius and wavelength [m].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     radius = _length("Radius", radius_m)
     x = 2 * np.pi * radius / _length("Wavelength", wavelength_m)
     # |1 - exp(jx) sinc|^2 written as a sum of squares keeps its digits for small spheres.
@@ -57,9 +103,21 @@ def plate(
     wavelength_m: ArrayLike,
     tilt_rad: ArrayLike = 0.0,
 ) -> Real:
-    """Rectangular plate, physical optics, tilted so that `width_m` recedes.
+    """Return the cross section of a rectangular plate by physical optics.
 
     4 pi A^2/lambda^2 cos^2 sinc^2(2 W sin/lambda), np.sinc (Ruck, 7.1).
+
+    Parameters
+    ----------
+    width_m, height_m, wavelength_m
+        W, height and lambda [m].
+    tilt_rad
+        Angle from the normal, in the plane of `width_m` [rad].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
     """
     width, wavelength = _length("Width", width_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
@@ -69,7 +127,20 @@ def plate(
 
 
 def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0) -> Real:
-    """Circular plate, physical optics: 4 pi A^2/lambda^2 cos^2 (2 J1(x)/x)^2, x = 2 k a sin."""
+    """Return 4 pi A^2/lambda^2 cos^2 (2 J1(x)/x)^2, x = 2 k a sin, of a circular plate.
+
+    Parameters
+    ----------
+    radius_m, wavelength_m
+        a and lambda [m].
+    tilt_rad
+        Angle from the normal [rad].
+
+    Returns
+    -------
+    ndarray
+        Cross section by physical optics [m^2].
+    """
     radius, wavelength = _length("Radius", radius_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
     x = 4 * np.pi * radius / wavelength * np.sin(np.abs(tilt))
@@ -78,7 +149,7 @@ def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0
 
 
 def _jinc(x: Real) -> Real:
-    """2 J1(x)/x = (4/pi) int_0^1 sqrt(1 - t^2) cos(x t) dt, t = sin b: smooth and periodic in b."""
+    """Return 2 J1(x)/x = (4/pi) int_0^1 sqrt(1 - t^2) cos(x t) dt, t = sin b."""
     # The midpoint rule converges exponentially once there are more nodes than x has radians.
     count = 32 + 2 * int(np.ceil(np.max(x)))
     angle = np.pi / 2 * (np.arange(count) + 0.5) / count
@@ -88,7 +159,18 @@ def _jinc(x: Real) -> Real:
 
 
 def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
-    """2 pi a L^2 / lambda, optical, seen across its axis."""
+    """Return 2 pi a L^2 / lambda, the optical limit across the axis of a cylinder.
+
+    Parameters
+    ----------
+    radius_m, length_m, wavelength_m
+        a, L and lambda [m].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     radius, length = _length("Radius", radius_m), _length("Length", length_m)
     return np.asarray(2 * np.pi * radius * length**2 / _length("Wavelength", wavelength_m))
 
@@ -99,11 +181,23 @@ def dihedral(
     wavelength_m: ArrayLike,
     angle_rad: ArrayLike = np.pi / 4,
 ) -> Real:
-    """Double bounce of two equal plates at a right angle, across the edge.
+    """Return the cross section of the double bounce of two equal plates at a right angle.
 
-    The edge measures `height_m`; `angle_rad` from the normal of one plate, pi/4 on axis. Effective
-    area 2 W H min(sin, cos): both plates are `width_m` wide, the less lit one limits. On axis
-    8 pi W^2 H^2/lambda^2.
+    Effective area 2 W H min(sin, cos): the less lit plate limits. On axis 8 pi W^2 H^2/lambda^2.
+
+    Parameters
+    ----------
+    width_m, height_m
+        W of both plates, and H of the edge [m].
+    wavelength_m
+        lambda [m].
+    angle_rad
+        Angle from the normal of one plate; pi/4 on axis [rad].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
     """
     angle = real_array("Angle", angle_rad, "rad", 0.0, np.pi / 2)
     lit = np.minimum(np.sin(angle), np.cos(angle))
@@ -112,7 +206,7 @@ def dihedral(
 
 
 def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
-    """Direction cosines to the three edges in rising order; the vector is normalised."""
+    """Return the direction cosines to the three edges in rising order; the vector is normalised."""
     vector = real_array("Direction", directions, "", minimum=0.0)
     norm = np.linalg.norm(vector, axis=-1, keepdims=True)
     low, middle, high = np.moveaxis(np.sort(vector / np.where(norm == 0, 1, norm), axis=-1), -1, 0)
@@ -120,10 +214,22 @@ def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
 
 
 def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
-    """Effective area of the triple bounce in a triangular trihedral (Siegel et al. 1955; Ruck 8.3).
+    """Return the effective area of the triple bounce in a triangular trihedral.
 
-    `directions` [..., 3] towards the radar along the three edges, components >= 0; on axis
-    a^2/sqrt(3), so 4 pi a^4/(3 lambda^2).
+    Siegel et al. 1955; Ruck 8.3. On axis a^2/sqrt(3), so the cross section is 4 pi a^4/(3
+    lambda^2).
+
+    Parameters
+    ----------
+    edge_m
+        a [m].
+    directions
+        Vectors towards the radar along the three edges, components >= 0, (..., 3).
+
+    Returns
+    -------
+    ndarray
+        Area [m^2], see `area_rcs_m2`.
     """
     low, middle, high = _sorted_cosines(directions)
     total = low + middle + high
@@ -134,9 +240,19 @@ def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Re
 
 
 def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
-    """Effective area of the triple bounce in a square trihedral (Siegel et al. 1955; Ruck 8.3).
+    """Return the effective area of the triple bounce in a square trihedral.
 
-    On axis sqrt(3) a^2, so 12 pi a^4/lambda^2.
+    Siegel et al. 1955; Ruck 8.3. On axis sqrt(3) a^2, so the cross section is 12 pi a^4/lambda^2.
+
+    Parameters
+    ----------
+    edge_m, directions
+        As for `trihedral_triangular_area_m2`.
+
+    Returns
+    -------
+    ndarray
+        Area [m^2], see `area_rcs_m2`.
     """
     low, middle, high = _sorted_cosines(directions)
     area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
@@ -144,13 +260,41 @@ def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
 
 
 def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
-    """Rough (Lambert) sphere: (8/3) albedo pi a^2, the integral of 4 albedo cos^2 dA over it."""
-    share = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(8 / 3 * share * sphere_optical(radius_m), dtype=np.float64)
+    """Return (8/3) rho pi a^2, the cross section of a rough (Lambert) sphere.
+
+    It is the integral of 4 rho cos^2 dA over the sphere.
+
+    Parameters
+    ----------
+    radius_m
+        a [m].
+    albedo
+        rho, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
+    rho = real_array("Albedo", albedo, "", 0.0, 1.0)
+    return np.asarray(8 / 3 * rho * sphere_optical(radius_m), dtype=np.float64)
 
 
 def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
-    """sigma_0 A: a surface of area A (its own, not its projection) [m^2]."""
+    """Return sigma_0 A, the cross section of a surface.
+
+    Parameters
+    ----------
+    sigma0
+        Backscatter coefficient [m^2/m^2].
+    area_m2
+        A of the surface itself, not of its projection [m^2].
+
+    Returns
+    -------
+    ndarray
+        Cross section [m^2].
+    """
     return np.asarray(
         real_array("sigma_0", sigma0, "", minimum=0.0)
         * real_array("Area", area_m2, "m^2", minimum=0.0)
@@ -158,6 +302,19 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
 
 def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """Backscatter coefficient of a Lambert surface, 4 albedo cos^2."""
-    share = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(4 * share * direction_cosine(cos_incidence) ** 2, dtype=np.float64)
+    """Return the backscatter coefficient of a Lambert surface, 4 rho cos^2.
+
+    Parameters
+    ----------
+    albedo
+        rho, 0 to 1.
+    cos_incidence
+        Cosine of the angle of incidence, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        sigma_0 [m^2/m^2].
+    """
+    rho = real_array("Albedo", albedo, "", 0.0, 1.0)
+    return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2, dtype=np.float64)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scattering of rough surfaces: the Kirchhoff model in the geometric-optics limit.
 
-Surface heights are Gaussian with rms slope m (one component). Facets that face half way between
-radar and receiver reflect. It is what a microfacet lobe with the Beckmann distribution is, with
-alpha = sqrt(2) m, and in Cycles Roughness = sqrt(alpha).
+Surface heights are Gaussian with rms slope m (one component). Facets with a normal half way between
+radar and receiver reflect. The model equals a microfacet lobe with the Beckmann distribution,
+alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcast.
 """
 
 from __future__ import annotations
@@ -26,13 +26,23 @@ MASKINGS: tuple[Masking, ...] = ("none", "smith", "cycles")
 _erfc = np.vectorize(math.erfc, otypes=[np.float64])
 
 
-# -- what users have, and what the models take -----------------------------------------------------
+# -- conversions -----------------------------------------------------------------------------------
 
 
 def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
-    """m = sqrt(2) h / l for a Gaussian correlation function (Ulaby, Moore, Fung II, 12-4).
+    """Return m = sqrt(2) h / l for a Gaussian correlation function (Ulaby, Moore, Fung II, 12-4).
 
-    An exponential correlation function has no finite slope: give the slope itself then.
+    An exponential correlation function has no finite slope: use a measured slope for it.
+
+    Parameters
+    ----------
+    rms_height_m, correlation_length_m
+        h and l [m].
+
+    Returns
+    -------
+    ndarray
+        Rms slope.
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
@@ -40,38 +50,85 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
 
 def beckmann_alpha(slope: ArrayLike) -> Real:
-    """alpha = sqrt(2) m."""
+    """Return alpha = sqrt(2) m.
+
+    Parameters
+    ----------
+    slope
+        Rms slope m.
+
+    Returns
+    -------
+    ndarray
+        Width of the Beckmann distribution.
+    """
     value = real_array("Rms slope", slope, "", minimum=0.0)
     return np.asarray(np.sqrt(2) * value, dtype=np.float64)
 
 
 def cycles_roughness(slope: ArrayLike) -> Real:
-    """Roughness of Cycles' glossy and metallic nodes, sqrt(alpha); above 1 they clamp it.
+    """Return the Roughness of Cycles' glossy and metallic nodes, sqrt(alpha).
+
+    Parameters
+    ----------
+    slope
+        Rms slope m.
+
+    Returns
+    -------
+    ndarray
+        0 to 1; Cycles clamps larger values.
 
     Raises
     ------
     ConfigError
-        For slopes above 1/sqrt(2), which a roughness of 1 cannot reach.
+        For slopes above 1/sqrt(2), beyond a roughness of 1.
     """
     roughness = np.sqrt(beckmann_alpha(slope))
     if np.any(roughness > 1 + 1e-9):
         raise ConfigError(
             f"Rms slope {np.max(np.asarray(slope)):g} needs a roughness of {roughness.max():g}; "
-            "Cycles has at most 1 (slope 0.7071). Model such a surface by its geometry."
+            "Cycles allows at most 1 (slope 0.7071). Model such a surface by its geometry."
         )
     return np.asarray(np.minimum(roughness, 1.0), dtype=np.float64)
 
 
 def slope_from_roughness(roughness: ArrayLike) -> Real:
-    """Rms slope of a Cycles roughness, r^2 / sqrt(2)."""
+    """Return the rms slope of a Cycles roughness, r^2 / sqrt(2).
+
+    Parameters
+    ----------
+    roughness
+        r, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        Rms slope.
+    """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
 
 
-def coherent_share(
+def coherent_fraction(
     rms_height_m: ArrayLike, wavelength_m: ArrayLike, cos_incidence: ArrayLike = 1.0
 ) -> Real:
-    """Share of the mirror-like power that roughness leaves, exp(-(2 k h cos)^2) (Ament 1953)."""
+    """Return the fraction of the mirror-like power that roughness leaves, exp(-(2 k h cos)^2).
+
+    Ament 1953.
+
+    Parameters
+    ----------
+    rms_height_m, wavelength_m
+        h and wavelength [m].
+    cos_incidence
+        Cosine of the angle of incidence.
+
+    Returns
+    -------
+    ndarray
+        Fraction, 0 to 1.
+    """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     rayleigh = 4 * np.pi * height / wavelength * direction_cosine(cos_incidence)
@@ -84,12 +141,24 @@ def kirchhoff_limits(
     wavelength_m: float,
     cos_incidence: float = 1.0,
 ) -> tuple[str, ...]:
-    """Why the Kirchhoff geometric-optics model does not hold here; empty where it does.
+    """Return the reasons why the Kirchhoff geometric-optics model is invalid.
 
     Ulaby, Moore and Fung II, 12-4: k l > 6 and mean radius of curvature above the wavelength,
     l^2 > 2.76 h lambda, for the Kirchhoff approximation; (2 k h cos)^2 > 10 for its stationary
-    phase limit. The slope bound is where this program's single scattering was measured to be
+    phase limit. The bound of the slope is where the single scattering of Cycles was measured to be
     within 0.02 dB of the model without masking.
+
+    Parameters
+    ----------
+    rms_height_m, correlation_length_m, wavelength_m
+        h, l and lambda [m].
+    cos_incidence
+        Cosine of the angle of incidence.
+
+    Returns
+    -------
+    tuple of str
+        Sentences; empty if the model is valid.
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -100,7 +169,7 @@ def kirchhoff_limits(
     if wavenumber * length <= 6:
         reasons.append(
             f"k*l = {wavenumber * length:.3g} is not above 6: the surface varies within a "
-            "wavelength; the small perturbation model would be needed."
+            "wavelength, which needs the small perturbation model."
         )
     if length**2 <= 2.76 * height * wavelength:
         reasons.append(
@@ -110,7 +179,7 @@ def kirchhoff_limits(
     if (2 * wavenumber * height * cosine) ** 2 <= 10:
         reasons.append(
             f"2*k*h*cos = {2 * wavenumber * height * cosine:.3g} is not above 3.16: a coherent, "
-            "mirror-like part remains that the rough lobe does not hold."
+            "mirror-like part remains that the rough lobe does not contain."
         )
     slope = float(rms_slope(height, length))
     if slope > 0.4:
@@ -130,7 +199,7 @@ def sigma0(
     cos_incidence: ArrayLike,
     masking: Masking = "none",
 ) -> Real:
-    """Backscatter coefficient of a rough surface [m^2/m^2], both like polarisations.
+    """Return the backscatter coefficient of a rough surface, both like polarisations.
 
     |Gamma(0)|^2 exp(-tan^2/alpha^2) / (alpha^2 cos^4), alpha = sqrt(2) m (Ulaby, Moore, Fung II,
     eq. 12.55; Valenzuela 1978), Gamma(0) at normal incidence on the facet. Times G with masking.
@@ -138,13 +207,18 @@ def sigma0(
     Parameters
     ----------
     index
-        Complex index n + jk. All arguments broadcast.
+        Complex index n + jk.
     slope
         Rms slope m, more than 0.
     cos_incidence
         Cosine of the incidence angle; at 0 the coefficient is 0.
     masking
         'none', 'smith' or 'cycles'; see `masking_lambda`.
+
+    Returns
+    -------
+    ndarray
+        sigma_0 [m^2/m^2].
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -168,11 +242,23 @@ def _masking(masking: str) -> str:
 
 
 def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smith") -> Real:
-    """Smith's Lambda of a Beckmann surface; G1 = 1/(1 + Lambda), G2 = 1/(1 + L_i + L_o).
+    """Return Smith's Lambda of a Beckmann surface; G1 = 1/(1 + Lambda), G2 = 1/(1 + L_i + L_o).
 
-    'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
-    'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use; its
-    masking is up to 3e-3 off.
+    Parameters
+    ----------
+    alpha
+        Width of the Beckmann distribution.
+    cosine
+        Cosine of the angle from the normal.
+    masking
+        'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
+        'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use, with
+        up to 3e-3 of error in the masking. 'none': 0.
+
+    Returns
+    -------
+    ndarray
+        Lambda, 0 or more.
     """
     width = np.asarray(alpha, dtype=np.float64)
     c = np.asarray(cosine, dtype=np.float64)
@@ -196,12 +282,12 @@ def albedo(
     masking: Masking = "smith",
     steps: int = 512,
 ) -> float:
-    """Share of the incident power that single scattering by the facets sends back upwards.
+    """Return the fraction of the incident power that single scattering by the facets reflects.
 
-    The mean over Gaussian slopes of F(i.m) G2 (i.m)/((n.i)(n.m)), over facets that are seen and
+    The mean over Gaussian slopes of F(i.m) G2 (i.m)/((n.i)(n.m)), over visible facets that
     reflect upwards; midpoint rule on `steps` x `steps` equal-probability cells (converged to
-    1e-4 at the default). What is missing from 1 for a perfect conductor is the multiple
-    scattering that the model leaves out.
+    1e-4 at the default). The difference from 1 for a perfect conductor is the multiple
+    scattering that the model omits.
 
     Parameters
     ----------
@@ -216,6 +302,11 @@ def albedo(
     steps
         Cells per direction.
 
+    Returns
+    -------
+    float
+        Fraction, 0 to 1.
+
     Raises
     ------
     ConfigError
@@ -225,7 +316,9 @@ def albedo(
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))
     sin_i = math.sqrt((1 - cos_i) * (1 + cos_i))
     if _masking(masking) == "none":
-        raise ConfigError("Albedo needs masking: 'smith' or 'cycles' (without it exceeds 1).")
+        raise ConfigError(
+            "Masking is 'none', with which the albedo exceeds 1; use 'smith' or 'cycles'."
+        )
     cell = (np.arange(steps) + 0.5) / steps
     radius = alpha * np.sqrt(-np.log1p(-cell))[:, None]
     azimuth = np.pi * cell[None, :]  # half the circle: the other half is its mirror image

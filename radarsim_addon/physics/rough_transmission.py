@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a rough surface may let through, so that it gives back no more than it receives.
+"""Bound on the transmission of a rough surface, so that it conserves energy.
 
 A microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets; a ray
-that goes straight through a face is given 1 - F(theta) of the smooth one. Where A exceeds F, by up
-to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, the sum exceeds 1. The factors
-here take that from what goes through.
+that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds F by up
+to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1. The
+factors of this module reduce the transmission by the excess.
 """
 
 from __future__ import annotations
@@ -25,16 +25,14 @@ _COSINES = (
 )
 _STEPS = 96
 _SLACK = 3e-4
-"""Allowed excess: the integral's own error, and small against what is to be kept."""
+"""Allowed excess: the error of the integral, small against the powers."""
 
 
 @lru_cache(maxsize=256)
 def transmission_factors(
     index: complex, slope: float, facet_fresnel: bool = True
 ) -> tuple[float, float]:
-    """Factors on 1 - F: for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0).
-
-    Between, the factor is linear in the cosine. (1, 1) for a smooth surface.
+    """Return the factors on 1 - F of a rough surface; (1, 1) for a smooth one.
 
     Parameters
     ----------
@@ -45,6 +43,12 @@ def transmission_factors(
     facet_fresnel
         Each facet reflects by Fresnel's equations; False: as at normal incidence.
 
+    Returns
+    -------
+    flat, grazing
+        Factor for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0); linear in the
+        cosine between.
+
     Raises
     ------
     ConfigError
@@ -54,14 +58,14 @@ def transmission_factors(
         return 1.0, 1.0
     cosines = np.array(_COSINES)
     normal = float(unpolarised_reflectance(index, 1.0))
-    given_back = [
+    reflected = [
         albedo(slope, float(c), index, "cycles", _STEPS)
         if facet_fresnel
         else normal * albedo(slope, float(c), None, "cycles", _STEPS)
         for c in cosines
     ]
     entering = 1 - unpolarised_reflectance(index, cosines)
-    allowed = np.maximum(1 + _SLACK - np.array(given_back), 0.0)
+    allowed = np.maximum(1 + _SLACK - np.array(reflected), 0.0)
     bound = np.minimum(allowed / np.maximum(entering, 1e-30), 1.0)
     flat = float(bound[cosines >= _FLAT_ABOVE].min())
     ramp = np.maximum(1 - cosines / RAMP_BELOW, 0.0)

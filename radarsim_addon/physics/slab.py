@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A plane-parallel slab in vacuum: what passes, what returns, how late, closed form.
+"""A plane-parallel slab in vacuum: transmission, reflection and delay in closed form.
 
 exp(-j w t). With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the
 wave vector inside over k0, and delta = k0 q d the complex phase of one passage.
 
 Three descriptions, all power per incident power:
 
-- ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4). What a
-  monochromatic wave on a perfect sheet does.
+- ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
+  monochromatic wave on a perfect sheet.
 - ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
   or weakly lossy slab that is many wavelengths thick.
-- ``single-pass``: the straight path alone. What a range gate sees when the internal echoes
-  fall into other range cells, and what straight-through ray tracing models.
+- ``single-pass``: the straight path alone. It is the result of a range gate if the internal echoes
+  fall into other range cells, and of straight-through ray tracing.
 
-The last two speak of separate passages, which an absorbing sheet thinner than its penetration
-depth, or a wave that tunnels through beyond total reflection, does not have: there the first term
-of the series can exceed the power that enters. It is capped so that energy is conserved; use
-'coherent' for such sheets.
+The last two describe separate passages. An absorbing sheet thinner than its penetration depth, or a
+wave that tunnels through beyond total reflection, has none: the first term of the series can exceed
+the power that enters. It is capped so that energy is conserved; use 'coherent' for such sheets.
 """
 
 from __future__ import annotations
@@ -35,7 +34,13 @@ MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
 
 
 class SlabPower(NamedTuple):
-    """Shares of the incident power for the two polarisations and their mean; any one shape."""
+    """Fractions of the incident power for the two polarisations; any one shape.
+
+    Attributes
+    ----------
+    transmitted_s, transmitted_p, reflected_s, reflected_p
+        Fractions by polarisation.
+    """
 
     transmitted_s: Real
     transmitted_p: Real
@@ -44,22 +49,22 @@ class SlabPower(NamedTuple):
 
     @property
     def transmitted(self) -> Real:
-        """Unpolarised wave, one passage. Two passages: mean of the squares, not its square."""
+        """Transmission of an unpolarised wave, one passage. For two, average the squares."""
         return (self.transmitted_s + self.transmitted_p) / 2
 
     @property
     def reflected(self) -> Real:
-        """Unpolarised wave."""
+        """Reflection of an unpolarised wave."""
         return (self.reflected_s + self.reflected_p) / 2
 
     @property
     def absorbed_s(self) -> Real:
-        """1 - T - R; for 'single-pass' it holds the internal echoes too."""
+        """1 - T - R; for 'single-pass' it includes the internal echoes."""
         return 1 - self.transmitted_s - self.reflected_s
 
     @property
     def absorbed_p(self) -> Real:
-        """1 - T - R; for 'single-pass' it holds the internal echoes too."""
+        """1 - T - R; for 'single-pass' it includes the internal echoes."""
         return 1 - self.transmitted_p - self.reflected_p
 
 
@@ -74,7 +79,7 @@ class _Faces(NamedTuple):
 def _arguments(
     index: ArrayLike, thickness_m: ArrayLike, wavelength_m: ArrayLike, cos_incidence: ArrayLike
 ) -> tuple[Complex, Real, Complex, Complex]:
-    """eps, c, q and delta, checked."""
+    """Return eps, c, q and delta after a check."""
     n = passive_index(index)
     thickness = real_array("Thickness", thickness_m, "m", above=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -87,7 +92,7 @@ def _arguments(
 
 
 def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_Faces, _Faces]:
-    """s and p, formed without subtracting near-equal numbers (see fresnel.py)."""
+    """Return s and p, computed without subtraction of near-equal numbers (see fresnel.py)."""
     sum_s, sum_p = cosine + q, eps * cosine + q
     # q = c = 0 is vacuum at exactly grazing incidence: nothing reflects.
     none = (sum_s == 0) | (sum_p == 0)
@@ -102,7 +107,7 @@ def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_Faces, _Faces]:
 
 
 def _coherent(face: _Faces, delta: Complex) -> tuple[Complex, Complex]:
-    """Amplitude transmission and reflection of the slab."""
+    """Return the amplitude transmission and reflection of the slab."""
     passage = np.exp(1j * delta)
     # 1 - exp(2 j delta) by expm1: a sheet much thinner than the wave keeps its digits.
     contrast = -np.expm1(2j * delta)
@@ -121,10 +126,18 @@ def amplitude_coefficients(
     wavelength_m: ArrayLike,
     cos_incidence: ArrayLike = 1.0,
 ) -> tuple[Complex, Complex, Complex, Complex]:
-    """t_s, t_p, r_s, r_p of the slab with interference.
+    """Return the amplitude coefficients of the slab with interference.
 
-    The phase of t is that from front face to back face along the normal; a vacuum slab gives
-    exp(j k0 c d).
+    Parameters
+    ----------
+    index, thickness_m, wavelength_m, cos_incidence
+        As for `slab_power`.
+
+    Returns
+    -------
+    t_s, t_p, r_s, r_p
+        Complex. The phase of t is that from front face to back face along the normal; a vacuum slab
+        gives exp(j k0 c d).
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = _faces(eps, cosine, q)
@@ -140,7 +153,7 @@ def slab_power(
     cos_incidence: ArrayLike = 1.0,
     model: Model = "coherent",
 ) -> SlabPower:
-    """Transmitted and reflected power of a slab, both polarisations.
+    """Return the transmitted and reflected power of a slab, both polarisations.
 
     Parameters
     ----------
@@ -153,6 +166,11 @@ def slab_power(
     model
         'coherent', 'incoherent' or 'single-pass'; see the module's docstring.
 
+    Returns
+    -------
+    SlabPower
+        Fractions of the incident power.
+
     Raises
     ------
     ConfigError
@@ -161,11 +179,11 @@ def slab_power(
     if model not in MODELS:
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    shares = []
+    fractions = []
     for face in _faces(eps, cosine, q):
         if model == "coherent":
             transmission, reflection = _coherent(face, delta)
-            shares.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
+            fractions.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
             continue
         attenuation = np.exp(-2 * delta.imag)
         reflectance = np.abs(face.r) ** 2
@@ -176,14 +194,14 @@ def slab_power(
             np.abs(face.tt) ** 2 * attenuation, entering * (1 - reflectance * attenuation)
         )
         if model == "single-pass":
-            shares.append((passing, reflectance))
+            fractions.append((passing, reflectance))
             continue
         rest = 1 - (reflectance * attenuation) ** 2
         safe = np.where(rest > 0, rest, 1.0)
         transmitted = np.where(rest > 0, passing / safe, 0.0)
         back = np.where(rest > 0, passing * reflectance * attenuation / safe, 0.0)
-        shares.append((transmitted, reflectance + back))
-    (t_s, r_s), (t_p, r_p) = shares
+        fractions.append((transmitted, reflectance + back))
+    (t_s, r_s), (t_p, r_p) = fractions
     return SlabPower(t_s, t_p, r_s, r_p)
 
 
@@ -193,10 +211,20 @@ def straight_through_power(
     wavelength_m: ArrayLike,
     cos_incidence: ArrayLike = 1.0,
 ) -> Real:
-    """One passage as shader nodes evaluate it: (1 - F)^2 exp(-2 k0 Im(q) d), F unpolarised.
+    """Return one passage as shader nodes evaluate it: (1 - F)^2 exp(-2 k0 Im(q) d), F unpolarised.
 
     It differs from the mean of 'single-pass' because F is averaged before squaring, and in
-    lossy media because (1 - |r|^2)^2 is not |1 - r^2|^2. docs/physics.md tells by how much.
+    lossy media because (1 - |r|^2)^2 is not |1 - r^2|^2. docs/physics.md has the differences.
+
+    Parameters
+    ----------
+    index, thickness_m, wavelength_m, cos_incidence
+        As for `slab_power`.
+
+    Returns
+    -------
+    ndarray
+        Fraction of the incident power.
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = _faces(eps, cosine, q)
@@ -205,10 +233,20 @@ def straight_through_power(
 
 
 def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: ArrayLike = 1.0) -> Real:
-    """How much longer, optically, the straight path is through the slab than through vacuum [m].
+    """Return the optical length of the straight path through the slab minus that through vacuum.
 
     d (Re q - c), one way; (n - 1) d at normal incidence only. It follows from the phase of one
-    passage; for a medium whose index changes with frequency the group delay is another.
+    passage; the group delay differs for a medium with an index that changes with frequency.
+
+    Parameters
+    ----------
+    index, thickness_m, cos_incidence
+        As for `slab_power`.
+
+    Returns
+    -------
+    ndarray
+        Length [m].
     """
     n = passive_index(index)
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
@@ -223,9 +261,19 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
 
 
 def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """Angle of the planes of constant phase inside [rad]: tan psi = sin(theta) / Re q.
+    """Return the angle of the planes of constant phase inside: tan psi = sin(theta) / Re q.
 
     Snell's law for real n; Born and Wolf 14.2 for complex n. pi/2 beyond total reflection.
+
+    Parameters
+    ----------
+    index, cos_incidence
+        As for `slab_power`.
+
+    Returns
+    -------
+    ndarray
+        Angle [rad].
     """
     n = passive_index(index)
     cosine = direction_cosine(cos_incidence)

@@ -50,15 +50,19 @@ Products and pictures
     write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler, save_figure
 A whole run
     process_run(path, ProcessOptions(...)) yields Progress and FrameResult;
+    open_frame -> FrameInput; ProcessOptions.for_run -> ResolvedOptions; process_frame(FrameInput,
+    ResolvedOptions) -> FrameResult, without a file;
     frame_statistics -> FrameStatistics
 """
 
 from .decoding import (
     Decoded,
+    FrameInput,
     PixelGrid,
     decode,
     frame_paths,
     iter_path_chunks,
+    open_frame,
     pixel_grid,
     range_rate,
 )
@@ -105,7 +109,14 @@ from .maps import (
 )
 from .paths import PathCounts, PathFlag, Paths, make_paths, path_amplitude, path_power_w
 from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save_figure
-from .pipeline import FrameResult, ProcessOptions, Progress, process_run
+from .pipeline import (
+    FrameResult,
+    ProcessOptions,
+    Progress,
+    ResolvedOptions,
+    process_frame,
+    process_run,
+)
 from .products import write_products
 from .radar import (
     ArbitraryPulse,
@@ -150,6 +161,7 @@ __all__ = [
     "Echoes",
     "ExpectedPower",
     "FmcwWaveform",
+    "FrameInput",
     "FrameResult",
     "FrameStatistics",
     "FrequencyGrid",
@@ -174,6 +186,7 @@ __all__ = [
     "ReceiveWindow",
     "ReceivedSignal",
     "Receiver",
+    "ResolvedOptions",
     "Run",
     "Spectrum",
     "SpectrumAccumulator",
@@ -199,6 +212,7 @@ __all__ = [
     "mti_cancel",
     "mti_response",
     "nufft1",
+    "open_frame",
     "open_run",
     "path_amplitude",
     "path_phasors",
@@ -210,6 +224,7 @@ __all__ = [
     "plot_range_profile",
     "plot_rings",
     "power_to_db",
+    "process_frame",
     "process_run",
     "range_doppler",
     "range_noise_gain",

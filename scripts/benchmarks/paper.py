@@ -85,10 +85,10 @@ class PaperScene:
     def __init__(self, blend: Path, folder: Path) -> None:
         import bpy
 
+        from radarsim_addon.blender import rig_settings as properties
         from radarsim_addon.blender.nodes import refresh_groups
-        from radarsim_addon.blender.settings import radar as properties
 
-        if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+        if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
             properties.register()
         bpy.ops.wm.open_mainfile(filepath=str(blend))
         refresh_groups()

@@ -13,6 +13,7 @@ import numpy as np
 from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import open_run
+from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
 from radarsim_addon.signal.detection.objects import ObjectEcho
 
@@ -95,7 +96,7 @@ def echoes(run: Acquired, system: LinkBudget | None = None) -> dict[str, ObjectE
     """Objects as the program reports them, with the gains of a system."""
     opened = open_run(run.folder)
     frame = opened.frame(1)
-    link = FrameBudget(frame, opened.radar, system).link
+    link = FrameBudget(open_frame(frame, link_budget=system)).link
     return {echo.name: echo for echo in object_echoes(frame, CARRIER_HZ, link)}
 
 

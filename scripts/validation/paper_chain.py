@@ -14,6 +14,7 @@ import numpy as np
 from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import iter_path_chunks, open_run, range_doppler, synthesize
+from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
 from radarsim_addon.signal.echoes import Receiver, apply_receiver
 from radarsim_addon.signal.maps import range_process
@@ -67,13 +68,13 @@ def measured_run(bench: Bench, width_px: int, replicates: int, close: bool) -> A
     """
     import bpy
 
+    from radarsim_addon.blender import rig_settings as properties
     from radarsim_addon.blender.headless import quiet_blender
     from radarsim_addon.blender.nodes import refresh_groups
     from radarsim_addon.blender.paths import PathJob
     from radarsim_addon.blender.plan import PathOptions
-    from radarsim_addon.blender.settings import radar as properties
 
-    if not hasattr(bpy.types.Scene, properties.SCENE_PROPERTY):
+    if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
         properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(BLEND))
     refresh_groups()
@@ -120,7 +121,7 @@ def in_watts(bench: Bench) -> list[Check]:
     frame, radar = run.frame(1), run.radar
     waveform = radar.waveform
     wavelength_m = LIGHT / waveform.carrier_hz
-    budget = FrameBudget(frame, radar, system())
+    budget = FrameBudget(open_frame(frame, link_budget=system()))
     echo = next(
         e for e in object_echoes(frame, waveform.carrier_hz, budget.link) if e.name == TARGET
     )
@@ -199,7 +200,9 @@ def _maps(
     receiver = Receiver(noise_figure_db=NOISE_FIGURE_DB, antenna_temperature_k=ANTENNA_K)
     # Everything once, and beyond the scene: there is nothing but noise.
     whole = synthesize(
-        _paths(scene, FrameBudget(scene.frame(1), radar, system()), 0),
+        _paths(
+            scene, FrameBudget(open_frame(scene.frame(1), radar=radar, link_budget=system())), 0
+        ),
         radar,
         range_limits_m=(0.0, 9000.0),
         speckle_seed=0,
@@ -241,7 +244,7 @@ def _maps(
         part = synthesize(
             _paths(run, budget, seed), radar, range_limits_m=range_limits_m, speckle_seed=seed
         )
-        noise = dataclasses.replace(receiver, seed=seed + 1)
+        noise = dataclasses.replace(receiver, noise_seed=seed + 1)
         found = range_doppler(range_process(apply_receiver(part, noise).echoes, oversample=4))
         rows = np.abs(found.doppler_hz) < 450
         cols = np.abs(found.range_m - TARGET_M) < 30
@@ -253,7 +256,7 @@ def _maps(
 def _paths(run: Any, budget: FrameBudget, seed: int) -> Iterator[Paths]:
     """Paths with gains and speckle."""
     frame = run.frame(1)
-    speckle = FrameSpeckle(frame, run.radar, seed)
+    speckle = FrameSpeckle(open_frame(frame), seed)
     for part in iter_path_chunks(frame):
         yield speckle.apply(budget.apply(part))
 

@@ -34,7 +34,7 @@ WAVEFORMS: dict[str, AnyWaveform] = {
     "FMCW": FmcwWaveform(5.3e9, 50e6, 512, 1e6),
     "FMCW, real ADC": FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
     "stepped": SteppedWaveform(5.3e9, 100e3, 500, 1.5e-6),
-    "PMCW": PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+    "PMCW": PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=8),
 }
 WINDOWS = {
     "none": "none",

@@ -15,17 +15,14 @@ from typing import Any
 import bpy
 import numpy as np
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
 from radarsim_addon.array_types import Real
-from radarsim_addon.blender.headless import quiet_blender
-from radarsim_addon.blender.paths import PathJob
-from radarsim_addon.blender.plan import Measurement, PathOptions
-from radarsim_addon.blender.scene import setup_rig
+from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.scene.rig import EMITTER_NAME
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
-from radarsim_addon.signal.radar import Burst, Waveform
 
 from .case import Bench
 
@@ -48,14 +45,14 @@ def new_scene(
     """An empty scene with a radar; the transmitter elsewhere if told so."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    setup_rig(scene)
+    rig = radarsim.add_radar(field_of_view_deg=fov_deg)
     scene.unit_settings.system = "METRIC"
     scene.unit_settings.scale_length = metres_per_unit
-    scene.camera.data.angle = math.radians(fov_deg)
     emitter = bpy.data.objects[EMITTER_NAME]
     emitter.data.energy = eirp_w
     if transmitter_m is not None:
         emitter.parent = None
+        rig.radarsim.light = emitter
         emitter.location = [c / metres_per_unit for c in transmitter_m]
     return scene
 
@@ -257,35 +254,20 @@ def acquire(
     *,
     height_px: int | None = None,
     carrier_hz: float = CARRIER_HZ,
-    polarisation: str | None = None,
-    waveform: Waveform | None = None,
-    burst: Burst | None = None,
-    **options: Any,
+    **values: Any,
 ) -> Acquired:
-    """Measure the current scene by the acquisition "paths", from job to files and back."""
-    extra: dict[str, Any] = {"polarisation": polarisation} if polarisation else {}
-    measurement = Measurement(
-        waveform=waveform or Waveform(carrier_hz, 50e6, 2.5e-6, 60e6),
-        burst=burst or Burst(1000.0, 16),
-        frames=(1,),
-        rings=0,
-        ring_step_m=4.0,
-        snapshots=1,
+    """Measure the current scene, one path per pixel, from the settings to the files and back."""
+    run = radarsim.measure(
+        active_radar(bpy.context.scene),
+        bench.fresh(),
+        frames=[1],
         width_px=side_px,
         height_px=height_px or side_px,
-        samples=1,
-        **extra,
+        replicates=replicates,
+        carrier_hz=carrier_hz,
+        pulses=16,
+        **values,
     )
-    scene, folder = bpy.context.scene, bench.fresh()
-    chosen = PathOptions(replicates=replicates, **options)
-    with (
-        quiet_blender(),
-        PathJob(scene, scene.view_layers[0], measurement, folder, chosen) as job,
-    ):
-        for task in job.pending():
-            job.start(task)
-            job.render(task)
-            job.finish(task)
-    frame = folder / contract.frame_dir(1)
+    frame = run.path / contract.frame_dir(1)
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
-    return Acquired(np.array(open_table(frame / record.table_file)), record, folder)
+    return Acquired(np.array(open_table(frame / record.table_file)), record, run.path)

@@ -12,7 +12,7 @@ import numpy as np
 
 from radarsim_addon.array_types import Real
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials.layers import MOST_LOSS_DB, MOST_LOSS_DB_4_5
+from radarsim_addon.blender.materials.layers import MAX_LOSS_DB, MAX_LOSS_DB_4_5
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.physics.materials import material as library_index
 from radarsim_addon.signal import open_run
@@ -185,7 +185,7 @@ def hundred_db(bench: Bench) -> list[Check]:
 def limits(bench: Bench) -> list[Check]:
     """Right up to near this Blender's limit; beyond it, the run says so."""
     index = 2.3 + 0.2j
-    limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
+    limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     thickness_m = thickness_for(index, 5.3e9, limit_db - 8)
     found = measure(bench, index, thickness_m, 0.0)
     checks = _checks(f"{limit_db - 8:.0f} dB", found)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarsim_addon.array_types import Real
 from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
@@ -57,7 +57,7 @@ def _intensities(run: Any) -> Real:
     step = math.ceil(2 * radar.waveform.range_resolution_m / spacing_m)
     found = []
     for seed in range(SEEDS):
-        speckle = FrameSpeckle(frame, radar, seed)
+        speckle = FrameSpeckle(open_frame(frame), seed)
         paths = (speckle.apply(part) for part in iter_path_chunks(frame))
         echoes = synthesize(paths, radar, range_limits_m=range_limits_m, speckle_seed=seed)
         compressed = range_process(echoes, oversample=1)
@@ -72,7 +72,7 @@ def statistics(bench: Bench) -> list[Check]:
     from scipy.stats import kstest
 
     run = _patch(bench, 192)
-    report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
     ratio = _intensities(run)
     mean, count = float(ratio.mean()), ratio.size
     spread = float(ratio.std(ddof=1) / math.sqrt(count))
@@ -136,7 +136,7 @@ def least(bench: Bench) -> list[Check]:
     from scipy.stats import kstest
 
     run = _patch(bench, LEAST_PX, LEAST_KH * wavelength() / (2 * math.pi))
-    report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
     assert report is not None
     paths = _paths_per_cell(run)
     ratio = _intensities(run)
@@ -190,7 +190,7 @@ def _paths_per_cell(run: Any) -> float:
 def too_few(bench: Bench) -> list[Check]:
     """A coarse grid of pixels: the program says that cells hold too few scatterers."""
     run = _patch(bench, 24)
-    report = FrameSpeckle(run.frame(1), run.radar, 0).report()
+    report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
     assert report is not None
     said = float(any("fewer than" in text for text in report.warnings))
     return [
@@ -240,7 +240,7 @@ def _shifted_fields(bench: Bench, shift_m: float) -> NDArray[np.complex128]:
     amplitude = np.sqrt(path_power_w(paths, wavelength())) * phase
     found = []
     for seed in range(BASELINE_SEEDS):
-        factors = FrameSpeckle(run.frame(1), run.radar, seed, BASELINE_CELL_M).apply(paths).phasors
+        factors = FrameSpeckle(open_frame(run.frame(1)), seed, BASELINE_CELL_M).apply(paths).phasors
         assert factors is not None
         found.append(amplitude @ factors)
     return np.array(found)

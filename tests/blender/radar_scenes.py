@@ -30,6 +30,11 @@ def new_scene() -> Any:
     return scene
 
 
+def radar() -> Any:
+    """Return the properties of the radar's settings, as the panel shows them."""
+    return bpy.data.objects["Radar"].radarsim
+
+
 def add_plate(
     y: float, size: float = 4.0, tilt_deg: float = 0.0, preset: str | None = "metal"
 ) -> Any:

@@ -55,7 +55,7 @@ def test_it_is_installed_and_enabled(found: dict[str, Any]):
 def test_it_brings_what_it_says(found: dict[str, Any]):
     for operator in ("setup_rig", "assign_material", "render_frames", "process_last_run"):
         assert operator in found["enabled_traces"]["operators"]
-    assert "Scene.radarsim" in found["enabled_traces"]["properties"]
+    assert "Object.radarsim" in found["enabled_traces"]["properties"]
 
 
 def test_a_frame_is_rendered(found: dict[str, Any], out: Path):

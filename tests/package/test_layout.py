@@ -21,9 +21,9 @@ ROOMS = (
     "", "physics",
     "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.pictures", "signal.products", "signal.pipeline", "signal",
+    "signal.results", "signal.pictures", "signal.products", "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
-    "blender.settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
+    "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
     "blender.paths", "blender.headless", "blender.ui", "blender",
 )  # fmt: skip
 #: Entry points: they stand at the root of the package and join both halves.

@@ -201,13 +201,13 @@ def test_parameters_broadcast_with_frequency() -> None:
         ("concrete", -5e9, {}, "more than 0 Hz"),
         ("concrete", "fast", {}, "expected a number of Hz"),
         ("concret", 5e9, {}, "did you mean concrete"),
-        ("concrete", 5e9, {"moisture": 0.1}, "does not know the parameter 'moisture'"),
+        ("concrete", 5e9, {"moisture": 0.1}, "has no parameter 'moisture'"),
         ("water", 5e9, {"temperature_c": np.nan}, "temperature_c of material 'water' holds nan"),
         ("water", 5e9, {"temperature_c": 290.0}, "expected -4 to 40 degC"),
         ("conductor", 5e9, {}, "needs conductivity_s_per_m"),
         ("conductor", 5e9, {"conductivity_s_per_m": np.inf}, "holds inf"),
         ("permittivity", 5e9, {"eps_real": 4.0, "eps_imag": -0.1}, "eps_imag"),
-        ("table", 5e9, {}, "needs path"),
+        ("table", 5e9, {}, "has no path"),
         ("water", [1e9, 2e9], {"temperature_c": [1.0, 2.0, 3.0]}, "shapes do not fit together"),
     ],
 )
@@ -255,7 +255,7 @@ def test_table_by_index_and_in_hertz(tmp_path: Path) -> None:
         ("frequency_ghz,eps_real,eps_imag\n0,2,0\n", "line 2: frequency 0 Hz"),
         ("# c\nfrequency_ghz,n,k\n1,2,-0.1\n", "line 3: imaginary part -0.1 means gain"),
         ("frequency_ghz,n,k\n1,2,0\n1,2,0\n", "1 GHz twice"),
-        ("frequency_ghz,n,n,k\n1,2,0,0\n", "stands twice"),
+        ("frequency_ghz,n,n,k\n1,2,0,0\n", "occurs twice"),
     ],
 )
 def test_bad_tables(tmp_path: Path, text: str, message: str) -> None:

@@ -106,7 +106,7 @@ def test_decibels() -> None:
         (lambda: noise.noise_power_w(np.nan), "Noise bandwidth holds nan"),
         (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 0), "Number of pulses is 0"),
         (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 1, 0.0, 0.0), "Noise power is zero"),
-        (lambda: noise.window_loss_db([1.0, -1.0]), "sum is not zero"),
+        (lambda: noise.window_loss_db([1.0, -1.0]), "sum other than zero"),
         (lambda: eq.bistatic_power_w(1.0, 1.0, 0.0, 1.0, 0.05), "Transmitter range is 0 m"),
         (lambda: eq.to_db(-1.0), "Power ratio"),
     ],

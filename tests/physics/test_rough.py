@@ -106,14 +106,14 @@ def test_relations_of_roughness() -> None:
     assert float(rough.cycles_roughness(slope)) ** 2 == pytest.approx(0.2, rel=1e-14)
     back = rough.slope_from_roughness(rough.cycles_roughness([0.1, 0.3, np.sqrt(0.5)]))
     np.testing.assert_allclose(back, [0.1, 0.3, np.sqrt(0.5)], rtol=1e-14)
-    with pytest.raises(ConfigError, match="Cycles has at most 1"):
+    with pytest.raises(ConfigError, match="Cycles allows at most 1"):
         rough.cycles_roughness(0.8)
 
 
-def test_coherent_share() -> None:
+def test_coherent_fraction() -> None:
     """k h = 1/2 at normal incidence leaves exp(-1)."""
-    assert float(rough.coherent_share(0.05 / (4 * np.pi), 0.05)) == pytest.approx(np.exp(-1))
-    assert float(rough.coherent_share(1.0, 0.05, 0.0)) == 1
+    assert float(rough.coherent_fraction(0.05 / (4 * np.pi), 0.05)) == pytest.approx(np.exp(-1))
+    assert float(rough.coherent_fraction(1.0, 0.05, 0.0)) == 1
 
 
 def test_slope_of_a_gaussian_surface_by_its_spectrum() -> None:
@@ -147,7 +147,7 @@ def test_limits_of_kirchhoff() -> None:
         (lambda: rough.sigma0(3.0, 0.2, 1.0, "some"), "none, smith, cycles"),  # type: ignore[arg-type]
         (lambda: rough.sigma0(3.0, [0.1, 0.2], [1.0, 0.9, 0.8]), "shapes do not fit together"),
         (lambda: rough.albedo(0.2, 0.0), "more than 0"),
-        (lambda: rough.albedo(0.2, 1.0, masking="none"), "needs masking"),
+        (lambda: rough.albedo(0.2, 1.0, masking="none"), "Masking is 'none'"),
         (lambda: rough.rms_slope(0.1, 0.0), "Correlation length is 0 m"),
         (lambda: rough.kirchhoff_limits(np.nan, 0.1, 0.05), "Rms height holds nan"),
     ],

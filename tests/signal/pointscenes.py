@@ -31,7 +31,7 @@ WAVEFORMS: dict[str, AnyWaveform] = {
     "fmcw": FmcwWaveform(5.3e9, 50e6, 512, 1e6),
     "fmcw real": FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
     "stepped": SteppedWaveform(5.3e9, 100e3, 500, 1.5e-6),
-    "pmcw": PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+    "pmcw": PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=8),
 }
 WINDOWS = ["none", "hann", "hamming", "taylor:4:-35", "kaiser:3", "kaiser:8"]
 #: Each waveform with three windows, each window with three waveforms.

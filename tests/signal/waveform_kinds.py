@@ -14,7 +14,7 @@ from radarsim_addon.signal.radar import AnyWaveform
 
 FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6, adc_start_s=5e-6, idle_s=4e-6)
 STEPPED = SteppedWaveform(10e9, 2e6, 128, 50e-6)
-PMCW = PmcwWaveform(79e9, 1e-9, 8, repeats=4)
+PMCW = PmcwWaveform(79e9, 1e-9, 8, code_repeats=4)
 BARKER13 = PhaseCodedPulse(5.3e9, 50e-9, 13, 4)
 ALL = [Waveform(5.3e9, 50e6, 2.5e-6, 60e6), FMCW, STEPPED, PMCW, BARKER13]
 

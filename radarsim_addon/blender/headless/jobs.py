@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..paths import PathJob
+from ..rig_settings import read_link_budget, read_measurement, read_path_options, settings
 from ..rings import RingJob
 from ..run import MeasurementJob
-from ..settings import radar as properties
-from ..settings import read_path_options, read_system_settings
+from ..scene import active_radar, antennas_of
 
 
 def make_job(
@@ -19,11 +20,10 @@ def make_job(
     view_layer: Any,
     folder: Path,
     *,
+    radar: Any = None,
     overwrite: bool = False,
-    sampling_mode: str | None = None,
-    overrides: dict[str, Any] | None = None,
-    path_overrides: dict[str, Any] | None = None,
-    system_file: Path | None = None,
+    given: Mapping[str, Any] | None = None,
+    link_budget_file: Path | None = None,
 ) -> MeasurementJob:
     """Make the job, unprepared.
 
@@ -33,28 +33,30 @@ def make_job(
     view_layer : bpy.types.ViewLayer
     folder
         Output folder.
+    radar : bpy.types.Object
+        The rig; None: the scene's active one.
     overwrite
         Remove another run's frames.
-    sampling_mode
-        "rings" or "paths"; None: the scene's setting.
-    overrides, path_overrides
-        Numbers from a command line, see `read_measurement` and `read_path_options`.
-    system_file
-        Power budget (JSON); None: the scene's own.
+    given
+        Values in place of the radar's settings, by their names, in SI; see `read_measurement`.
+    link_budget_file
+        Link budget (JSON); None: the radar's own.
 
     Raises
     ------
     ConfigError
         The settings do not fit together.
+    SceneError
+        No radar, or several of which none is chosen.
     """
-    settings = getattr(scene, properties.SCENE_PROPERTY)
-    measurement = properties.read_measurement(scene, **(overrides or {}))
-    system = read_system_settings(settings, measurement.waveform.wavelength_m, system_file)
-    measurement = dataclasses.replace(measurement, system=system)
-    antennas = {"camera": settings.camera, "emitter": settings.emitter}
-    kind = sampling_mode or settings.sampling_mode.lower()
-    if kind == "paths":
-        options = read_path_options(settings, **(path_overrides or {}))
+    radar = active_radar(scene) if radar is None else radar
+    values = dict(given or {})
+    measurement = read_measurement(scene, radar, **values)
+    link_budget = read_link_budget(radar, measurement.waveform.wavelength_m, link_budget_file)
+    measurement = dataclasses.replace(measurement, link_budget=link_budget)
+    antennas = antennas_of(scene, radar)
+    if values.get("sampling_mode", settings(radar).sampling_mode) == "paths":
+        options = read_path_options(radar, **values)
         return PathJob(
             scene, view_layer, measurement, folder, options, overwrite=overwrite, **antennas
         )

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which material is where, and what it is at the carrier.
+"""Materials of objects, and their properties at the carrier.
 
 In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .layers import beyond_float32, is_entered, set_layer_normals
-from .physical_materials import EXACT_FACETS, is_physical, refresh_materials, update_materials
+from .physical_materials import (
+    EXACT_FACETS,
+    is_physical,
+    make_physical_material,
+    refresh_materials,
+    update_materials,
+)
 from .surface_roughness import roughness_of
 
 __all__ = [
@@ -17,6 +23,7 @@ __all__ = [
     "beyond_float32",
     "is_entered",
     "is_physical",
+    "make_physical_material",
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",

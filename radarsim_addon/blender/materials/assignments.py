@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which materials the rendered objects wear, wherever these come from.
+"""Materials that are assigned to the rendered objects.
 
-A material may be in a slot of the mesh or of the object, be set by geometry nodes, and the object
-may be linked, overridden, or a member of an instanced collection that is in no scene. An evaluated
-object's slots hold all of these.
+A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The object
+may be linked, overridden, or a member of an instanced collection that is in no scene. The slots of
+an evaluated object hold all of these.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
+
+from ..state import evaluated_objects
 
 #: Object types whose surface Cycles shades by material slots.
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
@@ -22,26 +24,44 @@ class MaterialAssignment(NamedTuple):
 
 
 def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
-    """What each rendered object with a surface wears, members of instanced collections included.
+    """Return the materials of each rendered object with a surface.
+
+    Members of instanced collections are included.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Returns
+    -------
+    list of MaterialAssignment
+        One per object, in the order of the depsgraph.
     """
     found: dict[int, MaterialAssignment] = {}
-    for instance in depsgraph.object_instances:
-        evaluated = instance.object
-        original = evaluated.original
+    for one in evaluated_objects(depsgraph):
+        original = one.original
         if original.type not in SURFACE_TYPES or original.hide_render:
             continue
         if original.as_pointer() not in found:
-            found[original.as_pointer()] = MaterialAssignment(original, slot_materials(evaluated))
+            assignment = MaterialAssignment(original, slot_materials(one.evaluated))
+            found[original.as_pointer()] = assignment
     return list(found.values())
 
 
 def slot_materials(item: Any) -> tuple[Any, ...]:
-    """Original materials in an object's slots; geometry nodes' too where it is evaluated."""
+    """Return the original materials in the slots of an object; None for an empty slot.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        If evaluated, the materials that Geometry Nodes set are included.
+
+    Returns
+    -------
+    tuple of bpy.types.Material or None
+        One per slot.
+    """
     return tuple(
         None if slot.material is None else slot.material.original for slot in item.material_slots
     )

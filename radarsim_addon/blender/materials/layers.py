@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects are plane-parallel layers, and how their faces lie.
+"""Find objects that are plane-parallel layers, and the direction of their faces.
 
-A wave that goes through a layer at an angle is refracted: absorption and delay inside follow from
-the angle to the layer's faces (see :mod:`.nodes.physical_material`). Inside an object a shader does
-not know those faces, so the object carries their normal as a custom property.
+A wave that crosses a layer at an angle is refracted. Absorption and delay inside depend on the
+angle to the faces of the layer (see :mod:`.nodes.physical_material`). A shader does not know these
+faces inside an object, so the object has their normal as a custom property.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import EXTINCTION, KIND
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
 
-#: Share of an object's surface that must lie in one pair of directions for it to be a layer.
+#: Minimum fraction of an object's surface with one pair of opposite normals for a layer.
 LAYER_SHARE = 0.6
-#: Faces within this of each other count as parallel (difference of unit normals).
+#: Maximum difference of the unit normals of parallel faces.
 _PARALLEL = 0.02
-#: Absorption both ways that Cycles carries: power and range measured right to 360 dB for an echo
-#: that shows 1 W/(m^2 sr) without the wall, and without a range from 372 dB on; Blender 4.5 and
-#: before give zero from 122 dB on.
-MOST_LOSS_DB = 350.0
-MOST_LOSS_DB_4_5 = 120.0
-#: Share of a layer's faces that must lie in the two planes furthest apart for it to be one plate.
-PLATE_SHARE = 0.9
-#: How far from these planes, relative to their distance.
+#: Two-way absorption that Cycles can represent [dB]. For an echo of 1 W/(m^2 sr) without the wall,
+#: measured power and range are correct up to 360 dB, and the range is lost from 372 dB. Blender up
+#: to 4.5 returns zero from 122 dB.
+MAX_LOSS_DB = 350.0
+MAX_LOSS_DB_4_5 = 120.0
+#: Minimum fraction of a layer's faces in its two outermost planes for a single plate.
+MIN_PLATE_FRACTION = 0.9
+#: Tolerance of these planes, relative to their distance.
 _IN_PLANE = 1e-3
-#: Directions with the most area that are tried.
+#: Number of directions, by area, that are tried.
 _CANDIDATES = 8
 
 
 def layer_normal(normals: Real, areas: Real) -> Real | None:
-    """Normal of the plane-parallel faces that most of a surface lies in; None where there are none.
+    """Return the normal of the parallel faces that form most of a surface; None without such.
 
     Parameters
     ----------
     normals
-        Unit normals of the faces, (n, 3).
+        Unit normals of the faces, shape (n, 3).
     areas
-        Their areas, (n,).
+        Areas of the faces, shape (n,).
     """
     total = float(areas.sum())
     if not total > 0:
         return None
-    # Opposite normals are one direction; rounded, equal ones fall together.
+    # Opposite normals are one direction; rounding makes almost equal ones equal.
     sign = np.where(normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)] < 0, -1.0, 1.0)
     directions = normals * sign[:, None]
     keys = np.round(directions / _PARALLEL).astype(np.int64)
@@ -61,7 +61,7 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
     for cell in np.argsort(-by_cell)[:_CANDIDATES]:
         near = np.abs(np.abs(directions @ directions[first[cell]]) - 1) < _PARALLEL**2 / 2
         if areas[near].sum() >= LAYER_SHARE * total:
-            # Signs agree with the candidate: near the border of a cube of signs they may not.
+            # The rule above can give almost equal directions opposite signs.
             flip = np.sign(directions[near] @ directions[first[cell]])
             mean = (directions[near] * (flip * areas[near])[:, None]).sum(axis=0)
             return np.asarray(mean / np.linalg.norm(mean), dtype=np.float64)
@@ -69,35 +69,31 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
 
 
 def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
-    """Properties of an evaluated object's faces, object space, (faces, width) each; None: no face.
+    """Return properties of an evaluated object's faces in object space; None without faces.
 
     Parameters
     ----------
     item, depsgraph
-        The object, as evaluated there.
+        Object and depsgraph.
     **widths
-        Numbers a face of each property of `bpy.types.MeshPolygon`.
+        Properties of `bpy.types.MeshPolygon`, and their numbers per face.
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        By property, shape (faces, width).
     """
-    evaluated = item.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return None
-    try:
-        count = len(mesh.polygons)
-        if not count:
+    with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+        if mesh is None or not len(mesh.polygons):
             return None
-        found = {}
-        for name, width in widths.items():
-            values = np.empty(count * width, dtype=np.float32)
-            mesh.polygons.foreach_get(name, values)
-            found[name] = values.reshape(-1, width).astype(np.float64)
-        return found
-    finally:
-        evaluated.to_mesh_clear()
+        return {
+            name: read_numbers(mesh.polygons, name, width).astype(np.float64)
+            for name, width in widths.items()
+        }
 
 
 def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
-    """Layer normal of an object as evaluated, in its own space; None where it is no layer."""
+    """Return the layer normal of an evaluated object in its own axes; None if it is no layer."""
     faces = _faces(item, depsgraph, normal=3, area=1)
     if faces is None:
         return None
@@ -112,20 +108,20 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
     world = layer_normal(vectors[kept] / lengths[kept, None], lengths[kept])
     if world is None:
         return None
-    # Back to the object's space, so that the normal turns with it.
+    # In the object's own axes, so that the normal rotates with it.
     local = linear.T @ world
     return np.asarray(local / np.linalg.norm(local), dtype=np.float64)
 
 
 def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
-    """Distance between a layer's two faces in the object's own units; None where there are others.
+    """Return the distance of a layer's two faces in the object's own units; None with more faces.
 
     Parameters
     ----------
     item, depsgraph
-        The object, as evaluated there.
+        Object and depsgraph.
     normal
-        Of the layer, object space, not zero.
+        Normal of the layer in object space, not zero.
     """
     faces = _faces(item, depsgraph, normal=3, center=3, area=1)
     if faces is None:
@@ -140,14 +136,21 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
     if not thickness > 0:
         return None
     outer = np.abs(2 * (height - low) / thickness - 1) > 1 - 2 * _IN_PLANE
-    return thickness if area[outer].sum() >= PLATE_SHARE * area.sum() else None
+    return thickness if area[outer].sum() >= MIN_PLATE_FRACTION * area.sum() else None
 
 
 def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
-    """Give every object with a penetrable physical material its layer's normal and thickness.
+    """Set normal and thickness of the layer on each object with a penetrable physical material.
 
-    For a run; linked objects, too, whose properties are set in memory. Properties that the user
-    has set are left alone; [0, 0, 0] for the normal means: no layer.
+    Linked objects are changed in memory. Properties that the user has set do not change; a normal
+    of [0, 0, 0] means that the object is no layer.
+
+    Parameters
+    ----------
+    recorder
+        Records the changes.
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
 
     Returns
     -------
@@ -185,7 +188,12 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
 
 
 def is_entered(material: Any) -> bool:
-    """Whether a physical material has an interior: its Volume is connected."""
+    """Return whether a physical material has an interior: its Volume is connected.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
     node = group_node(material)
     if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
         return False
@@ -201,11 +209,11 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
     Parameters
     ----------
     wavelength
-        In Blender units.
+        Wavelength in Blender units.
     depsgraph : bpy.types.Depsgraph
         Up to date.
     """
-    limit_db = MOST_LOSS_DB if bpy.app.version >= (5, 0, 0) else MOST_LOSS_DB_4_5
+    limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_entered(material)]
@@ -214,7 +222,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
         corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
         normal = item.get(attributes.OBJECT_LAYER_NORMAL)
         if normal is not None and any(normal):
-            # Normals turn by the inverse transpose.
+            # Normals transform by the inverse transpose.
             linear = np.array(item.matrix_world.to_3x3())
             across = np.linalg.solve(linear.T, np.array(normal))
             directions = (across / np.linalg.norm(across))[None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a physical material is made of: a medium of the library, and a rough surface."""
+"""Parts of a physical material: a medium of the library, and a rough surface."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class Medium:
 
     @property
     def model(self) -> MaterialModel:
-        """The library's model. ConfigError where there is none of that name."""
+        """The library's model. Raises ConfigError for an unknown name."""
         path = None if self.path is None else bpy.path.abspath(self.path)
         return material_model(self.name, path)
 
     def index(self, carrier_hz: float) -> complex:
-        """n + jk at the carrier; ConfigError outside the band of validity, which it names."""
+        """Return n + jk at the carrier. Raises ConfigError outside the band of validity."""
         return complex(self.model.index(carrier_hz, **self.parameters))
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Rough surface: rms height and correlation length [m], 0 where not given; rms slope."""
+    """Rough surface: RMS height and correlation length [m], and RMS slope; 0 if unknown."""
 
     rms_height_m: float = 0.0
     correlation_length_m: float = 0.0
@@ -42,14 +42,14 @@ class Surface:
 
     @property
     def slope(self) -> float:
-        """sqrt(2) h/l where both are given, else the slope that is."""
+        """RMS slope: sqrt(2) h/l if both are known, else the slope of the record."""
         if self.rms_height_m > 0 and self.correlation_length_m > 0:
             return float(rms_slope(self.rms_height_m, self.correlation_length_m))
         return self.rms_slope
 
     @property
     def correlation_length(self) -> float:
-        """l [m], from h and the slope where it was not given; 0 where neither says."""
+        """Correlation length [m], if unknown from h and the slope; 0 if these are unknown too."""
         if self.correlation_length_m > 0:
             return self.correlation_length_m
         if self.rms_height_m > 0 and self.rms_slope > 0:

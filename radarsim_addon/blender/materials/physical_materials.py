@@ -1,26 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials by their physics: a medium of the library, a rough surface; kept in the material.
+"""Physical materials: a medium of the library and a rough surface, stored in the material.
 
-What the user gives is kept as custom properties of the material, in SI and float64, so that it is
-there in every Blender, registered add-on or not, and survives saving and appending:
+The user's values are custom properties of the material, in SI units and float64. They are available
+in each Blender, with and without the add-on, and survive saving and appending:
 
 =================================  =================================================================
 ``radarsim_medium``                name of the model in `physics.materials` ("concrete", "index"...)
-``radarsim_medium_<parameter>``    its parameters, by the names the model gives them
+``radarsim_medium_<parameter>``    parameters of the model, by name
 ``radarsim_medium_path``           CSV file of the model "table"
-``radarsim_rms_height_m``          rms height h of the surface [m]
+``radarsim_rms_height_m``          RMS height h of the surface [m]
 ``radarsim_correlation_length_m``  correlation length l of a Gaussian surface [m]
-``radarsim_rms_slope``             rms slope m; taken where h and l do not give it, m = sqrt(2) h/l
+``radarsim_rms_slope``             RMS slope m, if h and l do not give it by m = sqrt(2) h/l
 ``radarsim_sheet_thickness_m``     thickness of a thin pane that is modelled as one face [m]
 =================================  =================================================================
 
-The surface's three may be set on any material (also of the simple Radar Material, or none of ours)
-for what else needs them; `surface_of` reads them. The index n + jk at the carrier is derived from
-the medium by `update_material`: when the carrier changes, and when a run starts.
+Any material can have the three properties of the surface; `surface_of` reads them.
+`update_material` computes the index n + jk at the carrier from the medium when the carrier changes
+and when a run starts.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Collection, Iterable
 from typing import Any
@@ -65,7 +66,7 @@ EXACT_FACETS = bpy.app.version >= (5, 0, 0)
 
 
 def medium_of(material: Any) -> Medium | None:
-    """The medium that a material was given; None for a simple or foreign one."""
+    """Return the medium of a material; None for a simple or foreign one."""
     name = material.get(MEDIUM)
     if not isinstance(name, str) or not name:
         return None
@@ -80,9 +81,9 @@ def medium_of(material: Any) -> Medium | None:
 
 
 def surface_of(material: Any) -> Surface | None:
-    """Roughness that a material was given; None where it has none of the three numbers.
+    """Return the surface of a material; None if all three properties are missing.
 
-    The slope of a Radar Material without any is that of its Roughness.
+    Without a slope, that of the Roughness of a Radar Material is used.
     """
     keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
     if material is None:
@@ -99,15 +100,24 @@ def surface_of(material: Any) -> Surface | None:
 
 
 def is_physical(material: Any) -> bool:
-    """Whether a material has one of the physical groups: the material's, or the sheet's."""
-    node = group_node(material)
-    return node is not None and node.node_tree.get(KIND_PROPERTY) in (KIND, SHEET_KIND)
+    """Return whether a material has one of the physical groups: the material's, or the sheet's.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
+    return _kind_of(material) in (KIND, SHEET_KIND)
 
 
 def is_sheet(material: Any) -> bool:
-    """Whether a material is a thin pane with interference."""
+    """Return whether a material is a thin pane with interference."""
+    return _kind_of(material) == SHEET_KIND
+
+
+def _kind_of(material: Any) -> str | None:
+    """Return the kind of the radarsim group of a material; None without a group."""
     node = group_node(material)
-    return node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
+    return None if node is None else node.node_tree.get(KIND_PROPERTY)
 
 
 def make_physical_material(
@@ -128,22 +138,26 @@ def make_physical_material(
     Parameters
     ----------
     name
-        Name of the data-block; Blender numbers it where taken.
+        Name of the data-block. Blender adds a number if it is in use.
     medium, path, parameters
-        As `physics.materials.material` takes them.
+        As in `physics.materials.material`.
     carrier_hz
-        Where the medium is evaluated now; a run evaluates it at its own carrier.
+        Carrier for the first evaluation [Hz]. A run evaluates the medium at its own carrier.
     rms_height_m, correlation_length_m, rms_slope
         Surface. All 0: smooth.
     penetrable
-        Link the interior. None: unless the medium is a conductor at this carrier.
+        Link the interior. None: yes, unless the medium is a conductor at this carrier.
     sheet_thickness_m
-        More than 0: a thin pane of smooth faces, modelled as one face with interference.
+        Above 0: a thin pane of smooth faces, modelled as one face with interference [m].
+
+    Returns
+    -------
+    bpy.types.Material
 
     Raises
     ------
     ConfigError
-        Unknown medium or parameter, carrier outside the band, slope too steep.
+        Unknown medium or parameter, carrier outside the band, or slope too steep.
     """
     material = bpy.data.materials.new(name)
     try:
@@ -152,7 +166,7 @@ def make_physical_material(
         if sheet_thickness_m:
             if not (math.isfinite(sheet_thickness_m) and sheet_thickness_m > 0):
                 raise ConfigError(
-                    f"Thickness of the sheet is {sheet_thickness_m!r} m; expected more than 0."
+                    f"The thickness of the sheet is {sheet_thickness_m!r} m. Enter more than 0."
                 )
             material[SHEET_THICKNESS] = float(sheet_thickness_m)
         index = Medium(medium, parameters, path).index(carrier_hz)
@@ -165,8 +179,7 @@ def make_physical_material(
 
 
 def make_physical(material: Any, penetrable: bool = True) -> None:
-    """Put the physical group into a material in place of whatever nodes it has: the sheet's where
-    the material has a thickness."""
+    """Replace the nodes of a material by the physical group; with a thickness, by the sheet's."""
     if float(material.get(SHEET_THICKNESS, 0.0)) > 0:
         link_group(material, ensure_group(SHEET_KIND), False)
     else:
@@ -174,12 +187,12 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
 
 
 def write_medium(material: Any, medium: Medium) -> None:
-    """Keep a medium in a material; ConfigError for an unknown name or parameter."""
+    """Store a medium in a material. Raises ConfigError for an unknown name or parameter."""
     known = {parameter.name for parameter in medium.model.parameters}
     unknown = sorted(set(medium.parameters) - known)
     if unknown:
         raise ConfigError(
-            f"Medium {medium.name!r} does not know the parameter {unknown[0]!r}; its parameters: "
+            f"Medium {medium.name!r} has no parameter {unknown[0]!r}. Its parameters: "
             f"{', '.join(sorted(known)) or 'none'}."
         )
     for key in [key for key in material.keys() if key.startswith(PARAMETER_PREFIX)]:
@@ -192,7 +205,7 @@ def write_medium(material: Any, medium: Medium) -> None:
 
 
 def write_surface(material: Any, surface: Surface) -> None:
-    """Keep a surface in a material; ConfigError for numbers below 0."""
+    """Store a surface in a material. Raises ConfigError for numbers below 0."""
     values = {
         RMS_HEIGHT: surface.rms_height_m,
         CORRELATION_LENGTH: surface.correlation_length_m,
@@ -200,23 +213,23 @@ def write_surface(material: Any, surface: Surface) -> None:
     }
     for key, value in values.items():
         if not (math.isfinite(value) and value >= 0):
-            raise ConfigError(f"{key} is {value!r}; expected a number from 0 up.")
+            raise ConfigError(f"{key} is {value!r}. Enter a number of at least 0.")
         if value > 0:
             material[key] = float(value)
         elif key in material:
             del material[key]
 
 
-# -- what follows at a carrier ---------------------------------------------------------------------
+# -- values at a carrier ---------------------------------------------------------------------------
 
 
 def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
-    """Values of the group's inputs at a carrier, by socket name.
+    """Return the values of the group's inputs at a carrier, by socket name.
 
     Raises
     ------
     ConfigError
-        Names the material: carrier outside the band, parameter missing, slope too steep.
+        Carrier outside the band, parameter missing, or slope too steep. Names the material.
     """
     medium = medium_of(material)
     if medium is None:
@@ -246,12 +259,12 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
 def update_material(
     material: Any, carrier_hz: float, recorder: SettingsRestorer | None = None
 ) -> None:
-    """Set a physical material's inputs for a carrier; sockets that the user linked are left.
+    """Set the inputs of a physical material for a carrier; linked sockets do not change.
 
     Raises
     ------
     ConfigError
-        As `inputs_at`; or a linked file holds a node group of an older radarsim.
+        As `inputs_at`; or a linked file contains a node group of an older radarsim.
     """
     for socket, value in _inputs_to_set(material, carrier_hz):
         _put(socket, value, recorder)
@@ -265,7 +278,7 @@ def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
 
 
 def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
-    """Sockets of a physical material, and their values at a carrier."""
+    """Return the sockets of a physical material and their values at a carrier."""
     node = group_node(material)
     if node is None or not is_physical(material):
         return []
@@ -275,9 +288,9 @@ def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
             library = material.library
             where = "this file" if library is None else repr(library.filepath)
             raise ConfigError(
-                f"Material {material.name!r}: its node group {node.node_tree.name!r} was made by "
+                f"Material {material.name!r}: its node group {node.node_tree.name!r} is from "
                 f"another radarsim and has no input {name!r}. Open {where} with this radarsim and "
-                "save it, or append the material in place of linking it."
+                "save it, or append the material instead of linking it."
             )
         socket = group_input(material, name)
         if socket is not None:
@@ -288,34 +301,36 @@ def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
 def update_materials(
     carrier_hz: float, recorder: SettingsRestorer | None = None, worn: Collection[Any] | None = None
 ) -> list[str]:
-    """Evaluate every physical material of the file at a carrier, linked ones too.
+    """Evaluate all physical materials of the file at a carrier.
 
-    What is linked from another file is set in memory: that file is not changed.
+    Materials that are linked from another file are set in memory; that file is not changed.
 
     Parameters
     ----------
-    carrier_hz, recorder
-        At what, and who takes it back.
+    carrier_hz
+        Carrier [Hz].
+    recorder
+        Records the changes. None: they are permanent.
     worn
-        Materials of rendered objects; None: those in the slots of all objects of the file.
+        Materials of rendered objects. None: those in the slots of all objects of the file.
 
     Returns
     -------
     list of str
-        What could not be evaluated, of materials that no rendered object wears; and worn materials
-        with a medium whose group is not at their output, which keep their numbers.
+        Materials that cannot be evaluated and that no rendered object has; and assigned materials
+        with a medium that keep their numbers, because their group is not at the output.
 
     Raises
     ------
     ConfigError
-        A material that an object in the render wears cannot be evaluated, or two of them share a
-        node group with one set of numbers.
+        A material of a rendered object cannot be evaluated, or two of them use one node group with
+        different numbers.
     """
     if worn is None:
         worn = _in_slots(bpy.data.objects)
     failures = []
     owners: dict[int, tuple[Any, float]] = {}
-    # Those that are worn come first: they are the ones that count where numbers are shared.
+    # Assigned materials are first: their numbers have priority in a common node group.
     for material in sorted(bpy.data.materials, key=lambda m: (m not in worn, m.name_full)):
         try:
             for socket, value in _inputs_to_set(material, carrier_hz):
@@ -342,13 +357,13 @@ def _shared(first: Any, second: Any) -> str:
     tree = found.enclosing[-1].node_tree if found and nested else second.node_tree
     return (
         f"Materials {first.name!r} and {second.name!r} need different numbers in the node group "
-        f"{tree.name!r}, which both use. Make it a single-user copy in one of them, or lead the "
-        "inputs of the Radar Material out of the group."
+        f"{tree.name!r}, which both use. Make it a single-user copy in one of them, or connect the "
+        "inputs of the Radar Material to inputs of the group."
     )
 
 
 def _keeps_numbers(material: Any) -> bool:
-    """Whether a material with a medium holds our group where it is not found."""
+    """Return whether a material with a medium has our group, but not at its output."""
     return (
         material.node_tree is not None
         and medium_of(material) is not None
@@ -358,12 +373,16 @@ def _keeps_numbers(material: Any) -> bool:
 
 
 def refresh_materials(carrier_hz: float) -> None:
-    """As `update_materials`; a material that cannot be evaluated keeps its numbers."""
+    """Evaluate all physical materials; one that cannot be evaluated keeps its numbers.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier [Hz].
+    """
     for material in bpy.data.materials:
-        try:
+        with contextlib.suppress(ConfigError):
             update_material(material, carrier_hz)
-        except ConfigError:
-            continue
 
 
 def limits_of(material: Any, carrier_hz: float) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rms height and correlation length of surfaces, as materials carry them in custom properties."""
+"""RMS height and correlation length of surfaces, from custom properties of materials."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from .physical_materials import CORRELATION_LENGTH, RMS_HEIGHT
 
 
 def roughness_of(item: Any) -> tuple[float | None, float | None]:
-    """Rms height and correlation length [m] of the first material that has a height; else None.
+    """Return the roughness of the first material of an object that has an RMS height.
 
     Parameters
     ----------
     item : bpy.types.Object
-        Evaluated: materials that geometry nodes set count, too.
+        Evaluated, so that materials from Geometry Nodes are included.
+
+    Returns
+    -------
+    rms_height_m, correlation_length_m : float or None
+        [m]; None if unknown.
     """
     for material in slot_materials(item):
         if material is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion of bodies, sampled in Blender and fitted.
+"""Motion of bodies, sampled in Blender and fitted to the samples.
 
 In: the animation. Out: motion records and deforming surfaces in metres and seconds.
 """

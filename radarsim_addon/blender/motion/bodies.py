@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which body (object or instance) each vertex of a path lies on.
+"""Bodies (objects or instances) on which the scatterers of paths lie.
 
-While a frame is measured, bodies are numbered over all that is shown, in an order that is the same
-whenever the same scene is measured: tiles of a run that was stopped stay good.
+While a frame is measured, all rendered bodies have numbers. Their order is the same in each
+measurement of the same scene, so that tiles of an interrupted run remain valid.
 
-Cycles tells the object of the first surface seen; of later ones, and of the instance, only the
-place is known. Boxes decide where they can, distances from the surfaces where boxes overlap.
+Cycles identifies the object of the first surface only. For later surfaces, and for instances, only
+the position is known. Bounding boxes identify the body; where they overlap, distances from the
+surfaces do.
 """
 
 from __future__ import annotations
@@ -19,21 +20,22 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
-from ..scene import InstancePose, Key, Poses, beside_box
+from ..scene import InstancePose, Poses, distance_from_box
+from ..state import Key
 
-#: How far from a surface a vertex may lie, relative to the path's length: vertices from the
-#: emitter's colours are known to 1e-6 of the scene's size.
+#: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
+#: transmitter's colours are known to 1e-6 of the scene's size.
 _ON_SURFACE_WITHIN = 2e-5
 
 
 @dataclass(frozen=True)
 class Part:
-    """One object or instance: the object's number and name, which instance, and where."""
+    """One object or instance: number and name of the object, key and pose of the instance."""
 
     number: int
     name: str
     key: Key
-    shown: InstancePose
+    instance: InstancePose
 
 
 class Bodies:
@@ -44,11 +46,11 @@ class Bodies:
     names
         Objects in the order of their numbers, from 1.
     poses
-        Where they are.
+        Poses of the objects at that moment.
     depsgraph : bpy.types.Depsgraph
-        At that moment; it must stay there while rows are labelled.
+        At that moment. It must not change while rows are labelled.
     metres_per_unit
-        Scale.
+        Metres per Blender unit.
     """
 
     def __init__(
@@ -57,19 +59,16 @@ class Bodies:
         self._metres_per_unit = metres_per_unit
         self._depsgraph = depsgraph
         numbers = {name: number for number, name in enumerate(names, start=1)}
-        #: Originals by number, of what is rendered.
-        self.originals: dict[int, Any] = {}
-        for item in depsgraph.object_instances:
-            original = item.object.original
-            number = numbers.get(original.name)
-            if number is not None and not original.hide_render:
-                self.originals[number] = original
+        #: Original objects that are rendered, by number.
+        self.originals: dict[int, Any] = {
+            numbers[name]: item for name, item in poses.rendered.items() if name in numbers
+        }
         self._surfaces: dict[int, Any] = {}
         parts = [
-            Part(numbers[name], name, key, shown)
+            Part(numbers[name], name, key, instance)
             for name, instances in poses.objects.items()
             if numbers.get(name) in self.originals
-            for key, shown in instances.items()
+            for key, instance in instances.items()
         ]
         #: Body number n is parts[n - 1].
         self.parts = sorted(parts, key=lambda part: (part.number, str(part.key)))
@@ -78,7 +77,7 @@ class Bodies:
             self._of_number.setdefault(part.number, []).append(index)
 
     def label(self, rows: PathRows) -> None:
-        """Fill in bodies, and objects where they are unknown and the vertex is known."""
+        """Fill in bodies, and objects that are unknown though the scatterer is known."""
         self._label_end(rows, "last_scatterer_m", "last_object", "last_body", np.arange(rows.size))
         one = rows["order"] == 1
         rows["first_object"][one] = rows["last_object"][one]
@@ -94,30 +93,32 @@ class Bodies:
         numbers = rows[objects][wanted]
         for number in np.unique(numbers).tolist():
             mine = wanted[numbers == number]
-            place = np.array(rows[points][mine])
+            position = np.array(rows[points][mine])
             allowed = _ON_SURFACE_WITHIN * np.maximum(rows["length_m"][mine], 1e-9)
             if number == 0:
-                found = self._find(place, allowed, range(len(self.parts)))
+                found = self._find(position, allowed, range(len(self.parts)))
             else:
                 parts = self._of_number.get(number, [])
                 if not parts:
                     continue
                 found = np.full(mine.size, parts[0])
                 if len(parts) > 1:
-                    found = self._find(place, allowed, parts)
+                    found = self._find(position, allowed, parts)
                     lost = np.flatnonzero(found < 0)
-                    found[lost] = self._nearest_box(place[lost], parts)
+                    found[lost] = self._nearest_box(position[lost], parts)
             met = found >= 0
             rows[bodies][mine[met]] = found[met] + 1
             rows[objects][mine[met]] = [self.parts[index].number for index in found[met]]
 
     def _find(self, points: Real, allowed: Real, parts: Sequence[int]) -> Indices:
-        """The part on which each point lies, -1 where there is none."""
+        """Return the index of the part on which each point lies; -1 for none."""
         candidates: list[tuple[int, Indices]] = []
         count = np.zeros(len(points), dtype=np.intp)
         found = np.full(len(points), -1)
         for index, near in self._near(points, allowed, parts):
-            outside = np.linalg.norm(beside_box(self.parts[index].shown, points[near])[1], axis=-1)
+            outside = np.linalg.norm(
+                distance_from_box(self.parts[index].instance, points[near])[1], axis=-1
+            )
             inside = near[outside <= allowed[near]]
             if inside.size:
                 candidates.append((index, inside))
@@ -126,16 +127,16 @@ class Bodies:
         least = np.where(count > 1, allowed, -1.0)
         found[count > 1] = -1
         for index, inside in candidates:
-            for place in inside[count[inside] > 1]:
-                distance = self._distance_m(self.parts[index], points[place])
-                if distance <= least[place]:
-                    found[place], least[place] = index, distance
+            for row in inside[count[inside] > 1]:
+                distance = self._distance_m(self.parts[index], points[row])
+                if distance <= least[row]:
+                    found[row], least[row] = index, distance
         return found
 
     def _near(
         self, points: Real, allowed: Real, parts: Sequence[int]
     ) -> Iterator[tuple[int, Indices]]:
-        """Points that lie in the boxes of parts along the axis on which points spread most."""
+        """Yield points within the boxes of parts along the axis of the largest spread."""
         if not len(points):
             return
         axis = int(np.argmax(np.ptp(points, axis=0)))
@@ -143,39 +144,41 @@ class Bodies:
         sorted_m = points[order, axis]
         margin = float(allowed.max())
         for index in parts:
-            shown = self.parts[index].shown
-            centre = shown.pose[:3, :3] @ shown.box.mean(axis=0) + shown.pose[:3, 3]
-            half = np.abs(shown.pose[:3, :3]) @ (shown.box[1] - shown.box[0]) / 2
+            instance = self.parts[index].instance
+            centre = instance.pose[:3, :3] @ instance.box.mean(axis=0) + instance.pose[:3, 3]
+            half = np.abs(instance.pose[:3, :3]) @ (instance.box[1] - instance.box[0]) / 2
             low = np.searchsorted(sorted_m, centre[axis] - half[axis] - margin)
             high = np.searchsorted(sorted_m, centre[axis] + half[axis] + margin)
             if high > low:
                 yield index, order[low:high]
 
     def _nearest_box(self, points: Real, parts: Sequence[int]) -> Indices:
-        """The part in (or nearest to) whose box each point lies."""
+        """Return the index of the part whose box is nearest to each point."""
         best = np.full(len(points), parts[0])
         least = np.full(len(points), np.inf)
         if not len(points):
             return best
         for index in parts:
-            distance = np.linalg.norm(beside_box(self.parts[index].shown, points)[1], axis=-1)
+            distance = np.linalg.norm(
+                distance_from_box(self.parts[index].instance, points)[1], axis=-1
+            )
             nearer = distance < least
             best[nearer], least[nearer] = index, distance[nearer]
         return best
 
     def _distance_m(self, part: Part, point: Real) -> float:
-        """Distance of a point from an object's surface [m]; where there is none, that of its box.
+        """Return the distance of a point from the mesh of an object [m].
 
-        Objects without a mesh of their own (curves, texts) lose against meshes nearby.
+        Infinite without a mesh (curves, texts), so that meshes nearby have priority.
         """
         surface = self._surface(part.number)
         if surface is None:
             return float("inf")
-        local = beside_box(part.shown, point[None])[0][0] / self._metres_per_unit
+        local = distance_from_box(part.instance, point[None])[0][0] / self._metres_per_unit
         _, _, _, distance = surface.find_nearest(tuple(local))
         if distance is None:
             return float("inf")
-        scale = float(np.linalg.norm(part.shown.pose[:3, :3], axis=0).max())
+        scale = float(np.linalg.norm(part.instance.pose[:3, :3], axis=0).max())
         return float(distance) * scale * self._metres_per_unit
 
     def _surface(self, number: int) -> Any:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion of what paths touch, sampled from Blender's animation over the burst and fitted.
+"""Motion of the scatterers of paths, sampled from Blender's animation over the burst and fitted.
 
-The scene is shown at subframes, so constraints, parents, armatures, drivers and modifiers all
-take part. Blender's time is float32: each sample's abscissa is the time that was really shown.
-The number of samples is doubled until the fit is good enough for the carrier, or a limit is met.
+Blender evaluates the scene at subframes, so constraints, parents, armatures, drivers and modifiers
+take part. Blender's time is float32: each sample has the time that Blender evaluated. The number of
+samples doubles until the fit is accurate enough for the carrier, or a limit is reached.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Poses, evaluated_poses, instance_name, pose_in_metres
+from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 
 _FIRST_SAMPLES = 17
-#: No more samples than were taken in this time are added to them [s].
+#: After this time no more samples are added [s].
 _PATIENCE_S = 20.0
-#: Parts of the burst at which fits are checked, off any grid of samples.
+#: Fractions of the burst at which fits are checked; they are on no grid of samples.
 _CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
-#: Bound above which phases cannot be trusted [wavelengths]: 0.13 rad two-way.
+#: Error bound above which phases are not reliable [wavelengths]: 0.13 rad two-way.
 _WARN_WAVELENGTHS = 0.01
 
 
@@ -48,25 +48,25 @@ class BurstMotion:
     Parameters
     ----------
     show
-        Brings the scene to a moment and returns its depsgraph.
+        Sets the scene to a moment and returns its depsgraph.
     rig : Rig
         Antennas.
     names
         Objects in the order of their numbers, from 1.
     plan
-        What is sampled.
+        Times of the samples.
     receiver_kind
         As `contract.ReceiverRecord` names it.
     frozen
-        Take everything to stand still as it is at the frame's time.
+        Everything is stationary, as at the frame's time.
     render
-        Which of the burst's renders this is, from 0.
+        Number of this render within the burst, from 0.
     """
 
     def __init__(
         self,
         show: Callable[[Instant], Any],
-        rig: Any,
+        rig: Rig,
         names: Sequence[str],
         plan: SamplingPlan,
         receiver_kind: str,
@@ -80,9 +80,8 @@ class BurstMotion:
         self._names = names
         self._units = plan.metres_per_unit
         self.warnings: list[str] = []
-        #: What of moving power is approximated, and what has no body.
+        #: Power with approximated motion, without a known body, and in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
-        self._scene: FrameMotion | None = None
         self._seen: set[int] = set()
         self._touched: list[Part] = []
         self._samples, self._bound_m = 0, 0.0
@@ -90,36 +89,34 @@ class BurstMotion:
     # -- before the renders ------------------------------------------------------------------------
 
     def begin(self) -> Any:
-        """Look for deforming surfaces; returns the depsgraph at the frame's time."""
-        candidates = self._candidates(self._show(self._plan.shown[1]))
+        """Find deforming surfaces; return the depsgraph at the frame's time."""
+        instant = self._plan.rendered[1]
+        depsgraph = self._show(instant)
+        self.poses = evaluated_poses(depsgraph, self._units)
+        wanted = set(self._names)
+        candidates = {
+            name: item
+            for name, item in self.poses.rendered.items()
+            if name in wanted and may_deform(item)
+        }
         deforming: dict[str, Any] = {}
         if candidates and not self._frozen:
-            deforming = self._find_deforming(candidates)
-        depsgraph = self._show(self._plan.shown[1])
+            deforming = self._find_deforming(candidates, depsgraph)
+            depsgraph = self._show(instant)
+            self.poses = evaluated_poses(depsgraph, self._units)
         surfaces = {
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
-        self.poses: Poses = evaluated_poses(depsgraph, self._units)
         self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
         return depsgraph
 
-    def _candidates(self, depsgraph: Any) -> dict[str, Any]:
-        wanted = set(self._names)
-        found = {}
-        for item in depsgraph.object_instances:
-            original = item.object.original
-            if original.name in wanted and may_deform(original) and not original.hide_render:
-                found[original.name] = original
-        return found
-
-    def _find_deforming(self, candidates: dict[str, Any]) -> dict[str, Any]:
+    def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
         changing: list[str] = []
-        depsgraph = self._show(self._plan.shown[1])
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
-        for share in (*_CHECKS, 1.0):
-            depsgraph = self._show(self._plan.at(share)[1])
+        for fraction in (*_CHECKS, 1.0):
+            depsgraph = self._show(self._plan.at(fraction)[1])
             for name, item in list(candidates.items()):
                 now = vertex_positions(item, depsgraph)
                 if now.shape != before[name].shape:
@@ -139,22 +136,21 @@ class BurstMotion:
     # -- rows --------------------------------------------------------------------------------------
 
     def label(self, rows: PathRows) -> None:
-        """Fill in objects and bodies of rows, numbered over all that is shown."""
+        """Fill in objects and bodies of rows, with the numbers of all rendered bodies."""
         self.bodies.label(rows)
 
     def collect(self, rows: PathRows) -> None:
-        """Note what labelled rows touch; for all rows before `sample`."""
+        """Collect the bodies of labelled rows; call it for all rows before `sample`."""
         for column in ("last_body", "first_body"):
             self._seen.update(np.unique(rows[column]).tolist())
         if self._deformations.any:
             self._deformations.attach(rows, self.bodies.parts)
 
     def complete(self, rows: PathRows) -> PathRows:
-        """Labelled rows with their rates, their tracks, and bodies numbered as in the file.
+        """Fill in range rates and surface points, and number the bodies as in the file.
 
-        After `sample`, for the same rows in the same order as `collect`.
+        Call it after `sample`, for the same rows and order as `collect`.
         """
-        assert self._scene is not None
         if self._deformations.any:
             self._deformations.number(rows, self.bodies.parts)
         for column in ("last_body", "first_body"):
@@ -170,24 +166,24 @@ class BurstMotion:
     # -- sampling ----------------------------------------------------------------------------------
 
     def sample(self) -> FrameMotion:
-        """Sample and fit all bodies that were touched; the scene is left at the frame's time."""
+        """Sample and fit the collected bodies; the scene is at the frame's time afterwards."""
         plan = self._plan
         self._touched = [self.bodies.parts[n - 1] for n in sorted(self._seen - {0})]
         self._file_number = np.zeros(len(self.bodies.parts) + 1, dtype=np.int32)
-        for number, shown in enumerate(sorted(self._seen - {0}), start=1):
-            self._file_number[shown] = number
+        for number, body in enumerate(sorted(self._seen - {0}), start=1):
+            self._file_number[body] = number
         if self._frozen:
-            return self._stand_still()
+            return self._stationary()
         sampler = Sampler(
             self._show, self._rig, self._touched, self.bodies, self._deformations, self._units
         )
         start_s = time.monotonic()
-        checks = [plan.at(share) for share in _CHECKS]
+        checks = [plan.at(fraction) for fraction in _CHECKS]
         for at_s, instant in checks:
             sampler.take(at_s, instant)
         grid: set[float] = set()
-        for share in [*plan.corners, plan.reference]:
-            at_s, instant = plan.at(share)
+        for fraction in [*plan.corners, plan.rendered_fraction]:
+            at_s, instant = plan.at(fraction)
             grid.add(at_s)
             sampler.take(at_s, instant)
         count = _FIRST_SAMPLES
@@ -199,7 +195,7 @@ class BurstMotion:
                 sampler.take(at_s, instant)
             fits.fit(sorted(grid))
             more = fits.more_samples(count)
-            if not more or count >= plan.most_samples:
+            if not more or count >= plan.max_samples:
                 break
             elapsed_s = time.monotonic() - start_s
             if elapsed_s > _PATIENCE_S:
@@ -208,57 +204,68 @@ class BurstMotion:
                     f"Displacements are known to {fits.displacement_error_bound_m:.2g} m."
                 )
                 break
-            while count < min(more, plan.most_samples):
+            while count < min(more, plan.max_samples):
                 count = 2 * count - 1
-        self._show(plan.shown[1])
+        self._show(plan.rendered[1])
         self._samples = len(grid)
         self.warnings += fits.warnings()
         tracks = None
         if self._deformations.body:
-            tracks = Tracks(
-                self._file_number[np.concatenate(self._deformations.body)],
-                np.concatenate(self._deformations.vertices),
-                np.concatenate(self._deformations.weights),
-                fits.series(),
-            )
-        receiver, emitter, *bodies = fits.motions
+            tracks = self._tracks(fits)
+        self._bound_m = fits.displacement_error_bound_m
+        return self._frame_motion(fits.motions, tracks)
+
+    def _tracks(self, fits: Fits) -> Tracks:
+        return Tracks(
+            self._file_number[np.concatenate(self._deformations.body)],
+            np.concatenate(self._deformations.vertices),
+            np.concatenate(self._deformations.weights),
+            fits.series(),
+        )
+
+    def _frame_motion(
+        self, motions: Sequence[BodyMotion], tracks: Tracks | None = None
+    ) -> FrameMotion:
+        receiver, transmitter, *bodies = motions
         self._scene = FrameMotion(
-            plan.span_s,
+            self._plan.duration_s,
             receiver,
-            emitter,
+            transmitter,
             self._kind == "orthographic",
             bodies,
             tracks,
-            plan.shown[0],
+            self._plan.rendered[0],
         )
-        self._bound_m = fits.displacement_error_bound_m
         return self._scene
 
-    def _stand_still(self) -> FrameMotion:
-        depsgraph = self._show(self._plan.shown[1])
-        receiver, emitter = (
-            BodyMotion(
-                pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units),
-                epoch_offset_s=self._plan.shown[0],
-            )
+    def _stationary(self) -> FrameMotion:
+        at_s, instant = self._plan.rendered
+        depsgraph = self._show(instant)
+        antennas = (
+            pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units)
             for item in (self._rig.camera, self._rig.emitter)
         )
-        at_s = self._plan.shown[0]
-        bodies = [BodyMotion(part.shown.pose, epoch_offset_s=at_s) for part in self._touched]
+        poses = [*antennas, *(part.instance.pose for part in self._touched)]
         self._samples, self._bound_m = 1, 0.0
-        self._scene = FrameMotion(
-            self._plan.span_s,
-            receiver,
-            emitter,
-            self._kind == "orthographic",
-            bodies,
-            epoch_offset_s=at_s,
-        )
-        return self._scene
+        return self._frame_motion([BodyMotion(pose, epoch_offset_s=at_s) for pose in poses])
 
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
-        """Write the motion file (and the tracks) of this frame; after all rows had their rates."""
-        assert self._scene is not None
+        """Write the motion file (and surface points) of this frame, after `complete` of all rows.
+
+        Parameters
+        ----------
+        folder
+            Folder of the burst.
+        time_s
+            Time of the frame [s].
+        versions
+            Versions of the programs, for the record.
+
+        Returns
+        -------
+        Path
+            The motion file.
+        """
         scene, tracks_file, digest = self._scene, "", ""
         if scene.tracks is not None:
             path = write_tracks(folder, scene.tracks)
@@ -296,7 +303,7 @@ class BurstMotion:
         record = contract.MotionRecord(
             frame=self._plan.frame,
             time_s=time_s,
-            duration_s=self._plan.span_s,
+            duration_s=self._plan.duration_s,
             samples=self._samples,
             receiver_kind=self._kind,
             antennas=antennas,
@@ -307,7 +314,7 @@ class BurstMotion:
             unknown_motion_fraction=self._unknown_w / total,
             deforming_surfaces_file=tracks_file,
             deforming_surfaces_sha256=digest,
-            epoch_offset_s=self._plan.shown[0],
+            epoch_offset_s=self._plan.rendered[0],
             warnings=list(self.warnings),
             versions=versions,
         )

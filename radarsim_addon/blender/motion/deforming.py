@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Surfaces that deform during a burst: points on them are tied to faces of the evaluated mesh."""
+"""Surfaces that deform during a burst: their scatterers move with faces of the evaluated mesh."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from ...array_types import Real, Single
 from ...signal.paths import PathRows
 from ..materials import SURFACE_TYPES
-from ..scene import beside_box
+from ..scene import distance_from_box
+from ..state import evaluated_mesh, read_numbers, read_triangles
 from .bodies import Part
 
-#: Kinds of parents that deform what hangs from them.
+#: Types of parents that deform their children.
 _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
 
 
-#: By the column of points: those of their bodies and tracks.
+#: Column of the scatterer: columns of its body and surface point.
 _COLUMNS = {
     "last_scatterer_m": ("last_body", "last_surface_point"),
     "first_scatterer_m": ("first_body", "first_surface_point"),
@@ -28,7 +29,7 @@ _COLUMNS = {
 
 
 def may_deform(item: Any) -> bool:
-    """Whether an object's surface can change otherwise than by its matrix."""
+    """Return whether an object's surface can change other than by its matrix."""
     if item.type not in SURFACE_TYPES:
         return False
     if item.type != "MESH" or item.modifiers or item.parent_type in _DEFORMING_PARENTS:
@@ -37,21 +38,15 @@ def may_deform(item: Any) -> bool:
 
 
 def vertex_positions(item: Any, depsgraph: Any) -> Single:
-    """Vertices of the evaluated mesh in the object's own axes, (vertices, 3), Blender units."""
-    evaluated = item.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return np.empty((0, 3), dtype=np.float32)
-    try:
-        positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-        mesh.vertices.foreach_get("co", positions)
-    finally:
-        evaluated.to_mesh_clear()
-    return positions.reshape(-1, 3)
+    """Return the vertices of the evaluated mesh, own axes, shape (n, 3), Blender units."""
+    with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+        if mesh is None:
+            return np.empty((0, 3), dtype=np.float32)
+        return read_numbers(mesh.vertices, "co", 3)
 
 
 class DeformingSurface:
-    """One object's mesh at the frame's time, and the vertices of it that paths need.
+    """Mesh of one object at the frame's time, and the vertices that paths need.
 
     Parameters
     ----------
@@ -65,40 +60,31 @@ class DeformingSurface:
     def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
         self.item = item
         self._units = metres_per_unit
-        evaluated = item.evaluated_get(depsgraph)
-        mesh = evaluated.to_mesh()
-        try:
-            positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-            mesh.vertices.foreach_get("co", positions)
-            mesh.calc_loop_triangles()
-            triangles = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
-            mesh.loop_triangles.foreach_get("vertices", triangles)
-        finally:
-            evaluated.to_mesh_clear()
-        self._vertices = positions.astype(np.float64).reshape(-1, 3)
-        self.triangles = triangles.reshape(-1, 3)
+        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+            positions, self.triangles = read_triangles(mesh)
+        self._vertices = positions.astype(np.float64)
         self._tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
         self.count = len(self._vertices)
-        #: Vertices that tracks use, in the order of their place in the series.
+        #: Vertices that surface points use: index in the mesh to index in the series.
         self.needed: dict[int, int] = {}
 
     def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
-        """Vertices (n, 3) and weights (n, 3) of the points of the surface nearest to these."""
+        """Return vertices (n, 3) and weights (n, 3) of the nearest surface points to (n, 3) [m]."""
         faces = np.zeros(len(local_m), dtype=np.intp)
-        places = local_m / self._units
-        for row, place in enumerate(places):
-            face = self._tree.find_nearest(tuple(place))[2]
+        points = local_m / self._units
+        for row, point in enumerate(points):
+            face = self._tree.find_nearest(tuple(point))[2]
             faces[row] = 0 if face is None else face
         corners = self.triangles[faces]
-        weights = barycentric(places, self._vertices[corners])
-        places_in_series = [
+        weights = barycentric(points, self._vertices[corners])
+        in_series = [
             [self.needed.setdefault(vertex, len(self.needed)) for vertex in face]
             for face in corners.tolist()
         ]
-        return np.array(places_in_series, dtype=np.int32).reshape(-1, 3), weights
+        return np.array(in_series, dtype=np.int32).reshape(-1, 3), weights
 
     def sample(self, depsgraph: Any) -> Single | None:
-        """Needed vertices at the depsgraph's time [m]; None where the mesh has others."""
+        """Return the needed vertices at the depsgraph's time [m]; None if their number changed."""
         positions = vertex_positions(self.item, depsgraph)
         if len(positions) != self.count:
             return None
@@ -107,14 +93,19 @@ class DeformingSurface:
 
 
 def barycentric(points: Real, corners: Real) -> Real:
-    """Weights of the feet of points on triangles, (n, 3); they add up to 1.
+    """Return the barycentric weights of points projected on triangles; they add up to 1.
 
     Parameters
     ----------
     points
-        (n, 3).
+        Shape (n, 3).
     corners
-        (n, 3, 3).
+        Corners of one triangle per point, shape (n, 3, 3).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 3).
     """
     edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     arm = points - corners[:, 0]
@@ -130,7 +121,7 @@ def barycentric(points: Real, corners: Real) -> Real:
 
 
 class Deformations:
-    """All deforming surfaces of a frame, and the tracks of points on them."""
+    """All deforming surfaces of a frame, and the surface points of paths on them."""
 
     def __init__(self, surfaces: dict[str, DeformingSurface], metres_per_unit: float) -> None:
         self.surfaces = surfaces
@@ -142,20 +133,20 @@ class Deformations:
 
     @property
     def any(self) -> bool:
-        """Whether anything deforms."""
+        """Whether a surface deforms."""
         return bool(self.surfaces)
 
     def attach(self, rows: PathRows, bodies: Sequence[Part]) -> None:
-        """Tie points of rows to faces; to be called for all rows before `number`."""
+        """Assign scatterers to faces; call it for all rows before `number`."""
         for points, mine, part in self._ends(rows, bodies):
-            local, _ = beside_box(part.shown, np.array(rows[points][mine]))
+            local, _ = distance_from_box(part.instance, np.array(rows[points][mine]))
             vertices, weights = self.surfaces[part.name].attach(local)
             self.body.append(np.full(mine.size, rows[_COLUMNS[points][0]][mine[0]]))
             self.vertices.append(vertices)
             self.weights.append(weights)
 
     def number(self, rows: PathRows, bodies: Sequence[Part]) -> None:
-        """Fill in the numbers of tracks, for the same rows in the same order as `attach`."""
+        """Fill in the numbers of surface points, for the same rows and order as `attach`."""
         for points, mine, _ in self._ends(rows, bodies):
             rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
             self._numbered += mine.size
@@ -165,10 +156,10 @@ class Deformations:
     def _ends(
         self, rows: PathRows, bodies: Sequence[Part]
     ) -> Iterator[tuple[str, NDArray[np.intp], Part]]:
-        """Rows on deforming surfaces, by end and body."""
+        """Yield rows on deforming surfaces, by end of the path and body."""
         for points, (column, _) in _COLUMNS.items():
             wanted = np.arange(rows.size)
-            if points == "first_scatterer_m":  # at order 1 both ends are one
+            if points == "first_scatterer_m":  # at order 1 both ends are the same
                 wanted = np.flatnonzero(rows["order"] > 1)
             numbers = rows[column][wanted]
             for number in np.unique(numbers).tolist():

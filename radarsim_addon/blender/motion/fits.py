@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fits of all bodies to the samples of a burst, and what they miss."""
+"""Fits of all bodies to the samples of a burst, and their errors."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -11,16 +12,16 @@ from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices
 from .bodies import Part
 from .samples import Sampler, SamplingPlan
 
-#: Bound of a displacement that needs no more samples, in wavelengths: 2.5e-4 rad two-way.
+#: Error bound of a displacement that needs no more samples [wavelengths]: 2.5e-4 rad two-way.
 _TARGET_WAVELENGTHS = 2e-5
-#: A fit that misses a check by more than this many times its scatter is not the motion.
-_MISSES = 8.0
-#: Bytes of vertices that are held at once.
-_MOST_VERTEX_BYTES = 1 << 29
+#: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
+_MAX_MISS = 8.0
+#: Maximum size of the vertices in memory [bytes].
+_MAX_VERTEX_BYTES = 1 << 29
 
 
 class Fits:
-    """Fits of all bodies to what was sampled so far."""
+    """Fits of all bodies to the samples so far."""
 
     def __init__(self, plan: SamplingPlan, sampler: Sampler, checks_s: list[float]) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
@@ -32,33 +33,33 @@ class Fits:
 
     @property
     def displacement_error_bound_m(self) -> float:
-        """Largest bound of what moves."""
+        """Largest error bound of all moving bodies [m]."""
         moving = [m.displacement_error_bound_m for m in self.motions if m.moving]
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
 
     def fit(self, times_s: list[float]) -> None:
-        """Fit what is not good enough yet."""
+        """Fit all bodies again that are not yet accurate enough."""
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
         poses = np.stack([sampler.poses[at_s] for at_s in times_s])
-        corners = [plan.at(share)[0] for share in plan.corners]
+        corners = [plan.at(fraction)[0] for fraction in plan.corners]
         reaches = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
         motions = []
         for index, reach_m in enumerate(reaches):
             if self.motions and index not in self._missed:
-                motions.append(self.motions[index])
-                if self.motions[index].displacement_error_bound_m <= self._target_m:
+                old = self.motions[index]
+                if old.displacement_error_bound_m <= self._target_m:
+                    motions.append(old)
                     continue
-                motions.pop()
-            there = np.isfinite(poses[:, index, 0, 0])
+            present = np.isfinite(poses[:, index, 0, 0])
             motion = fit_body(
-                times[there],
-                poses[there, index],
-                plan.span_s,
+                times[present],
+                poses[present, index],
+                plan.duration_s,
                 reach_m,
                 unit_m=plan.metres_per_unit,
                 corners_s=corners,
-                reference=int(np.searchsorted(times[there], plan.shown[0])),
+                reference=int(np.searchsorted(times[present], plan.rendered[0])),
             )
             self._missed.pop(index, None)
             motions.append(self._checked(index, motion, reach_m))
@@ -66,38 +67,37 @@ class Fits:
         for name in sampler.surfaces:
             if name in sampler.changed:
                 continue
-            old = self._vertices.get(name)
-            if old is not None and old[2] <= self._target_m:
+            if name in self._vertices and self._vertices[name][2] <= self._target_m:
                 continue
             sampled = sampler.vertices[name]
             size = len(sampler.surfaces[name].needed) * 12
-            keep = times_s[:: max(1, -(-len(times_s) * size // _MOST_VERTEX_BYTES))]
+            keep = times_s[:: max(1, -(-len(times_s) * size // _MAX_VERTEX_BYTES))]
             self._vertices[name] = fit_vertices(
                 np.array(keep),
                 np.stack([sampled[at_s] for at_s in keep]),
-                plan.span_s,
+                plan.duration_s,
                 corners_s=corners,
             )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
-        """The fit, with what it misses the checks by in its bound."""
+        """Return the fit, with its error at the checks in its bound."""
         times = np.array(self._checks_s)
         poses = np.stack([self._sampler.poses[at_s][index] for at_s in self._checks_s])
-        there = np.isfinite(poses[:, 0, 0])
-        if not there.any():
+        present = np.isfinite(poses[:, 0, 0])
+        if not present.any():
             return motion
-        # three points of the body that see every turn
+        # The origin and three points of the body: together they detect each rotation.
         start = motion.pose
         arms = np.concatenate([np.zeros((1, 3)), np.eye(3) * max(reach_m, 1e-3)])
         size = np.maximum(np.linalg.norm(start[:3, :3], axis=0), 1e-12)
         local = arms / size
         at_start = local @ start[:3, :3].T + start[:3, 3]
-        found = motion.displacement(at_start, times[there])
-        now = np.einsum("nij,kj->kni", poses[there][:, :3, :3], local) + poses[there][:, :3, 3]
+        found = motion.displacement(at_start, times[present])
+        now = np.einsum("nij,kj->kni", poses[present][:, :3, :3], local) + poses[present][:, :3, 3]
         miss = float(np.linalg.norm(now - at_start[:, None] - found, axis=-1).max())
         scale = float(np.abs(start[:3, 3]).max()) + reach_m
         rounding = float(np.spacing(np.float32(max(scale, 1e-6))))
-        if miss <= _MISSES * (motion.noise_m + rounding):
+        if miss <= _MAX_MISS * (motion.noise_m + rounding):
             return motion
         self._missed[index] = miss
         return dataclasses.replace(
@@ -105,16 +105,16 @@ class Fits:
         )
 
     def more_samples(self, count: int) -> int:
-        """How many samples the worst fit asks for; 0: it is good enough."""
+        """Return the number of samples that the worst fit needs; 0 if all are accurate enough."""
         worst = max((m.displacement_error_bound_m for m in self.motions if m.moving), default=0.0)
         worst = max([worst, *self._missed.values(), self.displacement_error_bound_m])
         if worst <= self._target_m:
             return 0
-        # bounds fall with the root of the number
+        # Bounds fall with the square root of the number of samples.
         return int(min(count * max(2.0, (worst / self._target_m) ** 2), 1e6))
 
     def series(self) -> dict[int, VertexSeries]:
-        """Vertex series by number of the body."""
+        """Return the vertex series by number of the body."""
         found = {}
         for number, part in enumerate(self._sampler.parts, start=1):
             surface = self._sampler.surfaces.get(part.name)
@@ -122,10 +122,10 @@ class Fits:
                 continue
             if part.name in self._vertices:
                 found[number] = self._vertices[part.name][0]
-            else:  # its vertices changed: they stay where they are on the object
+            else:  # the number of its vertices changes: they move with the object only
                 first = self._sampler.vertices[part.name][min(self._sampler.vertices[part.name])]
                 found[number] = VertexSeries(
-                    np.array([0.0, self._plan.span_s]), first[None, None].astype(np.float64)
+                    np.array([0.0, self._plan.duration_s]), first[None, None].astype(np.float64)
                 )
         return found
 
@@ -157,9 +157,6 @@ class Fits:
 
 
 def _reach(part: Part) -> float:
-    """Farthest corner of a body's box from its origin [m]."""
-    low, high = part.shown.box
-    corners = np.array(
-        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    )
-    return float(np.linalg.norm(corners @ part.shown.pose[:3, :3].T, axis=-1).max())
+    """Return the distance of the farthest corner of a body's box from its origin [m]."""
+    corners = np.array(list(itertools.product(*part.instance.box.T)))
+    return float(np.linalg.norm(corners @ part.instance.pose[:3, :3].T, axis=-1).max())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples of an animation over the burst: when they are taken, and taking them."""
+"""Samples of an animation over the burst: their times, and their poses and vertices."""
 
 from __future__ import annotations
 
@@ -11,54 +11,86 @@ import numpy as np
 
 from ...array_types import Real
 from ..plan import Instant, instant_at
-from ..scene import Key, check_pose, check_vertices, instance_key, pose_in_metres
+from ..scene import Rig, check_pose, check_vertices, pose_in_metres
+from ..state import Key, evaluated_objects
 from .bodies import Bodies, Part
 from .deforming import Deformations
 
-#: Whole frames within a burst up to which keyframes are taken to be there.
-_MOST_CORNERS = 64
+#: Whole frames within a burst up to which each may be a keyframe.
+_MAX_CORNERS = 64
 
 
 @dataclass(frozen=True)
 class SamplingPlan:
-    """What is sampled: `span_s` from `frame` on, for this wavelength, at most so many times."""
+    """Times at which the animation is sampled: a burst from `frame` on.
+
+    fps
+        Blender frames per second.
+    duration_s
+        Duration of the burst [s].
+    metres_per_unit
+        Metres per Blender unit.
+    wavelength_m
+        Wavelength, for the accuracy that motion needs [m].
+    max_samples
+        Maximum number of samples.
+    rendered_fraction
+        Fraction of the burst at which Cycles renders, 0 to 1.
+    """
 
     frame: int
     fps: float
-    span_s: float
+    duration_s: float
     metres_per_unit: float
     wavelength_m: float
-    most_samples: int
-    reference: float = 0.0
+    max_samples: int
+    rendered_fraction: float = 0.0
 
     @property
-    def shown(self) -> tuple[float, Instant]:
-        """The moment that is rendered, a share `reference` of the span from t on."""
-        return self.at(self.reference)
+    def rendered(self) -> tuple[float, Instant]:
+        """The moment that is rendered, as `at` returns it."""
+        return self.at(self.rendered_fraction)
 
-    def at(self, share: float) -> tuple[float, Instant]:
-        """The moment that Blender shows at a share of the span, and its time from t on."""
-        instant = instant_at(self.frame + share * self.span_s * self.fps, self.fps)
-        # Blender adds frame and subframe in float32
-        shown = float(np.float32(instant.frame) + np.float32(instant.subframe))
-        return (shown - self.frame) / self.fps, instant
+    def at(self, fraction: float) -> tuple[float, Instant]:
+        """Return the moment that Blender evaluates at a fraction of the burst.
+
+        Returns
+        -------
+        time_s : float
+            Time of that moment since the start of the burst [s], with Blender's rounding.
+        instant : Instant
+            The moment in Blender frames.
+        """
+        instant = instant_at(self.frame + fraction * self.duration_s * self.fps, self.fps)
+        # Blender adds frame and subframe in float32.
+        evaluated = float(np.float32(instant.frame) + np.float32(instant.subframe))
+        return (evaluated - self.frame) / self.fps, instant
 
     @property
     def corners(self) -> list[float]:
-        """Shares of the span at whole frames, where keyframes are."""
-        frames = self.span_s * self.fps
-        if frames <= 1 or frames > _MOST_CORNERS:
+        """Fractions of the burst at whole frames, where keyframes may be."""
+        frames = self.duration_s * self.fps
+        if frames <= 1 or frames > _MAX_CORNERS:
             return []
         return [number / frames for number in range(1, int(np.ceil(frames)))]
 
 
 class Sampler:
-    """Poses of antennas and touched bodies, and vertices, at sample times."""
+    """Poses of antennas and bodies, and vertices, at sample times.
+
+    poses
+        By time, shape (2 + parts, 4, 4) [m]: receiver, transmitter, parts. NaN for an instance
+        that does not exist at that time.
+    vertices
+        By surface and time, [m]; None where the mesh has another number of vertices.
+    lost, changed
+        Rows of `poses` with NaN, and surfaces with None.
+    """
 
     def __init__(
         self,
         show: Callable[[Instant], Any],
-        rig: Any,
+        rig: Rig,
         parts: list[Part],
         bodies: Bodies,
         deformations: Deformations,
@@ -83,17 +115,17 @@ class Sampler:
         self.changed: set[str] = set()
 
     def _pose(self, name: str, matrix_world: Any, frame: float) -> Real:
-        # NaN is what stands for an instance that is not there, so it must not come from Blender.
+        # NaN marks an instance that does not exist, so it must not come from Blender.
         check_pose(name, matrix_world, frame)
         return pose_in_metres(matrix_world, self._units)
 
     def take(self, at_s: float, instant: Instant) -> None:
-        """Take a sample unless there is one.
+        """Take a sample, unless this time has one.
 
         Raises
         ------
         SceneError
-            A place or a vertex is no usable number at that moment.
+            A pose or a vertex is not finite at that moment.
         """
         if at_s in self.poses:
             return
@@ -108,13 +140,11 @@ class Sampler:
                 item = self._originals[part.number].evaluated_get(depsgraph)
                 poses[index + 2] = self._pose(part.name, item.matrix_world, frame)
         if self._instances:
-            for item in depsgraph.object_instances:
-                if not item.is_instance:
-                    continue
-                place = self._instances.get((item.object.original.name, instance_key(item)))
-                if place is not None:
-                    name = item.object.original.name
-                    poses[place + 2] = self._pose(name, item.matrix_world, frame)
+            for one in evaluated_objects(depsgraph):
+                name = one.original.name
+                row = self._instances.get((name, one.key)) if one.key else None
+                if row is not None:
+                    poses[row + 2] = self._pose(name, one.matrix_world, frame)
         self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():

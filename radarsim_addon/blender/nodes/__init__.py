@@ -2,9 +2,9 @@
 """Radar node groups and the materials made of them.
 
 ``ensure_group(kind)``, ``refresh_groups()``
-    The groups themselves: made, found, rebuilt where stale.
+    Find, make and update the groups.
 ``setup_emitter(light)``
-    Puts the Ring Emitter on a point lamp.
+    Make a Point light the transmitter.
 ``make_material(...)``, ``assign_radar_material(objects, preset)``, ``PRESETS``
     Materials with the Radar Material group.
 """
@@ -14,6 +14,7 @@ from .materials import (
     PRESETS,
     MaterialPreset,
     assign_radar_material,
+    assign_to,
     is_radar_material,
     make_material,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "PRESETS",
     "MaterialPreset",
     "assign_radar_material",
+    "assign_to",
     "ensure_group",
     "find_groups",
     "group_version",

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Building shader node groups in code: what a group looks like, and the pen that draws it.
+"""Shader node groups as code.
 
-A group is a :class:`GroupDefinition`: its sockets, and a function that draws its nodes with a
-:class:`TreeBuilder`. :mod:`.groups` turns definitions into data-blocks and keeps old ones fresh.
+A group is a :class:`GroupDefinition`: its sockets, and a function that adds its nodes with a
+:class:`TreeBuilder`. :mod:`.groups` makes data-blocks from definitions and updates old ones.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import Any
 
 import bpy
 
-#: What an input of a node may be set to: another node's output, or a constant.
+#: Value for an input of a node: an output socket of another node, or a constant.
 Source = Any
 
 _COLUMN_WIDTH = 190.0
@@ -28,7 +29,7 @@ class SocketSpec:
     Parameters
     ----------
     name
-        Label, also the key by which values and links survive a rebuild.
+        Label. Values and links of users' nodes are kept by this name when a group is rebuilt.
     in_out
         ``"INPUT"`` or ``"OUTPUT"``.
     socket_type
@@ -36,7 +37,7 @@ class SocketSpec:
     description
         Tooltip, with the unit.
     default, minimum, maximum
-        Of a float socket; the limits bind sliders, not links.
+        Default and slider limits of a float socket.
     subtype
         Blender's unit or widget: ``"NONE"``, ``"FACTOR"``, ``"DISTANCE"``...
     """
@@ -60,6 +61,18 @@ class SocketSpec:
             item.default_value = self.default
 
 
+def float_input(
+    name: str, description: str, default: float, minimum: float = 0.0, maximum: float = 1e5
+) -> SocketSpec:
+    """Return a float input without a unit."""
+    return SocketSpec(name, "INPUT", "NodeSocketFloat", description, default, minimum, maximum)
+
+
+def factor_input(name: str, description: str, default: float) -> SocketSpec:
+    """Return a float input from 0 to 1, drawn as a slider."""
+    return SocketSpec(name, "INPUT", "NodeSocketFloat", description, default, subtype="FACTOR")
+
+
 @dataclass(frozen=True)
 class GroupDefinition:
     """A node group as source code.
@@ -67,17 +80,18 @@ class GroupDefinition:
     Parameters
     ----------
     kind
-        Identifier kept in the data-block, independent of the name that users may change.
+        Identifier in the data-block. It does not depend on the name, which users may change.
     name
         Name of a new data-block.
     version
-        Raised with every change to sockets or nodes: groups with a lower one are rebuilt.
+        Raise it with every change of sockets or nodes, except tooltips. Groups with a lower
+        version are rebuilt.
     description
         Tooltip of the group as a whole.
     sockets
         Interface, in order.
     draw
-        Draws the nodes of an empty tree.
+        Adds the nodes to an empty tree.
     """
 
     kind: str
@@ -89,7 +103,7 @@ class GroupDefinition:
 
 
 class TreeBuilder:
-    """Adds nodes to a tree; every method returns an output socket to feed to the next one."""
+    """Adds nodes to a tree. Most methods return the output socket of the new node."""
 
     def __init__(self, tree: Any) -> None:
         self.tree = tree
@@ -99,7 +113,7 @@ class TreeBuilder:
 
     @contextmanager
     def prefixed(self, prefix: str) -> Iterator[None]:
-        """Labels of the nodes made within begin with `prefix`: labels are unique in a tree."""
+        """Start the labels of nodes added in this context with `prefix` to keep them unique."""
         before, self._prefix = self._prefix, prefix
         try:
             yield
@@ -120,11 +134,11 @@ class TreeBuilder:
         idname
             ``bl_idname`` of the node.
         label
-            What the node computes: its label, and its name in snapshots.
+            Label and name of the node: the quantity that it computes.
         inputs
             Socket (name or index) to an output socket, which is linked, or to a constant.
         properties
-            Attributes of the node, set before the inputs.
+            Attributes of the node, set before its inputs.
         """
         node = self.tree.nodes.new(idname)
         node.name = node.label = self._prefix + label
@@ -142,85 +156,111 @@ class TreeBuilder:
             target.default_value = source
 
     def math(self, operation: str, label: str, *operands: Source, clamp: bool = False) -> Any:
-        """Scalar Math node."""
-        node = self.node(
-            "ShaderNodeMath",
-            label,
-            dict(enumerate(operands)),
-            operation=operation,
-            use_clamp=clamp,
-        )
+        """Add a Math node."""
+        inputs = dict(enumerate(operands))
+        node = self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=clamp)
         return node.outputs[0]
 
     def select(self, label: str, condition: Source, if_zero: Source, if_one: Source) -> Any:
-        """Exact choice between two floats by a condition that is 0 or 1 (Mix node)."""
-        node = self.node(
-            "ShaderNodeMix",
-            label,
-            {0: condition, 2: if_zero, 3: if_one},
-            data_type="FLOAT",
-            clamp_factor=True,
-        )
-        return node.outputs[0]
+        """Add a Mix node that returns one of two floats exactly, for a condition of 0 or 1."""
+        inputs = {0: condition, 2: if_zero, 3: if_one}
+        return self.node(
+            "ShaderNodeMix", label, inputs, data_type="FLOAT", clamp_factor=True
+        ).outputs[0]
 
     def scene_attribute(self, name: str) -> Any:
-        """Value of a custom property of the scene, 0 where it is absent.
+        """Return the value of a custom property of the scene, 0 if it is absent.
 
-        The Vector output is taken: Fac is the mean of three channels, which rounds.
+        Fac would be the mean of three channels, which rounds, so this reads the Vector output.
         """
-        split = self.node(
-            "ShaderNodeSeparateXYZ", f"{name} value", {0: self.scene_vector_attribute(name)}
-        )
-        return split.outputs["X"]
+        vector = self.scene_vector_attribute(name)
+        return self.node("ShaderNodeSeparateXYZ", f"{name} value", {0: vector}).outputs["X"]
 
     def scene_vector_attribute(self, name: str) -> Any:
-        """Value of a custom property of the scene that holds three numbers."""
-        node = self.node(
-            "ShaderNodeAttribute", name, attribute_type="VIEW_LAYER", attribute_name=name
-        )
-        return node.outputs["Vector"]
+        """Return the value of a custom property of the scene that holds three numbers."""
+        return self._attribute("VIEW_LAYER", name, name)
+
+    def object_vector_attribute(self, label: str, name: str) -> Any:
+        """Return the value of a custom property of the shaded object as a vector."""
+        return self._attribute("OBJECT", label, name)
+
+    def _attribute(self, owner: str, label: str, name: str) -> Any:
+        return self.node(
+            "ShaderNodeAttribute", label, attribute_type=owner, attribute_name=name
+        ).outputs["Vector"]
 
     def vector_math(self, operation: str, label: str, inputs: Mapping[Any, Source]) -> Any:
-        """Vector Math node with a vector result."""
+        """Add a Vector Math node with a vector result."""
         return self.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[0]
 
+    def scale(self, label: str, vector: Source, factor: Source) -> Any:
+        """Add a Vector Math node that multiplies a vector by a number."""
+        return self.vector_math("SCALE", label, {0: vector, "Scale": factor})
+
+    def dot(self, label: str, first: Source, second: Source) -> Any:
+        """Add a Vector Math node with the dot product of two vectors."""
+        inputs = {0: first, 1: second}
+        node = self.node("ShaderNodeVectorMath", label, inputs, operation="DOT_PRODUCT")
+        return node.outputs["Value"]
+
+    def sum_of_squares(self, label: str, x: Source, y: Source) -> Any:
+        """Add nodes for x^2 + y^2."""
+        y2 = self.math("MULTIPLY", f"{label}: imaginary^2", y, y)
+        return self.math("MULTIPLY_ADD", label, x, x, y2)
+
+    def modulus(self, label: str, x: Source, y: Source) -> Any:
+        """Add nodes for sqrt(x^2 + y^2)."""
+        return self.math("SQRT", label, self.sum_of_squares(f"{label}^2", x, y))
+
+    def glossy(self, label: str, colour: Source, roughness: Source) -> Any:
+        """Add a Glossy BSDF with Beckmann's distribution of facets."""
+        inputs = {"Color": colour, "Roughness": roughness}
+        node = self.node("ShaderNodeBsdfAnisotropic", label, inputs, distribution="BECKMANN")
+        return node.outputs[0]
+
+    def transparent(self, label: str, colour: Source) -> Any:
+        """Add a Transparent BSDF."""
+        return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}).outputs[0]
+
+    def add_shaders(self, label: str, first: Source, second: Source) -> Any:
+        """Add an Add Shader node."""
+        return self.node("ShaderNodeAddShader", label, {0: first, 1: second}).outputs[0]
+
     def group_input(self, name: str) -> Any:
-        """Output socket of the Group Input node."""
+        """Return an output socket of the Group Input node."""
         if self._group_input is None:
             self._group_input = self.node("NodeGroupInput", "Group Input")
         return self._group_input.outputs[name]
 
     def group_output(self, name: str, source: Source) -> None:
-        """Feed an output of the group."""
+        """Connect a socket to an output of the group."""
         if self._group_output is None:
             self._group_output = self.node("NodeGroupOutput", "Group Output", is_active_output=True)
         self.connect(source, self._group_output.inputs[name])
 
 
 def arrange(tree: Any) -> None:
-    """Place nodes in columns by their distance from the inputs, so that the tree reads well."""
-    depth: dict[str, int] = {node.name: 0 for node in tree.nodes}
+    """Place nodes in columns by their distance from the inputs, so that the tree is readable."""
+    depth = {node.name: 0 for node in tree.nodes}
     links = [(link.from_node.name, link.to_node.name) for link in tree.links]
-    for _ in tree.nodes:  # longest path in an acyclic graph: at most one sweep per node
-        changed = False
+    for _ in tree.nodes:  # the longest path of an acyclic graph needs at most one pass per node
+        before = dict(depth)
         for source, target in links:
-            if depth[target] < depth[source] + 1:
-                depth[target] = depth[source] + 1
-                changed = True
-        if not changed:
+            depth[target] = max(depth[target], depth[source] + 1)
+        if depth == before:
             break
-    rows: dict[int, int] = {}
+    rows: Counter[int] = Counter()
     for node in tree.nodes:
         column = depth[node.name]
-        row = rows.get(column, 0)
-        rows[column] = row + 1
-        node.location = (column * _COLUMN_WIDTH, -row * _ROW_HEIGHT)
+        node.location = (column * _COLUMN_WIDTH, -rows[column] * _ROW_HEIGHT)
+        rows[column] += 1
 
 
 def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
-    """Make a tree's interface equal to the specification, keeping sockets of same name and type.
+    """Make the interface of a tree equal to a specification.
 
-    A kept socket keeps its identifier, and with it the values and links of every user's node.
+    A socket of the same name and type keeps its identifier, and with it the values and links of
+    all nodes that use the group.
     """
     interface = tree.interface
     wanted = {(spec.in_out, spec.name): spec for spec in sockets}
@@ -232,12 +272,11 @@ def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
             continue
         if item.socket_type == spec.socket_type:
             kept[key] = item
-    # Panels hold sockets: lift the kept ones out before the rest goes.
+    # Removing a panel removes its sockets, so move the kept ones out first.
     for item in kept.values():
         if item.parent.index != -1:
             interface.move_to_parent(item, None, 0)
-    doomed = [item for item in interface.items_tree if item not in kept.values()]
-    for item in doomed:
+    for item in [item for item in interface.items_tree if item not in kept.values()]:
         interface.remove(item)
     for spec in sockets:
         found = kept.get((spec.in_out, spec.name))
@@ -246,7 +285,6 @@ def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
                 spec.name, in_out=spec.in_out, socket_type=spec.socket_type
             )
         spec.apply(found)
-    # Outputs and inputs are listed in the order of the specification.
     for position, spec in enumerate(sockets):
         item = next(
             i for i in interface.items_tree if (i.in_out, i.name) == (spec.in_out, spec.name)
@@ -255,7 +293,7 @@ def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
 
 
 def draw_tree(tree: Any, definition: GroupDefinition) -> None:
-    """Empty a group's tree and draw it anew from its definition; users' nodes keep their values."""
+    """Rebuild the tree of a group from its definition; nodes that use it keep their values."""
     tree.nodes.clear()
     sync_interface(tree, definition.sockets)
     definition.draw(TreeBuilder(tree))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Complex numbers as pairs of sockets, for node groups that need more than a product or two."""
+"""Complex numbers as pairs of sockets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Pair(NamedTuple):
 
 
 def product(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
-    """a b."""
+    """Add nodes for a b."""
     math = build.math
     cross = math("MULTIPLY", f"{label}: im im", a.im, b.im)
     re = math("SUBTRACT", f"Re {label}", math("MULTIPLY", f"{label}: re re", a.re, b.re), cross)
@@ -25,7 +25,7 @@ def product(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
 
 
 def scaled(build: TreeBuilder, label: str, a: Pair, factor: Any) -> Pair:
-    """Real factor times a."""
+    """Add nodes for a real factor times a."""
     return Pair(
         build.math("MULTIPLY", f"Re {label}", a.re, factor),
         build.math("MULTIPLY", f"Im {label}", a.im, factor),
@@ -33,14 +33,14 @@ def scaled(build: TreeBuilder, label: str, a: Pair, factor: Any) -> Pair:
 
 
 def total(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
-    """a + b."""
+    """Add nodes for a + b."""
     return Pair(
         build.math("ADD", f"Re {label}", a.re, b.re), build.math("ADD", f"Im {label}", a.im, b.im)
     )
 
 
 def difference(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
-    """a - b."""
+    """Add nodes for a - b."""
     return Pair(
         build.math("SUBTRACT", f"Re {label}", a.re, b.re),
         build.math("SUBTRACT", f"Im {label}", a.im, b.im),
@@ -48,6 +48,6 @@ def difference(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
 
 
 def power(build: TreeBuilder, label: str, a: Pair) -> Any:
-    """|a|^2."""
+    """Add nodes for |a|^2."""
     im2 = build.math("MULTIPLY", f"{label}: im^2", a.im, a.im)
     return build.math("MULTIPLY_ADD", label, a.re, a.re, im2)

@@ -6,13 +6,13 @@ q = u + j v = sqrt(epsilon - s^2) (Born & Wolf, Principles of Optics, 14.2), the
 
     r_s = (c - q) / (c + q),     r_p = r_s (s^2 - c q) / (s^2 + c q)
 
-loses all digits in c - q for n near 1. As (c - q)(c + q) = 1 - epsilon, the same is
+loses all digits in c - q for n near 1. Because (c - q)(c + q) = 1 - epsilon, it is equal to
 
     |r_s|^2 = |epsilon - 1|^2 / ((c + u)^2 + v^2)^2
     |r_p|^2 = |r_s|^2 ((c u - s^2)^2 + (c v)^2) / ((c u + s^2)^2 + (c v)^2)
 
-with Re(epsilon - 1) = (n - 1)(n + 1) - kappa^2: no difference of nearly equal numbers is left
-that matters, from n = 1 (exactly 0) to n = kappa = 1e4, and up to grazing incidence.
+with Re(epsilon - 1) = (n - 1)(n + 1) - kappa^2. No significant difference of nearly equal numbers
+remains, from n = 1 (exactly 0) to n = kappa = 1e4, and up to grazing incidence.
 """
 
 from __future__ import annotations
@@ -22,27 +22,22 @@ from typing import Any
 from .build import TreeBuilder
 
 OPAQUE_BELOW_TRANSMITTANCE = 1e-3
-"""A medium that passes less than this at normal incidence is taken as a conductor: opaque."""
+"""A medium that transmits less than this fraction at normal incidence is an opaque conductor."""
 
 
 def cos_incidence(build: TreeBuilder) -> Any:
-    """|Incoming . Normal|: the angle outside, also for a ray that meets the face from inside.
+    """Add nodes for |Incoming . Normal|, the cosine of the angle outside.
 
-    Rays run straight through the object, so both faces of a plate see the outside angle; the
-    index must not be inverted on the back face as Cycles' Fresnel node does.
+    Rays run straight through an object, so both faces of a plate have the outside angle. Cycles'
+    Fresnel node would invert the index on the back face.
     """
-    geometry = build.node("ShaderNodeNewGeometry", "Geometry")
-    dot = build.node(
-        "ShaderNodeVectorMath",
-        "I . N",
-        {0: geometry.outputs["Incoming"], 1: geometry.outputs["Normal"]},
-        operation="DOT_PRODUCT",
-    )
-    return build.math("ABSOLUTE", "c = |I . N|", dot.outputs["Value"], clamp=True)
+    geometry = build.node("ShaderNodeNewGeometry", "Geometry").outputs
+    dot = build.dot("I . N", geometry["Incoming"], geometry["Normal"])
+    return build.math("ABSOLUTE", "c = |I . N|", dot, clamp=True)
 
 
 def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
-    """Mean of |r_s|^2 and |r_p|^2 for index n + j kappa seen from vacuum."""
+    """Add nodes for the mean of |r_s|^2 and |r_p|^2 at an index n + j kappa, from vacuum."""
     math = build.math
     # epsilon - 1 = excess + 2j product
     below = math("SUBTRACT", "n - 1", n, 1.0)
@@ -89,11 +84,11 @@ def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
 
 
 def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
-    """1 - F, and 0 for a conductor.
+    """Add nodes for 1 - F, and 0 for a conductor.
 
-    An index of 1e4 + j1e4 still passes 2e-4, which would send rays behind every metal face for
-    nothing: below `OPAQUE_BELOW_TRANSMITTANCE` at normal incidence,
-    1 - F(0) = 4 n / ((n + 1)^2 + kappa^2), nothing is let through.
+    An index of 1e4 + j1e4 transmits 2e-4, so Cycles would trace rays behind every metal face.
+    A medium with 1 - F(0) = 4 n / ((n + 1)^2 + kappa^2) below `OPAQUE_BELOW_TRANSMITTANCE`
+    therefore transmits nothing.
     """
     open_ = is_open(build, n, kappa)
     rest = build.math("SUBTRACT", "1 - F", 1.0, power, clamp=True)
@@ -101,7 +96,7 @@ def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
 
 
 def is_open(build: TreeBuilder, n: Any, kappa: Any) -> Any:
-    """1, or 0 for a conductor, see `transmittance`."""
+    """Add nodes for 1, or 0 for a conductor; see `transmittance`."""
     math = build.math
     above = math("ADD", "n + 1 (T)", n, 1.0)
     kappa2 = math("MULTIPLY", "kappa^2 (T)", kappa, kappa)
@@ -112,7 +107,7 @@ def is_open(build: TreeBuilder, n: Any, kappa: Any) -> Any:
 
 
 def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
-    """sqrt(x^2 + y^2)."""
+    """Add nodes for sqrt(x^2 + y^2)."""
     y2 = build.math("MULTIPLY", f"{label}: imaginary^2", y, y)
     total = build.math("MULTIPLY_ADD", f"{label}^2", x, x, y2)
     return build.math("SQRT", label, total)

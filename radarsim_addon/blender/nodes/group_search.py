@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Radar Material group that a material scatters by, at its output or nested in groups."""
+"""Search for the Radar Material group of a material, at its output or nested in groups."""
 
 from __future__ import annotations
 
@@ -11,24 +11,23 @@ from .radar_material import KIND
 from .sheet import KIND as SHEET_KIND
 
 MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
-"""Groups that carry the range code, have lobes chosen by the gate, and the inputs of an index."""
-#: Groups and reroutes that are followed; a loop has more.
-_MOST_STEPS = 64
+"""Groups that encode the range, choose lobes by the path class, and have the inputs of an index."""
+#: Maximum number of groups and reroutes that are followed, to stop at a loop.
+_MAX_STEPS = 64
 
 
 class FoundGroup(NamedTuple):
-    """A node that shows a group of ours, and the group nodes that it is nested in, outermost
-    first."""
+    """A node with a group of radarsim, and the group nodes around it, outermost first."""
 
     node: Any
     enclosing: tuple[Any, ...] = ()
 
 
 def find_group(material: Any) -> FoundGroup | None:
-    """The Radar Material group, simple, physical or sheet, that feeds the output's Surface.
+    """Return the Radar Material group, simple, physical or sheet, at the output's Surface.
 
-    Reroutes and other groups that pass its shader on unchanged are looked through; None where
-    something else is between (a Mix Shader), or there is none.
+    Reroutes and other groups that pass its shader on unchanged are followed. None if another node
+    is between (a Mix Shader), or if there is no such group.
     """
     if material is None or material.node_tree is None:
         return None
@@ -41,22 +40,22 @@ def find_group(material: Any) -> FoundGroup | None:
 
 
 def group_node(material: Any) -> Any | None:
-    """Its node alone; None where there is none."""
+    """Return the node of the Radar Material group of a material; None without one."""
     found = find_group(material)
     return None if found is None else found.node
 
 
 def group_input(material: Any, name: str) -> Any | None:
-    """The socket where an input of the material's group is set by a number.
+    """Return the socket that sets an input of the material's group to a number.
 
-    Where the groups around it pass the input on, that is a socket of the outermost. None where
-    something else is linked, or the group has no such input.
+    If the groups around it pass the input on, this is a socket of the outermost group. None if
+    another node is linked, or the group has no such input.
     """
     found = find_group(material)
     if found is None:
         return None
     socket, enclosing = found.node.inputs.get(name), found.enclosing
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if socket is None or not socket.is_linked:
             return socket
         link = socket.links[0]
@@ -71,23 +70,23 @@ def group_input(material: Any, name: str) -> Any | None:
 
 
 def holds_group(tree: Any) -> bool:
-    """Whether a group of ours is anywhere in a node tree, groups within included."""
-    return _holds(tree, set())
-
-
-def _holds(tree: Any, seen: set[int]) -> bool:
-    if tree is None or tree.as_pointer() in seen:
-        return False
-    seen.add(tree.as_pointer())
-    if tree.get(KIND_PROPERTY) in MATERIAL_KINDS:
-        return True
-    return any(_holds(getattr(node, "node_tree", None), seen) for node in tree.nodes)
+    """Return whether a radarsim group is in a node tree or in a group of it."""
+    waiting, seen = [tree], set()
+    while waiting:
+        tree = waiting.pop()
+        if tree is None or tree.as_pointer() in seen:
+            continue
+        if tree.get(KIND_PROPERTY) in MATERIAL_KINDS:
+            return True
+        seen.add(tree.as_pointer())
+        waiting += [getattr(node, "node_tree", None) for node in tree.nodes]
+    return False
 
 
 def _follow(socket: Any) -> FoundGroup | None:
-    """The group of ours whose shader arrives at an input unchanged."""
+    """Return the radarsim group whose shader arrives at an input unchanged."""
     enclosing: tuple[Any, ...] = ()
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if socket is None or not socket.is_linked:
             return None
         link = socket.links[0]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups as data-blocks: making them, finding ours, and rebuilding stale ones in place.
+"""Node groups as data-blocks: make, find and update them.
 
-A group of ours is told by two custom properties, its kind and its version, never by its name:
-a user's group that happens to be called "Radar Material" is left alone.
+Two custom properties, kind and version, identify a radarsim group. The name does not: a user's
+group with the name "Radar Material" is not changed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,17 @@ DEFINITIONS: dict[str, GroupDefinition] = {
 
 
 def group_version(tree: Any) -> int | None:
-    """Version of a group of ours; None for anybody else's."""
+    """Return the version of a radarsim group.
+
+    Parameters
+    ----------
+    tree : bpy.types.NodeTree
+
+    Returns
+    -------
+    int or None
+        None for other groups.
+    """
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
         return None
@@ -37,7 +47,18 @@ def group_version(tree: Any) -> int | None:
 
 
 def find_groups(kind: str) -> list[Any]:
-    """All editable groups of a kind in this file, newest version first."""
+    """Return all editable groups of a kind in this file.
+
+    Parameters
+    ----------
+    kind
+        Key of `DEFINITIONS`.
+
+    Returns
+    -------
+    list of bpy.types.NodeTree
+        Newest version first.
+    """
     groups = [
         tree
         for tree in bpy.data.node_groups
@@ -49,9 +70,9 @@ def find_groups(kind: str) -> list[Any]:
 
 
 def new_group(definition: GroupDefinition) -> Any:
-    """Make a group; nothing is left behind where its definition fails.
+    """Make a group; remove it again if its definition fails.
 
-    Blender gives it a numbered name where the plain one is taken.
+    Blender adds a number to the name if it is in use.
     """
     tree = bpy.data.node_groups.new(definition.name, "ShaderNodeTree")
     try:
@@ -65,15 +86,14 @@ def new_group(definition: GroupDefinition) -> Any:
 
 
 def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
-    """Draw a stale group anew in place: users, and values and links by socket name, are kept."""
-    # A definition that fails on this Blender must fail on a scratch group, not half-way in the
-    # user's one.
+    """Rebuild a stale group in place. Users, and values and links by socket name, are kept."""
+    # Test the definition on a new group first: a failure must not leave the old one half-built.
     bpy.data.node_groups.remove(new_group(definition))
     users = list(_group_nodes(tree))
     kept = [{socket.identifier for socket in node.inputs} for node in users]
     draw_tree(tree, definition)
     for node, identifiers in zip(users, kept, strict=True):
-        # Blender gives users' nodes a new socket before its default is known: they would read 0.
+        # Blender adds a new socket to users' nodes before it knows the default: it would be 0.
         for spec in definition.sockets:
             socket = node.inputs.get(spec.name) if spec.in_out == "INPUT" else None
             if socket is not None and socket.identifier not in identifiers:
@@ -82,7 +102,7 @@ def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
 
 
 def _group_nodes(tree: Any) -> Iterator[Any]:
-    """Every node in the file that shows a group."""
+    """Yield all nodes in the file that use a group."""
     owners = (*bpy.data.materials, *bpy.data.lights, *bpy.data.worlds)
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None]
     for user in (*trees, *bpy.data.node_groups):
@@ -90,7 +110,7 @@ def _group_nodes(tree: Any) -> Iterator[Any]:
 
 
 def ensure_group(kind: str) -> Any:
-    """The group of a kind, made or rebuilt where it has to be.
+    """Return the group of a kind; make or rebuild it if necessary.
 
     Parameters
     ----------
@@ -104,7 +124,7 @@ def ensure_group(kind: str) -> Any:
     Raises
     ------
     SceneError
-        The file holds a group of this kind made by a newer radarsim.
+        The file contains a group of this kind from a newer radarsim.
     """
     definition = DEFINITIONS[kind]
     groups = find_groups(kind)
@@ -112,8 +132,8 @@ def ensure_group(kind: str) -> Any:
         version = group_version(tree) or 0
         if version > definition.version:
             raise SceneError(
-                f"Node group {tree.name!r} has version {version}; this radarsim knows up to "
-                f"{definition.version}. Update radarsim, or delete the group to get this one."
+                f"Node group {tree.name!r} has version {version}. This radarsim supports versions "
+                f"up to {definition.version}. Update radarsim, or delete the group."
             )
         if version < definition.version:
             rebuild_group(tree, definition)
@@ -121,9 +141,14 @@ def ensure_group(kind: str) -> Any:
 
 
 def refresh_groups() -> list[str]:
-    """Rebuild every stale group in the file; returns the names of those that were rebuilt.
+    """Rebuild all stale groups in the file.
 
-    Those that are linked from another file are rebuilt in memory: that file is not changed.
+    Groups that are linked from another file are rebuilt in memory; that file is not changed.
+
+    Returns
+    -------
+    list of str
+        Names of the rebuilt groups.
     """
     stale = [
         tree
@@ -141,6 +166,6 @@ def refresh_groups() -> list[str]:
 
 
 def _version_of(kind: Any) -> int:
-    """The version that this radarsim makes; 0 for what it does not know."""
+    """Return the version that this radarsim makes; 0 for an unknown kind."""
     definition = DEFINITIONS.get(kind) if isinstance(kind, str) else None
     return 0 if definition is None else definition.version

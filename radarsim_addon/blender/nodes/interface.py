@@ -9,15 +9,15 @@ each polarisation, without subtraction of nearly equal numbers (Born & Wolf 1.5.
     there and back |1 - r^2|        d_s = 4 c |q| / |c + q|^2
                                     d_p = 4 c |epsilon q| / |epsilon c + q|^2
 
-A wave of shares w_s and w_p enters with the power T_in = w_s t_s + w_p t_p. Inside, its shares are
-no longer those, and in a lossy medium the power that leaves is not 1 - |r|^2 of what arrives, as
-incident and reflected wave interfere. After j reflections inside, with v_i = w_i R_i^j,
+A wave with the fractions w_s and w_p of its power in the two polarisations enters with the power
+T_in = w_s t_s + w_p t_p. The fractions inside differ from those outside. In a lossy medium the
+power that leaves is not 1 - |r|^2 of the incident power, because the incident and the reflected
+wave interfere. After j reflections inside, with v_i = w_i R_i^j,
 
     T_out = sum v_i d_i^2 / sum v_i t_i,       R_out = sum v_i t_i R_i / sum v_i t_i
 
-so that the product of all factors from the first face to the last is, passage by passage, the mean
-of both polarisations' series, sum w_i d_i^2 R_i^j; and without loss nothing is created:
-T_in + R_in = 1 and T_out + R_out = 1.
+The product of these factors over all faces of a path is the mean of the series of both
+polarisations, sum w_i d_i^2 R_i^j. Without loss T_in + R_in = 1 and T_out + R_out = 1.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .fresnel import is_open
 
 
 class Wave(NamedTuple):
-    """Sockets with the wave inside, at the outside angle of cosine c.
+    """Sockets with the wave inside a medium, for the cosine c of the outside angle.
 
     excess, epsilon_im
         Re(epsilon) - 1 and Im(epsilon).
@@ -46,12 +46,12 @@ class Wave(NamedTuple):
 
 
 class InterfacePower(NamedTuple):
-    """Sockets: shares of the power that arrives at a face, on the side where the ray comes from.
+    """Sockets with fractions of the power that is incident on a face from the ray's side.
 
     reflected, passed
-        Of the wave of this run's polarisation.
+        For the polarisation of the run.
     reference
-        Reflectance from outside of an unpolarised wave: what a Metallic BSDF evaluates.
+        Reflectance from outside for an unpolarised wave, as a Metallic BSDF computes it.
     """
 
     reflected: Any
@@ -60,7 +60,7 @@ class InterfacePower(NamedTuple):
 
 
 def wave_inside(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Wave:
-    """q = sqrt(epsilon - 1 + c^2) for epsilon = (n + j kappa)^2, all digits kept near n = 1."""
+    """Add nodes for q = sqrt(epsilon - 1 + c^2), epsilon = (n + j kappa)^2, exact near n = 1."""
     math = build.math
     below = math("SUBTRACT", "n - 1", n, 1.0)
     above = math("ADD", "n + 1", n, 1.0)
@@ -70,7 +70,7 @@ def wave_inside(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Wave:
     n_kappa = math("MULTIPLY", "n kappa", n, kappa)
     imaginary = math("MULTIPLY", "Im epsilon", n_kappa, 2.0)
     q2_real = math("MULTIPLY_ADD", "Re q^2", cosine, cosine, excess)
-    q2_abs = _length(build, "|q^2|", q2_real, imaginary)
+    q2_abs = build.modulus("|q^2|", q2_real, imaginary)
     q2_real_abs = math("ABSOLUTE", "|Re q^2|", q2_real)
     half = math("MULTIPLY", "half", math("ADD", "|q^2| + |Re q^2|", q2_abs, q2_real_abs), 0.5)
     larger = math("SQRT", "larger part of q", half)
@@ -81,67 +81,61 @@ def wave_inside(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Wave:
     return Wave(excess, imaginary, cosine, u, v)
 
 
+class _Power(NamedTuple):
+    """Sockets for one polarisation: t, d and R of the module's docstring."""
+
+    entering: Any
+    there_and_back: Any
+    reflected: Any
+
+
 def interface_power(
     build: TreeBuilder, n: Any, kappa: Any, wave: Wave, echoes: Any
 ) -> InterfacePower:
-    """Reflected and passed power at a face that is hit from outside (front) or inside (back).
+    """Add nodes for the power at a face that is hit from outside (front) or inside (back).
 
-    `echoes` is j, how often the wave was reflected inside before.
+    Parameters
+    ----------
+    build
+        Tree.
+    n, kappa
+        Sockets with the complex index.
+    wave
+        Wave inside.
+    echoes
+        Socket with j, the number of earlier reflections inside.
     """
     math = build.math
-    excess, eps_im, c, u, v = wave
-    eps_re = math("ADD", "Re epsilon", excess, 1.0)
-    four_c = math("MULTIPLY", "4 c", c, 4.0)
-    q_abs = _length(build, "|q|", u, v)
-    eps_abs = _length(build, "|epsilon|", eps_re, eps_im)
-
-    sum_s_re = math("ADD", "c + u", c, u)
-    sum_s = _square(build, "|c + q|^2", sum_s_re, v)
-    enter_s = _share(build, "t_s", four_c, u, sum_s)
-    both_s = _share(build, "d_s", four_c, q_abs, sum_s)
-    contrast = _length(build, "|epsilon - 1|", excess, eps_im)
-    r_s = math("DIVIDE", "|r_s|", contrast, sum_s)
-    power_s = math("MULTIPLY", "R_s", r_s, r_s)
-
-    sum_p_re = math("MULTIPLY_ADD", "Re(epsilon c + q)", eps_re, c, u)
-    sum_p_im = math("MULTIPLY_ADD", "Im(epsilon c + q)", eps_im, c, v)
-    sum_p = _square(build, "|epsilon c + q|^2", sum_p_re, sum_p_im)
-    flux = math("MULTIPLY_ADD", "Re(epsilon q*)", eps_re, u, math("MULTIPLY", "e v", eps_im, v))
-    enter_p = _share(build, "t_p", four_c, flux, sum_p)
-    both_p = _share(build, "d_p", four_c, math("MULTIPLY", "|epsilon q|", eps_abs, q_abs), sum_p)
-    ratio = _ratio_p(build, wave)
-    power_p = math("MULTIPLY", "R_p", power_s, ratio)
-
-    share_s, share_p = polarisation(build)
+    s, p, ratio = _powers(build, wave)
+    weight_s, weight_p = polarisation(build)
     # v_i over R_s^j, which cancels: R_p is never more than R_s.
-    left_p = math("MULTIPLY", "v_p", share_p, math("POWER", "(R_p / R_s)^j", ratio, echoes))
+    left_p = math("MULTIPLY", "v_p", weight_p, math("POWER", "(R_p / R_s)^j", ratio, echoes))
 
-    def weighted(label: str, weight_p: Any, s: Any, p: Any) -> Any:
-        return math(
-            "MULTIPLY_ADD", label, share_s, s, math("MULTIPLY", f"p of {label}", weight_p, p)
-        )
+    def weighted(label: str, factor_p: Any, of_s: Any, of_p: Any) -> Any:
+        part_p = math("MULTIPLY", f"p of {label}", factor_p, of_p)
+        return math("MULTIPLY_ADD", label, weight_s, of_s, part_p)
 
-    entering = weighted("T_in", share_p, enter_s, enter_p)
-    reflected_in = weighted("R_in", share_p, power_s, power_p)
-    arriving = weighted("sum v t", left_p, enter_s, enter_p)
+    entering = weighted("T_in", weight_p, s.entering, p.entering)
+    reflected_in = weighted("R_in", weight_p, s.reflected, p.reflected)
+    arriving = weighted("sum v t", left_p, s.entering, p.entering)
     both = weighted(
         "sum v d^2",
         left_p,
-        math("MULTIPLY", "d_s^2", both_s, both_s),
-        math("MULTIPLY", "d_p^2", both_p, both_p),
+        math("MULTIPLY", "d_s^2", s.there_and_back, s.there_and_back),
+        math("MULTIPLY", "d_p^2", p.there_and_back, p.there_and_back),
     )
     inside = weighted(
         "sum v t R",
         left_p,
-        math("MULTIPLY", "t_s R_s", enter_s, power_s),
-        math("MULTIPLY", "t_p R_p", enter_p, power_p),
+        math("MULTIPLY", "t_s R_s", s.entering, s.reflected),
+        math("MULTIPLY", "t_p R_p", p.entering, p.reflected),
     )
     leaving = math("DIVIDE", "T_out", both, arriving)
     reflected_out = math("DIVIDE", "R_out", inside, arriving)
     back = build.node("ShaderNodeNewGeometry", "Side").outputs["Backfacing"]
     passed = build.select("T", back, entering, leaving)
     reflected = build.select("R", back, reflected_in, reflected_out)
-    total = math("ADD", "R_s + R_p", power_s, power_p)
+    total = math("ADD", "R_s + R_p", s.reflected, p.reflected)
     return InterfacePower(
         reflected=math("MINIMUM", "R, at most 1", reflected, 1.0),
         passed=math("MULTIPLY", "T, or 0 for a conductor", passed, is_open(build, n, kappa)),
@@ -149,19 +143,47 @@ def interface_power(
     )
 
 
+def _powers(build: TreeBuilder, wave: Wave) -> tuple[_Power, _Power, Any]:
+    """Add nodes for t, d and R of the s and the p polarisation, and for R_p / R_s."""
+    math = build.math
+    excess, eps_im, c, u, v = wave
+    eps_re = math("ADD", "Re epsilon", excess, 1.0)
+    four_c = math("MULTIPLY", "4 c", c, 4.0)
+    q_abs = build.modulus("|q|", u, v)
+    eps_abs = build.modulus("|epsilon|", eps_re, eps_im)
+
+    sum_s = build.sum_of_squares("|c + q|^2", math("ADD", "c + u", c, u), v)
+    enter_s = _quotient(build, "t_s", four_c, u, sum_s)
+    both_s = _quotient(build, "d_s", four_c, q_abs, sum_s)
+    contrast = build.modulus("|epsilon - 1|", excess, eps_im)
+    r_s = math("DIVIDE", "|r_s|", contrast, sum_s)
+    power_s = math("MULTIPLY", "R_s", r_s, r_s)
+
+    sum_p_re = math("MULTIPLY_ADD", "Re(epsilon c + q)", eps_re, c, u)
+    sum_p_im = math("MULTIPLY_ADD", "Im(epsilon c + q)", eps_im, c, v)
+    sum_p = build.sum_of_squares("|epsilon c + q|^2", sum_p_re, sum_p_im)
+    flux = math("MULTIPLY_ADD", "Re(epsilon q*)", eps_re, u, math("MULTIPLY", "e v", eps_im, v))
+    enter_p = _quotient(build, "t_p", four_c, flux, sum_p)
+    eps_q = math("MULTIPLY", "|epsilon q|", eps_abs, q_abs)
+    both_p = _quotient(build, "d_p", four_c, eps_q, sum_p)
+    ratio = _ratio_p(build, wave)
+    power_p = math("MULTIPLY", "R_p", power_s, ratio)
+    return _Power(enter_s, both_s, power_s), _Power(enter_p, both_p, power_p), ratio
+
+
 def _ratio_p(build: TreeBuilder, wave: Wave) -> Any:
-    """|r_p|^2 / |r_s|^2 = |c q - s^2|^2 / |c q + s^2|^2."""
+    """Add nodes for |r_p|^2 / |r_s|^2 = |c q - s^2|^2 / |c q + s^2|^2."""
     math = build.math
     sine2 = math("SUBTRACT", "s^2", 1.0, math("MULTIPLY", "c^2", wave.cosine, wave.cosine))
     cu = math("MULTIPLY", "c u", wave.cosine, wave.u)
     cv = math("MULTIPLY", "c v", wave.cosine, wave.v)
-    top = _square(build, "|c q - s^2|^2", math("SUBTRACT", "c u - s^2", cu, sine2), cv)
-    bottom = _square(build, "|c q + s^2|^2", math("ADD", "c u + s^2", cu, sine2), cv)
+    top = build.sum_of_squares("|c q - s^2|^2", math("SUBTRACT", "c u - s^2", cu, sine2), cv)
+    bottom = build.sum_of_squares("|c q + s^2|^2", math("ADD", "c u + s^2", cu, sine2), cv)
     return math("DIVIDE", "R_p / R_s", top, bottom)
 
 
 def excess(build: TreeBuilder, wave: Wave) -> Any:
-    """Re q - c = Re((epsilon - 1)/(q + c)), which keeps its digits near n = 1."""
+    """Add nodes for Re q - c = Re((epsilon - 1)/(q + c)), which is exact near n = 1."""
     math = build.math
     re = math("ADD", "Re(q + c)", wave.u, wave.cosine)
     bottom = math(
@@ -178,10 +200,11 @@ def excess(build: TreeBuilder, wave: Wave) -> Any:
 
 
 def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
-    """Shares w_s and w_p of the wave: one half each, or from the plane of incidence.
+    """Add nodes for the fractions w_s and w_p of the power in the two polarisations.
 
-    With I the ray, N the normal and Z the vertical, the field of a horizontally polarised wave
-    lies along I x Z, that of an s-polarised one along I x N: w_s is the squared cosine between.
+    One half each for an unpolarised wave. Else, with the ray I, the normal N and the vertical Z,
+    the field of a horizontally polarised wave is along I x Z, and that of an s-polarised wave
+    along I x N, so w_s is the squared cosine of the angle between them.
     """
     math = build.math
     geometry = build.node("ShaderNodeNewGeometry", "Wave front")
@@ -189,39 +212,25 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     across = build.vector_math("CROSS_PRODUCT", "I x N", {0: ray, 1: normal})
     level = build.vector_math("CROSS_PRODUCT", "I x Z", {0: ray, 1: (0.0, 0.0, 1.0)})
 
-    def dot(label: str, first: Any, second: Any) -> Any:
-        node = build.node(
-            "ShaderNodeVectorMath", label, {0: first, 1: second}, operation="DOT_PRODUCT"
-        )
-        return node.outputs["Value"]
-
-    product = dot("(I x N).(I x Z)", across, level)
+    product = build.dot("(I x N).(I x Z)", across, level)
     lengths = math(
-        "MULTIPLY", "lengths^2", dot("|I x N|^2", across, across), dot("|I x Z|^2", level, level)
+        "MULTIPLY",
+        "lengths^2",
+        build.dot("|I x N|^2", across, across),
+        build.dot("|I x Z|^2", level, level),
     )
     horizontal = math(
         "DIVIDE", "w_s of H", math("MULTIPLY", "product^2", product, product), lengths, clamp=True
     )
-    asked = build.scene_attribute(attributes.ATTR_POLARISATION)
-    is_horizontal = math("GREATER_THAN", "H asked", asked, 1.5)
-    is_vertical = math("GREATER_THAN", "V or H asked", asked, 0.5)
+    requested = build.scene_attribute(attributes.ATTR_POLARISATION)
+    is_horizontal = math("GREATER_THAN", "H asked", requested, 1.5)
+    is_vertical = math("GREATER_THAN", "V or H asked", requested, 0.5)
     vertical = math("SUBTRACT", "w_s of V", 1.0, horizontal)
     one = build.select("w_s of V or H", is_horizontal, vertical, horizontal)
-    share_s = build.select("w_s", is_vertical, 0.5, one)
-    return share_s, math("SUBTRACT", "w_p", 1.0, share_s)
+    weight_s = build.select("w_s", is_vertical, 0.5, one)
+    return weight_s, math("SUBTRACT", "w_p", 1.0, weight_s)
 
 
-def _share(build: TreeBuilder, label: str, four_c: Any, factor: Any, bottom: Any) -> Any:
+def _quotient(build: TreeBuilder, label: str, four_c: Any, factor: Any, bottom: Any) -> Any:
     top = build.math("MULTIPLY", f"{label}, numerator", four_c, factor)
     return build.math("DIVIDE", label, top, bottom)
-
-
-def _square(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
-    """x^2 + y^2."""
-    y2 = build.math("MULTIPLY", f"{label}: imaginary^2", y, y)
-    return build.math("MULTIPLY_ADD", label, x, x, y2)
-
-
-def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
-    """sqrt(x^2 + y^2)."""
-    return build.math("SQRT", label, _square(build, f"{label}^2", x, y))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a shader knows of the plane-parallel layer that it is part of: angle and internal echoes."""
+"""Nodes for plane-parallel layers: angle to the faces, and reflections between them."""
 
 from __future__ import annotations
 
@@ -9,21 +9,17 @@ from . import attributes
 from .build import TreeBuilder
 
 MOST_ECHOES = 8.0
-"""Internal echoes after which the shares of the two polarisations are taken as they stand."""
+"""Internal echoes after which the ratio of the two polarisations no longer changes."""
 STARTED_INSIDE_WITHIN = 1.02
-"""A ray that is no longer than this times the way across the layer began between its faces. Cycles
-knows places to 1e-7 of the mesh's size, so a pane of 5 mm, 100 m wide, to 2e-3 of its thickness."""
+"""A ray of at most this times the path length across the layer began between its faces. Cycles
+computes positions to 1e-7 of the mesh's size: for a pane of 5 mm, 100 m wide, 2e-3 of its
+thickness."""
 
 
 def layer_cosine(build: TreeBuilder) -> Any:
-    """Cosine to the object's layer normal, 1 where it has none."""
+    """Add nodes for the cosine of the ray's angle to the object's layer normal, 1 without one."""
     math = build.math
-    normal = build.node(
-        "ShaderNodeAttribute",
-        "Layer normal",
-        attribute_type="OBJECT",
-        attribute_name=attributes.OBJECT_LAYER_NORMAL,
-    ).outputs["Vector"]
+    normal = build.object_vector_attribute("Layer normal", attributes.OBJECT_LAYER_NORMAL)
     world = build.node(
         "ShaderNodeVectorTransform",
         "Layer normal, world",
@@ -34,9 +30,7 @@ def layer_cosine(build: TreeBuilder) -> Any:
     ).outputs[0]
     unit = build.vector_math("NORMALIZE", "Unit layer normal", {0: world})
     ray = build.node("ShaderNodeNewGeometry", "Ray inside").outputs["Incoming"]
-    dot = build.node(
-        "ShaderNodeVectorMath", "I . layer normal", {0: ray, 1: unit}, operation="DOT_PRODUCT"
-    ).outputs["Value"]
+    dot = build.dot("I . layer normal", ray, unit)
     length = build.node(
         "ShaderNodeVectorMath", "|layer normal|", {0: normal}, operation="LENGTH"
     ).outputs["Value"]
@@ -46,30 +40,20 @@ def layer_cosine(build: TreeBuilder) -> Any:
 
 
 def internal_echoes(build: TreeBuilder) -> Any:
-    """How often the wave that arrives at a face from inside was reflected between the faces.
+    """Add nodes for the number of earlier reflections between the faces of a layer.
 
-    A ray that entered by transmission began outside and is longer than the way across: 0. One
-    that began at a face inside has been reflected as often as the path has bounced; for a path
-    that met something else before it entered that is too often, up to `MOST_ECHOES`. Objects
-    without a thickness: 0.
+    A ray that entered the layer began outside and is longer than the path across it: 0. A ray that
+    began at a face inside has as many internal reflections as the path has reflections, at most
+    `MOST_ECHOES`. This is too many if the path met another object first. Without a layer
+    thickness the number is 0.
     """
     math = build.math
-    normal = build.node(
-        "ShaderNodeAttribute",
-        "Layer normal (echoes)",
-        attribute_type="OBJECT",
-        attribute_name=attributes.OBJECT_LAYER_NORMAL,
-    ).outputs["Vector"]
+    normal = build.object_vector_attribute("Layer normal (echoes)", attributes.OBJECT_LAYER_NORMAL)
     unit = build.vector_math("NORMALIZE", "Unit layer normal, object", {0: normal})
-    thickness = build.node(
-        "ShaderNodeAttribute",
-        "Layer thickness",
-        attribute_type="OBJECT",
-        attribute_name=attributes.OBJECT_LAYER_THICKNESS,
-    ).outputs["Vector"]
+    thickness = build.object_vector_attribute("Layer thickness", attributes.OBJECT_LAYER_THICKNESS)
     across = build.node("ShaderNodeSeparateXYZ", "Thickness", {0: thickness}).outputs["X"]
     ray = build.node("ShaderNodeNewGeometry", "Ray (echoes)").outputs["Incoming"]
-    # In the object's own units: its scale need not be known.
+    # In the object's own units, so that its scale does not matter.
     local = build.node(
         "ShaderNodeVectorTransform",
         "Ray, object",
@@ -78,9 +62,7 @@ def internal_echoes(build: TreeBuilder) -> Any:
         convert_from="WORLD",
         convert_to="OBJECT",
     ).outputs[0]
-    rise = build.node(
-        "ShaderNodeVectorMath", "Rise per length", {0: local, 1: unit}, operation="DOT_PRODUCT"
-    ).outputs["Value"]
+    rise = build.dot("Rise per length", local, unit)
     path = build.node("ShaderNodeLightPath", "Path (echoes)").outputs
     crossed = math("MULTIPLY", "ray across", path["Ray Length"], math("ABSOLUTE", "rise", rise))
     limit = math("MULTIPLY", "thickness, and a little", across, STARTED_INSIDE_WITHIN)

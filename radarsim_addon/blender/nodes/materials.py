@@ -18,28 +18,27 @@ from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 
 PRESET_PROPERTY = "radarsim_preset"
 VOLUME_STEP_RATE = 1000.0
-"""Of materials of ours. Along a ray inside an object they are uniform, so one step is exact. The
-physical one depends on the ray, so Cycles marches through it in steps, of a tenth of the object's
-size unless told otherwise, and stops absorbing as soon as 1e-6 is left: echoes below -60 dB would
-come out too strong."""
+"""Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
+exact. The physical material depends on the ray, so Cycles would take steps of a tenth of the
+object's size and stop where 1e-6 is left: echoes below -60 dB would be too strong."""
 
 
 @dataclass(frozen=True)
 class MaterialPreset:
-    """Inputs of the Radar Material group under a name.
+    """Named set of inputs of the Radar Material group.
 
     Parameters
     ----------
     label, description
-        For menus. The description names the origin of the index.
+        For menus. The description names the source of the index.
     n, kappa
-        Complex index n + j kappa. kappa is normalised: power falls as exp(-4 pi kappa d / Lambda),
-        so with Lambda = wavelength it is the physical one, and with another Lambda waves enter
-        as many Lambda as they really enter wavelengths.
+        Complex index n + j kappa. kappa is normalised: power falls as exp(-4 pi kappa d / Lambda).
+        With Lambda = wavelength it is the physical kappa. With another Lambda, waves penetrate as
+        many Lambda as they would penetrate wavelengths.
     specularity, roughness
-        Kind of surface: chosen to be typical, not measured.
+        Typical values for the surface, not measured.
     penetrable
-        Whether the interior absorbs and delays. A conductor lets nothing in.
+        The interior absorbs and delays. False for a conductor.
     """
 
     label: str
@@ -83,13 +82,20 @@ PRESETS: dict[str, MaterialPreset] = {
 
 
 def is_radar_material(material: Any) -> bool:
-    """Whether a material scatters by the Radar Material group, and so carries the range code."""
+    """Return whether a material has the Radar Material group, and so encodes the range.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    """
     return group_node(material) is not None
 
 
 def lets_nothing_through(material: Any) -> bool:
-    """Whether a material is a Radar Material that is opaque whatever the ray: a conductor with
-    fixed numbers (see :func:`.fresnel.transmittance`)."""
+    """Return whether a material is an opaque Radar Material: a conductor with constant inputs.
+
+    See :func:`.fresnel.transmittance`.
+    """
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
@@ -97,15 +103,15 @@ def lets_nothing_through(material: Any) -> bool:
 
 
 def is_conductor(index: complex) -> bool:
-    """Whether the groups take a medium as opaque, with certainty (see :func:`.fresnel.is_open`)."""
-    # Twice as sure as the node group, which rounds.
+    """Return whether the node groups treat a medium as opaque (see :func:`.fresnel.is_open`)."""
+    # Half the threshold of the node group, which rounds.
     passed = 4 * index.real / ((index.real + 1) ** 2 + index.imag**2)
     return passed < OPAQUE_BELOW_TRANSMITTANCE / 2
 
 
 def link_group(material: Any, group: Any, penetrable: bool) -> Any:
-    """Give a material a group of ours as its only nodes; returns the group's node."""
-    if material.node_tree is None:  # always there from 5.0 on, where use_nodes warns
+    """Replace the nodes of a material by a radarsim group; return the group's node."""
+    if material.node_tree is None:  # Blender 5.0 always has one, and use_nodes warns there
         material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
@@ -118,7 +124,7 @@ def link_group(material: Any, group: Any, penetrable: bool) -> Any:
     tree.links.new(node.outputs["Surface"], output.inputs["Surface"])
     if penetrable:
         tree.links.new(node.outputs["Volume"], output.inputs["Volume"])
-    # Nothing here shines; sampling it as a light would only cost time.
+    # The material emits nothing; sampling it as a light would only take time.
     material.cycles.emission_sampling = "NONE"
     material.cycles.volume_step_rate = VOLUME_STEP_RATE
     return node
@@ -138,15 +144,15 @@ def make_material(
     Parameters
     ----------
     name
-        Name of the data-block; Blender numbers it where taken.
+        Name of the data-block. Blender adds a number if it is in use.
     n, kappa
         Complex index of refraction n + j kappa, kappa normalised (see :class:`MaterialPreset`).
     specularity
-        Share of the specular lobe, 0 to 1.
+        Fraction of the reflected power in the specular lobe, 0 to 1.
     roughness
-        Of the specular lobe, 0 to 1 (alpha = roughness^2).
+        Roughness of the specular lobe, 0 to 1 (alpha = roughness^2).
     penetrable
-        Link the interior's absorption and delay. False for conductors.
+        Link absorption and delay of the interior. False for conductors.
 
     Returns
     -------
@@ -179,7 +185,7 @@ def make_material(
 
 
 def preset_material(preset: str) -> Any:
-    """The file's material for a preset, made where missing or where its values were changed.
+    """Return the file's material for a preset; make one if it is missing or was changed.
 
     Raises
     ------
@@ -189,7 +195,7 @@ def preset_material(preset: str) -> Any:
     values = PRESETS.get(preset)
     if values is None:
         raise ConfigError(
-            f"There is no material preset {preset!r}; there are: {', '.join(PRESETS)}."
+            f"There is no material preset {preset!r}. Choose one of: {', '.join(PRESETS)}."
         )
     for material in bpy.data.materials:
         ours = material.library is None and material.get(PRESET_PROPERTY) == preset
@@ -208,26 +214,47 @@ def preset_material(preset: str) -> Any:
 
 
 def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
-    """Give objects the material of a preset, in all their material slots.
+    """Assign the material of a preset to objects, as `assign_to`.
 
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-        Those that cannot carry a material (empties, lamps, cameras...) are passed over.
     preset
         Key of `PRESETS`.
 
     Returns
     -------
     list of bpy.types.Object
-        The objects that got the material.
+        The objects with the material.
 
     Raises
     ------
     ConfigError
         No preset of that name.
     SceneError
-        None of the objects can carry a material.
+        None of the objects can have a material.
+    """
+    return assign_to(objects, preset_material(preset))
+
+
+def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
+    """Assign a material to all material slots of objects.
+
+    Parameters
+    ----------
+    objects : iterable of bpy.types.Object
+        Objects without materials (empties, lights, cameras...) are skipped.
+    material : bpy.types.Material
+
+    Returns
+    -------
+    list of bpy.types.Object
+        The objects with the material.
+
+    Raises
+    ------
+    SceneError
+        None of the objects can have a material.
     """
     objects = list(objects)
     usable = [
@@ -238,22 +265,21 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
     if not usable:
         found = ", ".join(f"{obj.name} ({obj.type.lower()})" for obj in objects) or "nothing"
         raise SceneError(
-            f"No object for a radar material: {found} selected. "
+            f"No selected object can have a Radar Material: {found} selected. "
             "Select one or more meshes that are not linked from another file."
         )
-    material = preset_material(preset)
     for obj in usable:
         if not obj.material_slots:
             obj.data.materials.append(material)
         for slot in obj.material_slots:
             if slot.link == "DATA" and obj.data.library is not None:
-                slot.link = "OBJECT"  # the linked mesh itself cannot be changed
+                slot.link = "OBJECT"  # a linked mesh cannot be changed
             slot.material = material
     return usable
 
 
 def _holds(material: Any, values: MaterialPreset) -> bool:
-    """Whether a preset's material still has the preset's values, and none of them is linked."""
+    """Return whether a material still has the values of a preset, and none of them is linked."""
     node = group_node(material)
     if node is None:
         return False
@@ -263,16 +289,16 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
         (SPECULARITY, values.specularity),
         (ROUGHNESS, values.roughness),
     )
-    for name, value in expected:
-        socket = node.inputs.get(name)
-        if socket is None or socket.is_linked:
-            return False
-        if not math.isclose(socket.default_value, value, rel_tol=1e-6, abs_tol=1e-9):
-            return False
-    return True
+    sockets = [(node.inputs.get(name), value) for name, value in expected]
+    return all(
+        socket is not None
+        and not socket.is_linked
+        and math.isclose(socket.default_value, value, rel_tol=1e-6, abs_tol=1e-9)
+        for socket, value in sockets
+    )
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
     if not (math.isfinite(value) and low <= value <= high):
-        limits = f"from {low:g} up" if high == math.inf else f"from {low:g} to {high:g}"
-        raise ConfigError(f"{name} is {value!r}; expected a number {limits}.")
+        limits = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        raise ConfigError(f"{name} is {value!r}. Enter a number {limits}.")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the groups for materials give: their sockets, and the interior with its coded delay."""
+"""Outputs of the material groups: their sockets, and the interior with its encoded delay."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ VOLUME = SocketSpec(
 
 
 def any_inverse_code_length(build: TreeBuilder, inverse_k: Any) -> Any:
-    """1/k, whether the code is put on by the materials or by the world."""
+    """Add nodes for 1/k, whether materials or the world volume encode the range."""
     world_inverse_k = build.scene_attribute(attributes.ATTR_WORLD_CODE)
     return build.math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
 
 
 def wavelength(build: TreeBuilder) -> Any:
-    """Wavelength in vacuum, Blender units; 1 outside a measurement."""
+    """Add nodes for the wavelength in vacuum, Blender units; 1 outside a measurement."""
     given = build.scene_attribute(attributes.ATTR_WAVELENGTH)
     is_given = build.math("GREATER_THAN", "wavelength given", given, 0.0)
     return build.select("wavelength", is_given, 1.0, given)
 
 
 def interior(build: TreeBuilder, alpha: Any, delay: Any, label: str) -> None:
-    """Give the volume: absorption alpha in blue, with the delay in red, twice that in green.
+    """Add the volume output: absorption in blue, plus the delay in red, and twice that in green.
 
     Parameters
     ----------
     build
-        The group.
+        Tree of the group.
     alpha, delay
-        Sockets: absorption, and excess length over k, both per Blender unit.
+        Sockets with the absorption, and the excess length over k, both per Blender unit.
     label
-        What the delay is, for the names of the nodes.
+        Formula of the delay, for the names of the nodes.
     """
     math = build.math
     double_delay = math("MULTIPLY", f"2 {label}", delay, 2.0)
-    # Absorption is Density x (1 - Color). One node and not two: Cycles counts 32 closures for each
-    # and warns above 64 in a material. What rounding costs is 1e-7 of the delay's share.
+    # Absorption is Density x (1 - Color). Cycles counts 32 closures for each volume node and warns
+    # above 64 in a material, so this uses one node. Rounding costs 1e-7 of the delay.
     density = math("ADD", f"alpha + 2 {label}", alpha, double_delay)
     red = math("DIVIDE", "Spared in red", delay, density)
     blue = math("DIVIDE", "Spared in blue", double_delay, density)

@@ -5,13 +5,13 @@ Surface, with F the complex Fresnel reflectance of :mod:`.fresnel` and s the spe
 
     Glossy(Beckmann, roughness)  code F s
   + Diffuse                      code F (1 - s)
-  + Transparent                  1 - F            (no code: the ray's length runs on)
+  + Transparent                  1 - F            (not encoded: Ray Length continues)
 
 Volume, per Blender unit of depth, with alpha = 4 pi kappa / Lambda (Eq. 7)::
 
     B: alpha       R: alpha + (n - 1)/k       G: alpha + 2 (n - 1)/k
 
-so that red and green also carry the optical delay (n - 1) d of the depth d.
+Red and green thus also encode the optical delay (n - 1) d of the depth d.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import math as _math
 from typing import Any
 
 from . import attributes
-from .build import GroupDefinition, SocketSpec, TreeBuilder
+from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .fresnel import cos_incidence, reflectance, transmittance
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior
 from .range_encoding import inverse_code_length, range_code, ray_length
@@ -31,6 +31,12 @@ INDEX = "Index of Refraction"
 EXTINCTION = "Extinction Coefficient"
 SPECULARITY = "Specularity"
 ROUGHNESS = "Roughness"
+
+INDEX_AT_CARRIER = (
+    "Real part n of the complex index of refraction at the carrier (no unit). Set from the "
+    "material's medium whenever the carrier changes; a link here replaces it"
+)
+"""Tooltip of the index of groups that follow a medium."""
 
 
 def _draw(build: TreeBuilder) -> None:
@@ -54,40 +60,26 @@ def _draw_surface(
     scattered = math("MULTIPLY", "F, or 0 before the gate", power, reflects)
     specular = math("MULTIPLY", "F s", scattered, specularity)
     diffuse = math("SUBTRACT", "F (1 - s)", scattered, specular)
-    lobes = []
-    for label, weight in (("Specular colour", specular), ("Diffuse colour", diffuse)):
-        scaled = build.node(
-            "ShaderNodeVectorMath", label, {0: code, "Scale": weight}, operation="SCALE"
-        )
-        lobes.append(scaled.outputs[0])
+    specular_colour = build.scale("Specular colour", code, specular)
+    diffuse_colour = build.scale("Diffuse colour", code, diffuse)
     passed = transmittance(build, n, kappa, power)
-    glossy = build.node(
-        "ShaderNodeBsdfAnisotropic",
-        "Specular lobe",
-        {"Color": lobes[0], "Roughness": roughness},
-        distribution="BECKMANN",
+    glossy = build.glossy("Specular lobe", specular_colour, roughness)
+    lambert = build.node("ShaderNodeBsdfDiffuse", "Diffuse lobe", {"Color": diffuse_colour})
+    through = build.transparent(
+        "Transmission", math("MULTIPLY", "1 - F, or 0 at it", passed, transmits)
     )
-    lambert = build.node("ShaderNodeBsdfDiffuse", "Diffuse lobe", {"Color": lobes[1]})
-    through = build.node(
-        "ShaderNodeBsdfTransparent",
-        "Transmission",
-        {"Color": math("MULTIPLY", "1 - F, or 0 at it", passed, transmits)},
-    )
-    reflected = build.node(
-        "ShaderNodeAddShader", "Reflection", {0: glossy.outputs[0], 1: lambert.outputs[0]}
-    )
-    total = build.node(
-        "ShaderNodeAddShader", "Surface", {0: reflected.outputs[0], 1: through.outputs[0]}
-    )
-    build.group_output("Surface", total.outputs[0])
+    reflected = build.add_shaders("Reflection", glossy, lambert.outputs[0])
+    total = build.add_shaders("Surface", reflected, through)
+    build.group_output("Surface", total)
 
 
 def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
-    """Factors of reflection and transmission on camera rays when a gate asks for certainty.
+    """Add nodes for the factors of reflection and transmission, 0 or 1.
 
-    With both lobes, Cycles follows one of them at random. Before the gate there is transmission
-    alone (reflection 0), at the gate reflection alone (transmission 0): the gate is reached in
-    every pixel, with 1 - F per surface as its weight. Other rays, and ungated renders, have both.
+    Cycles would follow one of the two lobes of a camera ray at random. A render of one path class
+    therefore switches reflection off before the surface of that class, and transmission off at
+    it, so every pixel reaches the surface with the weight 1 - F per surface passed. Other rays and
+    renders have both lobes.
     """
     math = build.math
     light_path = build.node("ShaderNodeLightPath", "Path so far")
@@ -97,9 +89,9 @@ def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
         "LESS_THAN", "before the gate", depth, build.scene_attribute(attributes.ATTR_SURFACE_DEPTH)
     )
     stop = build.scene_attribute(attributes.ATTR_SURFACE_STOP)
-    asked = math("GREATER_THAN", "stop asked for", stop, 0.0)
+    requested = math("GREATER_THAN", "stop asked for", stop, 0.0)
     at_gate = math("GREATER_THAN", "at the gate", depth, stop)
-    stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", asked, at_gate), camera)
+    stopping = math("MULTIPLY", "stopping", math("MULTIPLY", "stop", requested, at_gate), camera)
     passing = math("MULTIPLY", "passing", before, camera)
     return (
         math("SUBTRACT", "reflects", 1.0, passing),
@@ -127,51 +119,38 @@ RADAR_MATERIAL = GroupDefinition(
     version=2,
     description=(
         "Reflection, transmission and absorption of radar power by a medium of complex index "
-        "n + j kappa, with the range code of the running measurement"
+        "n + j kappa, with the range encoding of the running measurement"
     ),
     sockets=(
         SURFACE,
         VOLUME,
-        SocketSpec(
+        float_input(
             INDEX,
-            "INPUT",
-            "NodeSocketFloat",
             "Real part n of the complex index of refraction at the carrier frequency, relative to "
             "vacuum (no unit). 1 is vacuum, 1e4 a metal; sqrt(permittivity) for a low-loss medium",
-            default=1.5,
+            1.5,
             minimum=1.0,
-            maximum=1e5,
         ),
-        SocketSpec(
+        float_input(
             EXTINCTION,
-            "INPUT",
-            "NodeSocketFloat",
             "Imaginary part of the complex index, normalised (no unit): inside the object power "
             "falls as exp(-4 pi kappa d / Lambda) with the depth d. Lambda is the scene's "
             "extinction length, one Blender unit unless set; with Lambda = wavelength this is the "
             "physical extinction coefficient",
-            default=0.0,
-            minimum=0.0,
-            maximum=1e5,
+            0.0,
         ),
-        SocketSpec(
+        factor_input(
             SPECULARITY,
-            "INPUT",
-            "NodeSocketFloat",
-            "Share of the reflected power in the specular (glossy) lobe, the rest is diffuse: "
-            "0 a Lambert surface, 1 a mirror-like one",
-            default=0.5,
-            subtype="FACTOR",
+            "Fraction of the reflected power in the specular (glossy) lobe. The rest is diffuse. "
+            "0 is a Lambert surface, 1 is similar to a mirror",
+            0.5,
         ),
-        SocketSpec(
+        factor_input(
             ROUGHNESS,
-            "INPUT",
-            "NodeSocketFloat",
             "Roughness of the specular lobe (Beckmann) as in Blender's Glossy BSDF: "
-            "roughness^2 = alpha = sqrt(2) x rms slope of the surface. 0 is a perfect mirror, "
-            "which sends no echo straight back to a point antenna",
-            default=0.5,
-            subtype="FACTOR",
+            "roughness^2 = alpha = sqrt(2) x RMS slope of the surface. 0 is a perfect mirror, "
+            "which returns no echo to a point antenna",
+            0.5,
         ),
     ),
     draw=_draw,

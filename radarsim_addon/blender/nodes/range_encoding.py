@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colour code of a path segment, shared by materials and emitter (Eq. 2-3 of Costa et al.)."""
+"""Range encoding of a path segment, for materials and transmitter (Eq. 2-3 of Costa et al.)."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from .build import TreeBuilder
 
 
 def ray_length(build: TreeBuilder) -> Any:
-    """Length of the ray that arrives here, Blender units; it runs on through transparent hits."""
+    """Add nodes for the length of the ray, Blender units, across transparent surfaces."""
     return build.node("ShaderNodeLightPath", "Light Path").outputs["Ray Length"]
 
 
 def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any:
-    """Colour (exp(-r/k), exp(-2r/k), 1) for a segment of length r.
+    """Add nodes for the colour (exp(-r/k), exp(-2r/k), 1) of a segment of length r.
 
-    Factors of successive segments multiply to exp(-l/k) of the path's total length l. Without a
-    measurement 1/k is 0 and the colour is white. G is the square of R, not a second exponential,
-    so that G B / R^2 = 1 holds to rounding for a single path.
+    The product over all segments of a path of length l is exp(-l/k). Outside a measurement 1/k is
+    0 and the colour is white. G is the square of R and not a second exponential, so that
+    G B / R^2 = 1 holds to rounding for a single path.
     """
     ratio = build.math("MULTIPLY", "r / k", length, inverse_code_length)
     exponent = build.math("MULTIPLY", "-r / k", ratio, -1.0)
@@ -30,5 +30,5 @@ def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any
 
 
 def inverse_code_length(build: TreeBuilder) -> Any:
-    """1/k of the running measurement, per Blender unit; 0 outside one."""
+    """Add nodes for 1/k of the running measurement, per Blender unit; 0 outside one."""
     return build.scene_attribute(attributes.ATTR_INVERSE_CODE_LENGTH)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar Sheet: a thin pane as one face, with the interference of all its internal echoes.
+"""Radar Sheet: a thin pane as one face, with the interference of all internal echoes.
 
 With q = sqrt(epsilon - 1 + c^2), g = 1 for s and epsilon for p polarisation, and
 E = exp(2 j k0 q d), the slab's amplitudes (Airy; Born and Wolf 7.6, 14.4) are
@@ -7,8 +7,8 @@ E = exp(2 j k0 q d), the slab's amplitudes (Airy; Born and Wolf 7.6, 14.4) are
     D = 4 g c q + (g c - q)^2 (1 - E)
     |t|^2 = |4 g c q|^2 |E| / |D|^2        |r|^2 = |(g c)^2 - q^2|^2 |1 - E|^2 / |D|^2
 
-Each is taken for the run's polarisation. The code of what passes is that of the optical delay
-d (Re q - c). Both sides are alike.
+The polarisation is that of the run. The code of the transmitted wave is that of the optical delay
+d (Re q - c). Both sides are the same.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from __future__ import annotations
 import math as _math
 from typing import Any
 
-from .build import GroupDefinition, SocketSpec, TreeBuilder
+from .build import GroupDefinition, TreeBuilder, float_input
 from .complex_nodes import Pair, difference, power, product, scaled, total
 from .fresnel import cos_incidence
 from .interface import Wave, excess, polarisation, wave_inside
 from .outputs import SURFACE, wavelength
-from .radar_material import EXTINCTION, INDEX, camera_lobes
+from .radar_material import EXTINCTION, INDEX, INDEX_AT_CARRIER, camera_lobes
 from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "radar_sheet"
@@ -52,43 +52,31 @@ def _draw(build: TreeBuilder) -> None:
     along_p = scaled(build, "epsilon c", permittivity, wave.cosine)
     passed_s, back_s = _slab(build, "s", Pair(wave.cosine, 0.0), wave, modulus, contrast)
     passed_p, back_p = _slab(build, "p", along_p, wave, modulus, contrast)
-    share_s, share_p = polarisation(build)
+    weight_s, weight_p = polarisation(build)
 
     def mean(label: str, s: Any, p: Any) -> Any:
-        both = math("MULTIPLY", f"p of {label}", share_p, p)
-        return math("MULTIPLY_ADD", label, share_s, s, both, clamp=True)
+        both = math("MULTIPLY", f"p of {label}", weight_p, p)
+        return math("MULTIPLY_ADD", label, weight_s, s, both, clamp=True)
 
     passed = math("MULTIPLY", "T, or 0 at the gate", mean("T", passed_s, passed_p), transmits)
     back = math("MULTIPLY", "R, or 0 before the gate", mean("R", back_s, back_p), reflects)
 
-    # Delay d (Re q - c); the code of the way outside runs on.
+    # Delay d (Re q - c); Ray Length continues outside.
     depth = math("MULTIPLY", "d", thickness, wavelength(build))
     longer = math("MULTIPLY", "d (Re q - c)", depth, excess(build, wave))
     with build.prefixed("Delay: "):
         delay = range_code(build, longer, inverse_k)
-    colours = []
-    for label, colour, weight in (("Mirror colour", code, back), ("Delayed", delay, passed)):
-        node = build.node(
-            "ShaderNodeVectorMath", label, {0: colour, "Scale": weight}, operation="SCALE"
-        )
-        colours.append(node.outputs[0])
-    mirror = build.node(
-        "ShaderNodeBsdfAnisotropic",
-        "Mirror",
-        {"Color": colours[0], "Roughness": 0.0},
-        distribution="BECKMANN",
-    )
-    through = build.node("ShaderNodeBsdfTransparent", "Transmission", {"Color": colours[1]})
-    surface = build.node(
-        "ShaderNodeAddShader", "Surface", {0: mirror.outputs[0], 1: through.outputs[0]}
-    )
-    build.group_output("Surface", surface.outputs[0])
+    mirror_colour = build.scale("Mirror colour", code, back)
+    delayed = build.scale("Delayed", delay, passed)
+    mirror = build.glossy("Mirror", mirror_colour, 0.0)
+    through = build.transparent("Transmission", delayed)
+    build.group_output("Surface", build.add_shaders("Surface", mirror, through))
 
 
 def _slab(
     build: TreeBuilder, name: str, gc: Pair, wave: Wave, modulus: Any, contrast: Pair
 ) -> tuple[Any, Any]:
-    """Transmitted and reflected power of one polarisation; gc is c for s, epsilon c for p."""
+    """Add nodes for the transmitted and reflected power; gc is c for s, epsilon c for p."""
     math = build.math
     q = Pair(wave.u, wave.v)
     minus, plus = (
@@ -112,38 +100,22 @@ RADAR_SHEET = GroupDefinition(
     version=1,
     description=(
         "A thin pane modelled as one face: all echoes between its two sides interfere. For panes, "
-        "radomes and panels whose thickness is a few wavelengths at most"
+        "radomes and panels with a thickness of at most a few wavelengths"
     ),
     sockets=(
         SURFACE,
-        SocketSpec(
-            INDEX,
-            "INPUT",
-            "NodeSocketFloat",
-            "Real part n of the complex index of refraction at the carrier (no unit). Set from the "
-            "material's medium whenever the carrier changes; a link here takes its place",
-            default=2.5,
-            minimum=0.0,
-            maximum=1e5,
-        ),
-        SocketSpec(
+        float_input(INDEX, INDEX_AT_CARRIER, 2.5),
+        float_input(
             EXTINCTION,
-            "INPUT",
-            "NodeSocketFloat",
             "Imaginary part kappa of the complex index at the carrier (no unit), physical. Set "
             "from the material's medium whenever the carrier changes",
-            default=0.0,
-            minimum=0.0,
-            maximum=1e5,
+            0.0,
         ),
-        SocketSpec(
+        float_input(
             THICKNESS,
-            "INPUT",
-            "NodeSocketFloat",
             "Thickness of the pane in wavelengths in vacuum at the carrier. Set from the "
             "material's thickness in metres whenever the carrier changes",
-            default=0.1,
-            minimum=0.0,
+            0.1,
             maximum=1e6,
         ),
     ),

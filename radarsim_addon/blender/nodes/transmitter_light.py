@@ -7,55 +7,63 @@ import warnings
 from typing import Any
 
 from ...errors import SceneError
+from .groups import ensure_group
 from .ring_emitter import KIND
 
 
 def setup_emitter(light: Any) -> Any:
-    """Make a point lamp the radar's transmitter.
+    """Make a Point light the radar's transmitter.
 
-    The lamp becomes a true point (a radius would blur ranges) with the Ring Emitter in its node
-    tree; power, colour and position stay as they are. Calling it again changes nothing.
+    The light becomes a true point, because a radius would blur ranges, and gets the Ring Emitter
+    in its node tree. Power, colour and position do not change. A second call changes nothing.
 
     Parameters
     ----------
     light : bpy.types.Light
-        A lamp of type POINT.
+        A light of type POINT.
 
     Returns
     -------
     bpy.types.ShaderNodeGroup
-        The group node in the lamp's tree.
+        The group node in the light's tree.
 
     Raises
     ------
     SceneError
-        The lamp is of another type, or linked from a library.
+        The light is of another type, or linked from a library.
     """
-    from .groups import ensure_group  # groups imports this module's definition
-
     if light.type != "POINT":
         raise SceneError(
-            f"Lamp {light.name!r} is of type {light.type}; the radar's emitter is a point lamp. "
-            "Choose a point lamp, or add a radar rig."
+            f"Light {light.name!r} is of type {light.type}. Only a Point light can be the "
+            "transmitter. Choose a Point light, or press Radar > Set Up Radar."
         )
     if light.library is not None:
         raise SceneError(
-            f"Lamp {light.name!r} is linked from {light.library.filepath!r} and cannot be changed. "
-            "Make it local, or add a radar rig."
+            f"Light {light.name!r} is linked from {light.library.filepath!r}, so radarsim cannot "
+            "change it. Make it local, or press Radar > Set Up Radar."
         )
     group = ensure_group(KIND)
+    _make_point(light)
+    return _link_emission(light.node_tree, group)
+
+
+def _make_point(light: Any) -> None:
+    """Set what makes the light an isotropic point with a node tree."""
     light.shadow_soft_size = 0.0
     light.use_shadow = True
     if hasattr(light, "use_soft_falloff"):
-        light.use_soft_falloff = False  # it alters power near the lamp
+        light.use_soft_falloff = False  # it changes the power near the light
     if hasattr(light, "normalize"):
-        light.normalize = True  # else the power is not divided by the lamp's area
+        light.normalize = True  # else the power is not divided by the light's area
     light.cycles.max_bounces = 1024
     light.cycles.use_multiple_importance_sampling = False
     with warnings.catch_warnings():  # needed up to 5.0, deprecated afterwards
         warnings.simplefilter("ignore", DeprecationWarning)
         light.use_nodes = True
-    tree = light.node_tree
+
+
+def _link_emission(tree: Any, group: Any) -> Any:
+    """Connect the group to the light's output; return its node."""
     output = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputLight"), None)
     if output is None:
         output = tree.nodes.new("ShaderNodeOutputLight")

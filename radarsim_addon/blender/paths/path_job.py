@@ -23,7 +23,7 @@ from ..motion import BurstMotion, SamplingPlan
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import evaluated_depsgraph
+from ..state import evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
 from .tile_checkpoints import TileCheckpoints
@@ -65,7 +65,7 @@ class PathJob(MeasurementJob):
     ) -> None:
         # One sample a pixel; bounces follow from the order.
         measurement = dataclasses.replace(
-            measurement, samples=1, max_bounces=options.max_reflections - 1
+            measurement, samples=1, max_reflections=options.max_reflections
         )
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
@@ -249,7 +249,7 @@ class PathJob(MeasurementJob):
         depsgraph = motion.begin()
         antennas = self._antenna_records(depsgraph, units)
         self.path_scene.place(depsgraph)
-        tracer = ViewTracer(self._run, frame, sampling.shown[1], *antennas)
+        tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
         work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
         stop_reason = yield from work.measure()
         record = work.write(stop_reason)

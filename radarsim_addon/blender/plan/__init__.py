@@ -2,8 +2,10 @@
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import derive, warnings_for
-from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames, shortest_decimal
+from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
+from .presets import preset_settings
+from .render_arguments import given_settings, parse_render_arguments, render_settings
 from .run_plan import (
     Extent,
     Instant,
@@ -17,6 +19,7 @@ from .run_plan import (
     make_plan,
     run_record,
 )
+from .run_settings import RunSettings
 
 __all__ = [
     "FINEST_PITCH",
@@ -27,16 +30,20 @@ __all__ = [
     "Measurement",
     "PathOptions",
     "Plan",
+    "RunSettings",
     "Task",
     "automatic_rings",
     "check_frame_rate",
     "check_unit_scale",
     "derive",
     "fingerprint",
+    "given_settings",
     "instant_at",
     "make_plan",
     "parse_frames",
+    "parse_render_arguments",
+    "preset_settings",
+    "render_settings",
     "run_record",
-    "shortest_decimal",
     "warnings_for",
 ]

@@ -6,29 +6,18 @@ The panel's float32 numbers and the headless script's options both end up in a `
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from decimal import Decimal
+from typing import Any
 
 from ...contract import LinkBudget
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
 from ...signal.radar import AnyWaveform, Burst, Radar
 
 #: More rings than this is a slip of the pen (a ring step in kilometres, a scene in millimetres).
 MAX_RINGS = 10_000
 #: Pixels of one render; Cycles needs about 50 bytes for each.
 MAX_PIXELS = 1 << 28
-
-
-def shortest_decimal(value: float, exponent: int = 0) -> float:
-    """The decimal number that the user typed into a float32 field, times ``10**exponent``.
-
-    A Blender FloatProperty holds float32: 77 GHz as 77e9 would read back 76999999488. Seven
-    significant digits are what float32 keeps of any typed number.
-    """
-    if not math.isfinite(value):
-        return value
-    return float(Decimal(f"{value:.7g}").scaleb(exponent))
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
@@ -58,10 +47,19 @@ def parse_frames(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(frames))
 
 
+#: Setting of both sampling modes.
+MAX_REFLECTIONS: dict[str, Any] = {
+    "label": "Max reflections",
+    "help": "Set the most reflections of a path. 1: single reflections, as in the paper",
+    "minimum": 1,
+    "maximum": 1025,
+    "soft_maximum": 4,
+}
 #: Polarisations of a run, in the order of the scene attribute's values 0, 1, 2.
 POLARISATIONS = ("average", "vertical", "horizontal")
 
 
+@documented
 @dataclass(frozen=True)
 class Measurement:
     """One run: radar, rings, passes, frames and how they are rendered.
@@ -72,44 +70,84 @@ class Measurement:
         The radar's numbers; they do not change what is rendered.
     frames
         Blender frames, in the order in which they are rendered.
-    rings
-        Number of rings from range 0; 0 means: as many as the scene needs.
-    ring_step_m
-        Width of a ring in one-way range [m] (Delta r of Eq. 5).
-    snapshots
-        1: at t only; 2: at t and t + snapshot_interval_s, from which Doppler follows (Eq. 12).
-    snapshot_interval_s
-        Time between the passes [s].
-    width_px, height_px, samples, seed
-        Size of each render, Cycles samples a pixel, Cycles seed (the same for all renders).
-    max_bounces
-        Reflections after the first one: 0 keeps single reflections alone.
-    extinction_length_m
-        Normalising length of the Radar Material's extinction coefficient [m]; 0: one Blender unit.
     system
         Power budget, checked; None: the emitter's EIRP in all directions. It changes no render.
-    polarisation
-        Of waves that go through physical materials: one of `POLARISATIONS`.
     """
 
     waveform: AnyWaveform
     burst: Burst
     frames: tuple[int, ...]
-    rings: int
-    ring_step_m: float
-    snapshots: int = 2
-    snapshot_interval_s: float = 0.01
-    width_px: int = 256
-    height_px: int = 256
-    samples: int = 16
-    seed: int = 0
-    max_bounces: int = 0
-    extinction_length_m: float = 0.0
-    system: LinkBudget | None = None
-    polarisation: str = "average"
+    rings: int = setting(
+        "Number of rings",
+        "Set the number of rings from range 0. 0: as many as the farthest point needs",
+        minimum=0,
+        maximum=MAX_RINGS,
+        initial=0,
+    )
+    ring_step_m: float = setting(
+        "Ring step",
+        "Set the width of a ring in one-way range (Delta r of Eq. 5). One render each",
+        unit="m",
+        above=0.0,
+        initial=250.0,
+        digits=3,
+        hint="250 m is what the paper uses; the range resolution does not depend on it.",
+    )
+    snapshots: int = setting(
+        "Number of snapshots",
+        "Choose the renders of each ring",
+        2,
+        choices=(
+            ("1", "One", "At t alone: no Doppler"),
+            ("2", "Two", "At t and after the snapshot interval, for Doppler (Eq. 12)"),
+        ),
+        old_flags=("--passes",),
+    )
+    snapshot_interval_s: float = setting(
+        "Snapshot interval",
+        "Set the time between the snapshots. Below 2 ms float32 animation spoils the velocity",
+        0.01,
+        shown_in="ms",
+        minimum=0.0,
+        digits=3,
+    )
+    width_px: int = setting("Width", "Set the pixels across", 256, minimum=1, maximum=65536)
+    height_px: int = setting("Height", "Set the pixels up", 256, minimum=1, maximum=65536)
+    samples: int = setting(
+        "Samples",
+        "Set the paths per pixel. 1: exactly through the pixel's centre, one range per pixel. "
+        "More: less noise, but pixels at edges mix ranges",
+        16,
+        minimum=1,
+        maximum=1 << 20,
+    )
+    seed: int = setting(
+        "Seed", "Set the seed of Cycles' random numbers", 0, minimum=0, maximum=2**31 - 1
+    )
+    max_reflections: int = setting(default=1, **MAX_REFLECTIONS)
+    extinction_length_m: float = setting(
+        "Extinction length",
+        "Set the length to which the Radar Material's extinction is normalised. 0: one Blender "
+        "unit",
+        0.0,
+        unit="m",
+        minimum=0.0,
+    )
+    link_budget: LinkBudget | None = None
+    polarisation: str = setting(
+        "Polarisation",
+        "Choose the polarisation of waves that go through physical materials",
+        "average",
+        choices=(
+            ("average", "Average", "Half the power in the plane of incidence, half across it"),
+            ("vertical", "Vertical", "Field in the vertical plane of the ray (world Z is up)"),
+            ("horizontal", "Horizontal", "Field level"),
+        ),
+    )
 
     def __post_init__(self) -> None:
         Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval
+        check_settings(self)
         if not self.frames:
             raise ConfigError("No frame is to be rendered; expected at least one.")
         if not all(0 <= frame < 1_000_000 for frame in self.frames):
@@ -117,49 +155,15 @@ class Measurement:
                 f"Frames {min(self.frames)} to {max(self.frames)} are asked for; "
                 "expected frames from 0 to 999999. Shift the animation."
             )
-        if not (math.isfinite(self.ring_step_m) and self.ring_step_m > 0):
+        if self.snapshots == 2 and not self.snapshot_interval_s > 0:
             raise ConfigError(
-                f"Ring step is {self.ring_step_m!r} m; expected a positive number of metres. "
-                "250 m is what the paper uses; the range resolution does not depend on it."
+                f"Snapshot interval is {self.snapshot_interval_s!r} s; expected a positive time "
+                "between the two snapshots. 10 ms is a good value; one snapshot alone needs none."
             )
-        if not 0 <= self.rings <= MAX_RINGS:
-            raise ConfigError(
-                f"Number of rings is {self.rings}; expected 1 to {MAX_RINGS}, or automatic."
-            )
-        if self.snapshots not in (1, 2):
-            raise ConfigError(f"Number of passes is {self.snapshots}; expected 1 or 2.")
-        if self.snapshots == 2 and not (
-            math.isfinite(self.snapshot_interval_s) and self.snapshot_interval_s > 0
-        ):
-            raise ConfigError(
-                f"Delta t is {self.snapshot_interval_s!r} s; expected a positive time between the "
-                "two passes. 10 ms is a good value; one pass alone needs none."
-            )
-        for name, value, least in (
-            ("Width", self.width_px, 1),
-            ("Height", self.height_px, 1),
-            ("Samples", self.samples, 1),
-        ):
-            if value < least:
-                raise ConfigError(f"{name} is {value}; expected a whole number from {least}.")
         if self.width_px * self.height_px > MAX_PIXELS:
             raise ConfigError(
                 f"A render of {self.width_px} x {self.height_px} pixels is asked for; "
                 f"expected at most {MAX_PIXELS} pixels. Lower the resolution."
-            )
-        if not 0 <= self.max_bounces <= 1024:
-            raise ConfigError(f"Bounces are {self.max_bounces}; expected 0 to 1024.")
-        if not 0 <= self.seed < 2**31:
-            raise ConfigError(f"Seed is {self.seed}; expected 0 to 2147483647.")
-        if not (math.isfinite(self.extinction_length_m) and self.extinction_length_m >= 0):
-            raise ConfigError(
-                f"Extinction length is {self.extinction_length_m!r} m; "
-                "expected a positive number of metres, or 0 for one Blender unit."
-            )
-        if self.polarisation not in POLARISATIONS:
-            raise ConfigError(
-                f"Polarisation is {self.polarisation!r}; expected one of "
-                f"{', '.join(POLARISATIONS)}."
             )
 
     @property

@@ -3,102 +3,128 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
+from .measurement import MAX_REFLECTIONS
 
 #: Cameras finer than this see float32 of their own directions [rad per pixel].
 FINEST_PITCH = 5e-7
 
 
+@documented
 @dataclass(frozen=True)
 class PathOptions:
-    """How paths are followed, and when it is enough.
+    """How paths are followed, and when it is enough."""
 
-    Parameters
-    ----------
-    max_reflections
-        Most reflections.
-    max_depth
-        Most transparent surfaces on the receiver's side.
-    max_unfollowed_fraction
-        Share of the total power that may stay unfollowed.
-    replicates
-        Sub-pixel shifts of each tile; they are the replicates that the standard error comes from.
-        One alone tells that of objects, by their edges and by what neighbouring pixels differ.
-    max_standard_error
-        Relative standard error (over range bins and objects) at which refinement ends; 0: no
-        refinement.
-    refine_for
-        What the relative error is of: "both", "ranges" (range bins) or "objects".
-    time_limit_s
-        Time per radar frame after which no further tile is refined [s]; 0: no limit.
-    max_refinement_level
-        Most halvings of the pixel pitch.
-    tile_px
-        Side of a tile.
-    motion
-        "kinematic": every path's length at every pulse, from the motion of what it touches; "off":
-        all stands still during a burst.
-    motion_samples
-        Most samples of the animation in a burst.
-    visibility_updates
-        How often a burst is rendered, for scenes whose visibility changes in it: at its beginning,
-        at its end and evenly between. Echoes fade from one to the next.
-    range_encoding
-        "auto", "materials" or "world": what carries the range code.
-    amplitude_channel
-        Which channel is the amplitude in coloured scenes: "mean", "R", "G" or "B".
-    """
-
-    max_reflections: int = 1
-    max_depth: int = 64
-    max_unfollowed_fraction: float = 1e-4
-    replicates: int = 4
-    max_standard_error: float = 0.0
-    refine_for: str = "both"
-    time_limit_s: float = 0.0
-    max_refinement_level: int = 12
-    tile_px: int = 256
-    motion: str = "kinematic"
-    motion_samples: int = 4097
-    visibility_updates: int = 1
-    range_encoding: str = "auto"
-    amplitude_channel: str = "mean"
+    max_reflections: int = setting(default=1, **MAX_REFLECTIONS)
+    max_depth: int = setting(
+        "Transparent surfaces", "Set the most transparent surfaces on the receiver's side", 64,
+        minimum=0, maximum=1000, window=False,
+    )  # fmt: skip
+    max_unfollowed_fraction: float = setting(
+        "Max unfollowed fraction", "Set the fraction of the power that may stay unfollowed", 1e-4,
+        minimum=0.0, maximum=1.0, window=False,
+    )  # fmt: skip
+    replicates: int = setting(
+        "Replicates",
+        "Set the sub-pixel shifts of each tile, from which the standard error is estimated",
+        4,
+        minimum=1,
+        maximum=10_000,
+        soft_maximum=64,
+        old_flags=("--shifts",),
+    )
+    max_standard_error: float = setting(
+        "Max standard error",
+        "Refine tiles until the relative standard error (over range bins and objects) is below "
+        "this. 0: no refinement by error",
+        0.0,
+        shown_in="%",
+        minimum=0.0,
+        maximum=10.0,
+        digits=2,
+        old_flags=("--error",),
+    )
+    refine_for: str = setting(
+        "Refine for",
+        "Choose what the standard error is of",
+        "both",
+        choices=(
+            ("both", "Both", "Half from range bins, half from objects"),
+            ("ranges", "Ranges", "Range bins, weighed by the root of their power"),
+            ("objects", "Objects", "The power of each object, all alike: small targets"),
+        ),
+        old_flags=("--error-of",),
+    )
+    time_limit_s: float = setting(
+        "Time limit", "Stop refining a frame after this time. 0: no limit", 0.0, unit="s",
+        minimum=0.0, maximum=1e9, digits=1, old_flags=("--budget",),
+    )  # fmt: skip
+    max_refinement_level: int = setting(
+        "Max refinement level", "Set the most halvings of the pixel pitch", 12,
+        minimum=0, maximum=40, window=False,
+    )  # fmt: skip
+    tile_px: int = setting(
+        "Tile size", "Set the side of a tile", 256, minimum=4, maximum=4096, window=False
+    )
+    motion: str = setting(
+        "Motion",
+        "Choose how paths move during a burst",
+        "kinematic",
+        choices=(
+            ("kinematic", "Kinematic", "Every path's length at every pulse, from what it touches"),
+            ("off", "Off", "Everything is stationary during a burst"),
+        ),
+    )
+    motion_samples: int = setting(
+        "Max motion samples",
+        "Set the most samples of the animation in a burst; fewer are taken where they are enough "
+        "for the wavelength",
+        4097,
+        minimum=17,
+        maximum=65_537,
+    )
+    visibility_updates: int = setting(
+        "Visibility updates",
+        "Set the renders per burst. More than one where visibility changes during a burst; echoes "
+        "fade from one render to the next",
+        1,
+        minimum=1,
+        maximum=1000,
+        soft_maximum=16,
+        old_flags=("--renders-per-burst",),
+    )
+    range_encoding: str = setting(
+        "Range encoding",
+        "Choose what carries the range encoding",
+        "auto",
+        choices=(
+            ("auto", "Automatic", "By Radar Materials where everything has one, else by the world"),
+            ("materials", "Materials", "Only objects with a Radar Material echo"),
+            ("world", "World Volume", "Objects of any material echo"),
+        ),
+        old_flags=("--code",),
+    )
+    amplitude_channel: str = setting(
+        "Amplitude channel",
+        "Choose the channel that is the amplitude where materials are coloured",
+        "mean",
+        choices=(
+            ("mean", "Mean", "Mean of red, green and blue"),
+            ("R", "Red", "Red channel"),
+            ("G", "Green", "Green channel"),
+            ("B", "Blue", "Blue channel"),
+        ),
+        old_flags=("--amplitude",),
+    )
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("Reflections", self.max_reflections, 1, 64),
-            ("Transparent surfaces", self.max_depth, 0, 1000),
-            ("Shifts", self.replicates, 1, 10_000),
-            ("Refinement levels", self.max_refinement_level, 0, 40),
-            ("Tile size", self.tile_px, 4, 4096),
-            ("Motion samples", self.motion_samples, 17, 65_537),
-            ("Renders per burst", self.visibility_updates, 1, 1000),
-        ):
-            if not (isinstance(value, int) and low <= value <= high):
-                raise ConfigError(f"{name}: {value!r}; expected a whole number {low} to {high}.")
-        for name, number, top in (
-            ("Residual", self.max_unfollowed_fraction, 1.0),
-            ("Error target", self.max_standard_error, 10.0),
-            ("Time budget", self.time_limit_s, 1e9),
-        ):
-            if not (math.isfinite(number) and 0 <= number <= top):
-                raise ConfigError(f"{name}: {number!r}; expected a number from 0 to {top:g}.")
-        if self.motion not in ("kinematic", "off"):
-            raise ConfigError(f"Motion {self.motion!r}; expected 'kinematic' or 'off'.")
-        if self.range_encoding not in ("auto", "materials", "world"):
+        check_settings(self)
+        if self.max_reflections > 64:
             raise ConfigError(
-                f"Code {self.range_encoding!r}; expected 'auto', 'materials' or 'world'."
-            )
-        if self.amplitude_channel not in ("mean", "R", "G", "B"):
-            raise ConfigError(
-                f"Amplitude {self.amplitude_channel!r}; expected 'mean', 'R', 'G' or 'B'."
-            )
-        if self.refine_for not in ("both", "ranges", "objects"):
-            raise ConfigError(
-                f"Refinement by {self.refine_for!r}; expected 'both', 'ranges' or 'objects'."
+                f"Max reflections is {self.max_reflections}; expected at most 64 with paths."
             )
         if self.refines and self.replicates < 2 and self.refine_for != "objects":
             raise ConfigError(

@@ -144,10 +144,9 @@ def range_encoding_length_m(measurement: Measurement, rings: int, extent: Extent
     within the outermost ring, the others within the scene.
     """
     outermost_m = rings * measurement.ring_step_m
-    longest_m = (
-        2 * outermost_m + extent.baseline_m + measurement.max_bounces * max(extent.diameter_m, 0.0)
-    )
-    if measurement.max_bounces:
+    bounces = measurement.max_reflections - 1
+    longest_m = 2 * outermost_m + extent.baseline_m + bounces * max(extent.diameter_m, 0.0)
+    if bounces:
         # With more reflections the first segment is not tied to the ring of the last one.
         longest_m += extent.from_receiver_m
     return longest_m / LENGTHS_PER_CODE
@@ -240,11 +239,11 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     """Hash of everything that changes the pixels of a render.
 
-    Waveform, burst and system are not in it (they come in after rendering), nor are the frames: a
-    run may be continued with more of them.
+    Waveform, burst and link budget are not in it (they come in after rendering), nor are the
+    frames: a run may be continued with more of them.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
-    for key in ("waveform", "burst", "system", "frames", "rings"):
+    for key in ("waveform", "burst", "link_budget", "frames", "rings"):
         del measurement[key]
     parts = {
         "measurement": measurement,
@@ -286,7 +285,7 @@ def run_record(
         visibility_updates=plan.visibility_updates,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_bounces,
+        max_bounces=measurement.max_reflections - 1,
         metres_per_unit=plan.metres_per_unit,
         range_encoding_length_m=plan.range_encoding_length_m,
         extinction_length_m=plan.extinction_length_m,
@@ -296,5 +295,5 @@ def run_record(
         fingerprint=fingerprint(plan, scene_digest, versions),
         warnings=warnings,
         versions=versions,
-        link_budget=measurement.system,
+        link_budget=measurement.link_budget,
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's render result, written to a file of any name."""
+"""Write Blender's render result to a file of any name."""
 
 from __future__ import annotations
 
@@ -12,21 +12,30 @@ from ...errors import OutputError, RenderError
 
 
 def save_render(scene: Any, path: Path) -> None:
-    """Write what was rendered last, in the scene's format.
+    """Write the last render in the scene's format.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    path
+        File; an existing one is replaced.
 
     Raises
     ------
     RenderError
-        Nothing was rendered.
+        There is no render.
     OutputError
         The file cannot be written.
     """
     path.unlink(missing_ok=True)
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:
-        raise RenderError("Blender has no render result. Start the run again.")
+        raise RenderError(
+            "Blender has no render result, so the frame is incomplete. Start the run again: it "
+            "resumes."
+        )
     try:
-        # Takes the path as it is; write_still would expand # and {} in folder names.
+        # write_still would expand # and {} in folder names.
         result.save_render(str(path), scene=scene)
     except RuntimeError as error:
         raise OutputError(

@@ -85,7 +85,7 @@ def write_scene(
     units = plan.metres_per_unit
     later, interval_s = None, 0.0
     if len(instants) > 1:
-        later = ground_truth.origin_positions(show(instants[1]), rig, units)
+        later = ground_truth.origin_ranges(show(instants[1]), rig, units)
         interval_s = instants[1].time_s - instants[0].time_s
     objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
     write_record(path, contract.GroundTruthRecord(frame, instants[0].time_s, objects))
@@ -132,7 +132,7 @@ def render_record(
         transmitter=emitter,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_bounces,
+        max_bounces=measurement.max_reflections - 1,
         exr_file=exr.name,
         exr_sha256=file_sha256(exr),
         versions=versions,

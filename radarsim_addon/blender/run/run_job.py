@@ -24,6 +24,7 @@ import bpy
 
 from ... import __version__, contract
 from ...framewarnings import FrameWarnings
+from ...options import shortest_decimal
 from ..materials import is_physical
 from ..nodes import refresh_groups
 from ..plan import (
@@ -36,19 +37,17 @@ from ..plan import (
     fingerprint,
     instant_at,
     make_plan,
-    shortest_decimal,
     warnings_for,
 )
 from ..scene import (
     Rig,
-    evaluated_depsgraph,
     find_rig,
     receiver_record,
     show_what_renders,
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, evaluated_depsgraph
 from . import output_folder, run_files
 from .folder_lock import FolderLock
 from .scene_state import MeasurementSettings

@@ -23,8 +23,8 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, evaluated_depsgraph, isolate
-from ..state import SettingsRestorer
+from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
+from ..state import SettingsRestorer, evaluated_depsgraph
 
 #: Surfaces that may lie in line; transparent ones count.
 TRANSPARENT_BOUNCES = 1024
@@ -176,10 +176,8 @@ class MeasurementSettings:
         put(cycles, "caustics_reflective", True)
         put(cycles, "caustics_refractive", True)
         put(cycles, "use_fast_gi", False)
-        put(cycles, "max_bounces", measurement.max_bounces)
-        put(cycles, "diffuse_bounces", measurement.max_bounces)
-        put(cycles, "glossy_bounces", measurement.max_bounces)
-        put(cycles, "transmission_bounces", measurement.max_bounces)
+        for name in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
+            put(cycles, name, measurement.max_reflections - 1)
         put(cycles, "volume_bounces", 0)
         put(cycles, "transparent_max_bounces", TRANSPARENT_BOUNCES)
         put(cycles, "use_light_tree", False)

@@ -4,16 +4,13 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .depsgraph import evaluated_depsgraph
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
-    Key,
     Poses,
-    beside_box,
+    distance_from_box,
     evaluated_poses,
-    instance_key,
     instance_name,
     pose_in_metres,
 )
@@ -22,31 +19,44 @@ from .mesh_checks import check_meshes
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
-from .rig import Rig, find_rig, setup_rig
+from .rig import (
+    ACTIVE_RADAR_PROPERTY,
+    Rig,
+    active_radar,
+    antennas_of,
+    find_rig,
+    is_transmitter,
+    radar_of,
+    radars,
+    setup_rig,
+)
 from .visibility import show_what_renders
 
 __all__ = [
+    "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "InstancePose",
-    "Key",
     "Poses",
     "Rig",
+    "active_radar",
     "aim",
-    "beside_box",
+    "antennas_of",
     "camera_kind",
     "check_meshes",
     "check_pose",
     "check_vertices",
+    "distance_from_box",
     "draw_patterns",
     "echoes",
-    "evaluated_depsgraph",
     "evaluated_poses",
     "find_rig",
-    "instance_key",
     "instance_name",
+    "is_transmitter",
     "isolate",
     "pose_in_metres",
+    "radar_of",
+    "radars",
     "receiver_record",
     "remove_patterns",
     "rigid_pose",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Places that are no places: NaN, infinite or absurdly far, found before anything is written."""
+"""Checks for NaN, infinite and extremely large coordinates, before a run writes a file."""
 
 from __future__ import annotations
 
@@ -10,107 +10,114 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SceneError
+from ..state import EvaluatedObject, read_numbers
 
 #: Largest coordinate [Blender units]: its square still fits the float32 that Cycles computes in.
-#: Blender takes an infinite coordinate as the largest float32, which is beyond it.
-FARTHEST_UNITS = 1e18
-
-
-def usable(numbers: NDArray[Any]) -> bool:
-    """Whether all numbers are finite, and not so large that their squares overflow."""
-    return bool((np.abs(numbers) <= FARTHEST_UNITS).all())
+#: Blender stores an infinite coordinate as the largest float32, which is larger.
+MAX_COORDINATE_UNITS = 1e18
 
 
 def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None:
-    """Refuse an object whose matrix is NaN, infinite or beyond `FARTHEST_UNITS`.
+    """Check that the matrix of an object is finite and within `MAX_COORDINATE_UNITS`.
 
     Parameters
     ----------
     name
-        Of the object.
+        Name of the object, for the message.
     matrix_world
-        4x4.
+        World matrix, shape (4, 4), Blender units.
     frame
         Blender frame, with its fraction, at which the matrix was taken, for the message.
 
     Raises
     ------
     SceneError
-        Its name, the location that was found, and where such values come from.
+        The matrix is not finite or too large.
     """
     matrix = np.array(matrix_world, dtype=np.float64)
-    if not usable(matrix):
-        place = ", ".join(f"{value:g}" for value in matrix[:3, 3])
+    if _out_of_bounds(matrix).any():
         raise SceneError(
-            f"The place of {name!r} is not a number or has no end{_at(frame)}: its location is "
-            f"({place}), or its rotation or scale is such. Expected finite numbers. Type them "
-            "anew in Object > Transform, and look at its key frames, drivers, constraints and "
-            "parents."
+            f"The transform of {name!r} is not finite{_at(frame)}: its location is "
+            f"({_coordinates(matrix[:3, 3])}), or its rotation or scale is not finite. radarsim "
+            "cannot compute ranges from it. Enter finite numbers in Object > Transform, and check "
+            "the keyframes, drivers, constraints and parents of the object."
         )
 
 
-def check_vertices(name: str, places: NDArray[Any], frame: float) -> None:
-    """Refuse vertices (n, 3) of a surface that are no usable numbers at a frame of the burst.
+def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:
+    """Check that the vertices of a surface are finite at a frame of the burst.
+
+    Parameters
+    ----------
+    name
+        Name of the object, for the message.
+    vertices
+        Shape (n, 3), in any unit of length.
+    frame
+        Blender frame, with its fraction, for the message.
 
     Raises
     ------
     SceneError
-        Name, frame, how many, and where the first of them is.
+        A vertex is not finite or too far away.
     """
-    if usable(places):
-        return
-    bad = np.flatnonzero(~(np.abs(places) <= FARTHEST_UNITS).all(axis=1))
-    where = ", ".join(f"{value:g}" for value in places[bad[0]])
-    found = f"{bad.size} of its vertices (one is at ({where})){_at(frame)}"
-    raise SceneError(_vertex_text(name, found, "vertices"))
+    bad = _bad_rows(vertices)
+    if bad.size:
+        found = f"{bad.size} of its vertices (one is at ({_coordinates(vertices[bad[0]])}))"
+        raise SceneError(_mesh_message(name, found + _at(frame), "vertices"))
+
+
+def check_meshes_finite(surfaces: Iterable[EvaluatedObject]) -> None:
+    """Check that the transforms and vertices of surfaces are finite.
+
+    All vertices are read, because Blender's bounding boxes ignore NaN. A mesh with several
+    instances is read once.
+
+    Raises
+    ------
+    SceneError
+        The first object with a coordinate that is not finite or too far away.
+    """
+    seen: set[int] = set()
+    for one in surfaces:
+        check_pose(one.label, one.matrix_world)
+        data = one.evaluated.data
+        if data.as_pointer() in seen:
+            continue
+        seen.add(data.as_pointer())
+        if one.evaluated.type != "MESH":
+            if _out_of_bounds(one.box).any():
+                raise SceneError(_mesh_message(one.label, "its bounding box", "points"))
+            continue
+        vertices = read_numbers(data.vertices, "co", 3)
+        bad = _bad_rows(vertices)
+        if bad.size:
+            found = (
+                f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at "
+                f"({_coordinates(vertices[bad[0]])}))"
+            )
+            raise SceneError(_mesh_message(one.label, found, "vertices"))
+
+
+def _out_of_bounds(numbers: NDArray[Any]) -> NDArray[np.bool_]:
+    return ~(np.abs(numbers) <= MAX_COORDINATE_UNITS)  # also true for NaN
+
+
+def _bad_rows(vertices: NDArray[Any]) -> NDArray[np.intp]:
+    return np.flatnonzero(_out_of_bounds(vertices).any(axis=1))
+
+
+def _coordinates(point: NDArray[Any]) -> str:
+    return ", ".join(f"{value:g}" for value in point)
 
 
 def _at(frame: float | None) -> str:
     return "" if frame is None else f" at frame {frame:.6g}"
 
 
-def check_meshes_finite(surfaces: Iterable[tuple[str, Any, Any]]) -> None:
-    """Refuse surfaces with a place or a vertex that is not a usable number.
-
-    Vertices are read one and all, as Blender leaves NaN out of bounding boxes; the mesh of many
-    instances is read once.
-
-    Parameters
-    ----------
-    surfaces
-        Name, evaluated object and world matrix of each object or instance.
-
-    Raises
-    ------
-    SceneError
-        The first that is found, by name.
-    """
-    seen: set[int] = set()
-    for name, evaluated, matrix in surfaces:
-        check_pose(name, matrix)
-        key = evaluated.data.as_pointer()
-        if key in seen:
-            continue
-        seen.add(key)
-        if evaluated.type != "MESH":
-            if not usable(np.array([tuple(corner) for corner in evaluated.bound_box])):
-                raise SceneError(_vertex_text(name, "its bounding box", "points"))
-            continue
-        vertices = evaluated.data.vertices
-        places = np.empty(len(vertices) * 3, dtype=np.float32)
-        vertices.foreach_get("co", places)
-        if usable(places):
-            continue
-        rows = places.reshape(-1, 3)
-        bad = np.flatnonzero(~(np.abs(rows) <= FARTHEST_UNITS).all(axis=1))
-        where = ", ".join(f"{value:g}" for value in rows[bad[0]])
-        which = f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at ({where}))"
-        raise SceneError(_vertex_text(name, which, "vertices"))
-
-
-def _vertex_text(name: str, found: str, what: str) -> str:
+def _mesh_message(name: str, found: str, elements: str) -> str:
     return (
-        f"The shape of {name!r} is broken: NaN, infinite or beyond {FARTHEST_UNITS:g} units in "
-        f"{found}. Expected finite coordinates. Delete those {what}, or look at its modifiers and "
-        "shape keys, or import it anew."
+        f"The shape of {name!r} has coordinates that are NaN, infinite or beyond "
+        f"{MAX_COORDINATE_UNITS:g} units in {found}. radarsim cannot compute ranges from them. "
+        f"Delete those {elements}, check the modifiers and shape keys, or import the object again."
     )

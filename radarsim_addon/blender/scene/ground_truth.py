@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known of the scene without rendering it: its extent, and where its objects truly are."""
+"""Properties of a scene that need no render: extent, ground truth of objects, fingerprint."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import contract
 from ...array_types import Real
@@ -19,82 +18,86 @@ from ...sidecar import file_sha256
 from ..materials import SURFACE_TYPES, roughness_of, slot_materials
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
+from ..state import EvaluatedObject, Key, evaluated_mesh, evaluated_objects, read_triangles
 from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distance
+from .rig import Rig
 from .visibility import rendered_objects
 
 
-@dataclass(frozen=True)
-class _EvaluatedObject:
-    """One object, or one instance of it, as the depsgraph shows it."""
-
-    name: str
-    key: tuple[int, ...]
-    evaluated: Any
-    matrix: Real  # (4, 4), Blender units
-
-
-def _shown_surfaces(depsgraph: Any) -> Iterator[_EvaluatedObject]:
+def _rendered_surfaces(depsgraph: Any) -> Iterator[EvaluatedObject]:
     rendered = rendered_objects(depsgraph.view_layer)
-    for item in depsgraph.object_instances:
-        evaluated = item.object
-        if evaluated.type not in SURFACE_TYPES or not item.show_self:
+    for one in evaluated_objects(depsgraph):
+        if one.evaluated.type not in SURFACE_TYPES or not one.visible or one.original.hide_render:
             continue
-        original = evaluated.original
-        if original.hide_render:
-            continue
-        if (item.parent.original if item.is_instance else original) not in rendered:
-            continue
-        name = original.name
-        if item.is_instance:
-            name = f"{item.parent.original.name}/{name}"
-        key = tuple(item.persistent_id) if item.is_instance else ()
-        yield _EvaluatedObject(name, key, evaluated, np.array(item.matrix_world, dtype=np.float64))
+        if (one.instancer or one.original) in rendered:
+            yield one
 
 
-def _corners(shown: _EvaluatedObject) -> Real:
-    """Bounding box, shape (8, 3), world space, Blender units."""
-    box = np.array([tuple(corner) for corner in shown.evaluated.bound_box], dtype=np.float64)
-    return np.asarray(box @ shown.matrix[:3, :3].T + shown.matrix[:3, 3])
+def _corners(one: EvaluatedObject) -> Real:
+    """Return the bounding box in world space, shape (8, 3), Blender units."""
+    return np.asarray(one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3])
 
 
 def check_surfaces(depsgraph: Any) -> None:
-    """Refuse surfaces whose place or shape is not finite at the depsgraph's time.
+    """Check that all rendered surfaces are finite at the depsgraph's time.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
 
     Raises
     ------
     SceneError
-        By the object's name.
+        Names the first object with a coordinate that is not finite.
     """
-    check_meshes_finite((s.name, s.evaluated, s.matrix) for s in _shown_surfaces(depsgraph))
+    check_meshes_finite(_rendered_surfaces(depsgraph))
 
 
 def scene_extent(
-    depsgraph: Any, rig: Any, metres_per_unit: float, any_material: bool = False
+    depsgraph: Any, rig: Rig, metres_per_unit: float, any_material: bool = False
 ) -> Extent:
-    """How far what can echo reaches at the depsgraph's time, through instances.
+    """Return the distances of the surfaces that can echo, at the depsgraph's time.
 
-    Bounding boxes are used: never too small, at most a little too large.
+    The extent is that of bounding boxes, so it is never too small.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    rig
+        Antennas.
+    metres_per_unit
+        Metres per Blender unit.
+    any_material
+        Include surfaces without a Radar Material.
+
+    Returns
+    -------
+    Extent
+        Distances in metres. Only the baseline if nothing can echo.
     """
     receiver = _origin(rig.camera, depsgraph)
     transmitter = _origin(rig.emitter, depsgraph)
+    baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
     boxes = [
-        _corners(s)
-        for s in _shown_surfaces(depsgraph)
-        if any_material or echoes(s.evaluated.original)
+        _corners(one)
+        for one in _rendered_surfaces(depsgraph)
+        if any_material or echoes(one.original)
     ]
     if not boxes:
-        return Extent(baseline_m=float(np.linalg.norm(receiver - transmitter)) * metres_per_unit)
+        return Extent(baseline_m=baseline_m)
     corners = np.concatenate(boxes)
 
-    def farthest(origin: Real) -> float:
-        return float(np.linalg.norm(corners - origin, axis=1).max())
+    def farthest_m(origin: Real) -> float:
+        return float(np.linalg.norm(corners - origin, axis=1).max()) * metres_per_unit
 
     return Extent(
-        from_emitter_m=farthest(transmitter) * metres_per_unit,
-        from_receiver_m=farthest(receiver) * metres_per_unit,
-        baseline_m=float(np.linalg.norm(receiver - transmitter)) * metres_per_unit,
+        from_emitter_m=farthest_m(transmitter),
+        from_receiver_m=farthest_m(receiver),
+        baseline_m=baseline_m,
         diameter_m=float(np.linalg.norm(np.ptp(corners, axis=0))) * metres_per_unit,
     )
 
@@ -103,93 +106,111 @@ def _origin(item: Any, depsgraph: Any) -> Real:
     return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
 
 
-# -- labels of a radar frame -----------------------------------------------------------------------
+# -- ground truth ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class ObjectPositions:
-    """Distances of the objects' origins from the receiver at one moment, by name and instance."""
-
-    origin_range_m: dict[tuple[str, tuple[int, ...]], float]
+#: Distances of the objects' origins from the receiver [m], by label and instance.
+OriginRanges = dict[tuple[str, Key], float]
 
 
-def origin_positions(depsgraph: Any, rig: Any, metres_per_unit: float) -> ObjectPositions:
-    """Origins at the depsgraph's time; the difference of two moments gives range rates."""
-    receiver = _origin(rig.camera, depsgraph)
-    return ObjectPositions(
-        {
-            (s.name, s.key): float(np.linalg.norm(s.matrix[:3, 3] - receiver)) * metres_per_unit
-            for s in _shown_surfaces(depsgraph)
-        }
-    )
-
-
-def object_records(
-    depsgraph: Any,
-    rig: Any,
-    metres_per_unit: float,
-    later: ObjectPositions | None = None,
-    interval_s: float = 0.0,
-) -> list[contract.ObjectRecord]:
-    """Where the objects are at the depsgraph's time.
-
-    Instances of one object by one instancer share a record, that of the nearest of them, named
-    ``instancer/object``. Objects that are not rendered are not in the list.
+def origin_ranges(depsgraph: Any, rig: Rig, metres_per_unit: float) -> OriginRanges:
+    """Return the ranges of all origins at the depsgraph's time.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
-    rig : Rig
+        Up to date.
+    rig
+        Antennas.
+    metres_per_unit
+        Metres per Blender unit.
+    """
+    receiver = _origin(rig.camera, depsgraph)
+    return {
+        (one.label, one.key): _origin_range(one, receiver) * metres_per_unit
+        for one in _rendered_surfaces(depsgraph)
+    }
+
+
+def object_records(
+    depsgraph: Any,
+    rig: Rig,
+    metres_per_unit: float,
+    later: OriginRanges | None = None,
+    interval_s: float = 0.0,
+) -> list[contract.ObjectRecord]:
+    """Return the ground truth of all rendered objects at the depsgraph's time.
+
+    All instances of one object by one instancer have one record, that of the nearest instance,
+    with the name ``instancer/object``.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    rig
+        Antennas.
     metres_per_unit
         Metres per Blender unit.
     later
-        Origins `interval_s` later; None where there is one pass only.
+        Origins `interval_s` later, for the range rates. None: range rates are unknown.
     interval_s
         Time between the two moments [s].
+
+    Returns
+    -------
+    list of contract.ObjectRecord
+        Sorted by name.
     """
     receiver = _origin(rig.camera, depsgraph)
     nearest: dict[str, tuple[float, contract.ObjectRecord]] = {}
-    for shown in _shown_surfaces(depsgraph):
-        known = nearest.get(shown.name)
-        corners = _corners(shown) - receiver
+    for one in _rendered_surfaces(depsgraph):
+        known = nearest[one.label][0] if one.label in nearest else math.inf
+        corners = _corners(one) - receiver
         centre = corners.mean(axis=0)
-        # No point of the box is nearer than this; it spares most instances the exact distance.
-        least = np.linalg.norm(centre) - np.linalg.norm(corners - centre, axis=1).max()
-        if known is not None and known[0] <= least:
+        # No point of the box is nearer than this, so most instances need no exact distance.
+        lower_bound = np.linalg.norm(centre) - np.linalg.norm(corners - centre, axis=1).max()
+        if known <= lower_bound:
             continue
-        distance = _surface_distance(shown, receiver)
-        if distance is None or (known is not None and known[0] <= distance):
+        distance = _surface_distance(one, receiver)
+        if distance is None or known <= distance:
             continue
-        origin_m = float(np.linalg.norm(shown.matrix[:3, 3] - receiver)) * metres_per_unit
-        rate = None
-        if later is not None and interval_s > 0:
-            origin_later_m = later.origin_range_m.get((shown.name, shown.key))
-            if origin_later_m is not None:
-                rate = (origin_later_m - origin_m) / interval_s
-        materials = [
-            material.name
-            for material in slot_materials(shown.evaluated)
-            if material is not None and material.name != ABSORBER_NAME
-        ]
-        rms_height_m, correlation_length_m = roughness_of(shown.evaluated)
-        nearest[shown.name] = (
-            distance,
-            contract.ObjectRecord(
-                name=shown.name,
-                nearest_range_m=distance * metres_per_unit,
-                origin_range_m=origin_m,
-                range_rate_mps=rate,
-                materials=materials,
-                collections=collections_of(shown.evaluated.original),
-                rms_height_m=rms_height_m,
-                correlation_length_m=correlation_length_m,
-            ),
-        )
+        origin_m = _origin_range(one, receiver) * metres_per_unit
+        origin_later_m = None if later is None else later.get((one.label, one.key))
+        rate_mps = None
+        if origin_later_m is not None and interval_s > 0:
+            rate_mps = (origin_later_m - origin_m) / interval_s
+        record = _object_record(one, distance * metres_per_unit, origin_m, rate_mps)
+        nearest[one.label] = (distance, record)
     return [record for _, (_, record) in sorted(nearest.items())]
 
 
+def _object_record(
+    one: EvaluatedObject, nearest_m: float, origin_m: float, rate_mps: float | None
+) -> contract.ObjectRecord:
+    rms_height_m, correlation_length_m = roughness_of(one.evaluated)
+    return contract.ObjectRecord(
+        name=one.label,
+        nearest_range_m=nearest_m,
+        origin_range_m=origin_m,
+        range_rate_mps=rate_mps,
+        materials=[
+            material.name
+            for material in slot_materials(one.evaluated)
+            if material is not None and material.name != ABSORBER_NAME
+        ],
+        collections=collections_of(one.original),
+        rms_height_m=rms_height_m,
+        correlation_length_m=correlation_length_m,
+    )
+
+
+def _origin_range(one: EvaluatedObject, receiver: Real) -> float:
+    return float(np.linalg.norm(one.matrix[:3, 3] - receiver))
+
+
 def collections_of(item: Any) -> list[str]:
-    """Names of the collections that hold an object, their parents included, sorted."""
+    """Return the names of the collections of an object and of their parents, sorted."""
     held = set(item.users_collection)
     while True:
         parents = {
@@ -204,38 +225,28 @@ def collections_of(item: Any) -> list[str]:
     return sorted(held_by.name for held_by in held if held_by.name in bpy.data.collections)
 
 
-def _surface_distance(shown: _EvaluatedObject, point: Real) -> float | None:
-    """Least distance of a point from the evaluated surface, Blender units; None without faces."""
-    mesh = shown.evaluated.to_mesh()
-    if mesh is None:
+def _surface_distance(one: EvaluatedObject, point: Real) -> float | None:
+    """Return the distance of a point from the surface, Blender units; None without faces."""
+    with evaluated_mesh(one.evaluated) as mesh:
+        if mesh is None:
+            return None
+        vertices, triangles = read_triangles(mesh)
+    if not len(triangles):
         return None
-    try:
-        vertices, triangles = _mesh_arrays(mesh)
-    finally:
-        shown.evaluated.to_mesh_clear()
-    if len(triangles) == 0:
-        return None
-    world = vertices @ shown.matrix[:3, :3].T + (shown.matrix[:3, 3] - point)
+    world = vertices.astype(np.float64) @ one.matrix[:3, :3].T + (one.matrix[:3, 3] - point)
     return nearest_distance(world, triangles)
 
 
-def _mesh_arrays(mesh: Any) -> tuple[Real, NDArray[np.int32]]:
-    mesh.calc_loop_triangles()
-    vertices = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-    mesh.vertices.foreach_get("co", vertices)
-    triangles = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
-    mesh.loop_triangles.foreach_get("vertices", triangles)
-    return vertices.astype(np.float64).reshape(-1, 3), triangles.reshape(-1, 3)
-
-
-# -- what the scene is, for the fingerprint --------------------------------------------------------
+# -- fingerprint -----------------------------------------------------------------------------------
 
 
 def file_digest(just_opened: bool = False) -> str | None:
-    """Hash of the saved .blend and its libraries; None where there are unsaved changes.
+    """Return a hash of the saved .blend and its libraries; None if there are unsaved changes.
 
-    `just_opened` is for callers that know there are none: as a module, Blender up to 5.0 calls
-    every file changed.
+    Parameters
+    ----------
+    just_opened
+        There are no unsaved changes. Blender up to 5.0, as a module, reports each file as changed.
     """
     if not bpy.data.filepath or (bpy.data.is_dirty and not just_opened):
         return None
@@ -251,7 +262,7 @@ def file_digest(just_opened: bool = False) -> str | None:
 
 
 def animation_digest() -> str:
-    """Hash of all key frames in the file."""
+    """Return a hash of all keyframes in the file."""
     digest = hashlib.sha256()
     for item in bpy.data.objects:
         for curve in animation_curves(item.animation_data):
@@ -262,38 +273,36 @@ def animation_digest() -> str:
     return "keys:" + digest.hexdigest()
 
 
-def geometry_digest(depsgraph: Any, rig: Any) -> str:
-    """Hash of what is seen at the depsgraph's time: geometry, places, materials, antennas."""
+def geometry_digest(depsgraph: Any, rig: Rig) -> str:
+    """Return a hash of geometry, poses, materials and antennas at the depsgraph's time."""
     digest = hashlib.sha256()
     for item in (rig.camera, rig.emitter):
         evaluated = item.evaluated_get(depsgraph)
         digest.update(np.array(evaluated.matrix_world).tobytes())
-    camera, lamp = rig.camera.data, rig.emitter.data
+    camera, light = rig.camera.data, rig.emitter.data
     digest.update(
         repr((camera.lens, camera.sensor_fit, camera.sensor_width, camera.sensor_height)).encode()
     )
-    digest.update(repr((camera.shift_x, camera.shift_y, lamp.energy)).encode())
+    digest.update(repr((camera.shift_x, camera.shift_y, light.energy)).encode())
     hashed: dict[int, bytes] = {}
-    for shown in _shown_surfaces(depsgraph):
-        digest.update(repr((shown.name, shown.key)).encode() + shown.matrix.tobytes())
-        pointer = shown.evaluated.data.as_pointer()
+    for one in _rendered_surfaces(depsgraph):
+        # Only the numbers of the instance: the label already has the instancer.
+        digest.update(repr((one.label, one.key[1:])).encode() + one.matrix.tobytes())
+        pointer = one.evaluated.data.as_pointer()
         if pointer not in hashed:
-            hashed[pointer] = _mesh_digest(shown.evaluated)
+            hashed[pointer] = _mesh_digest(one.evaluated)
         digest.update(hashed[pointer])
-        for material in slot_materials(shown.evaluated):
+        for material in slot_materials(one.evaluated):
             digest.update(_material_text(material).encode())
     return "scene:" + digest.hexdigest()
 
 
 def _mesh_digest(evaluated: Any) -> bytes:
-    mesh = evaluated.to_mesh()
-    if mesh is None:
-        return b""
-    try:
-        vertices, triangles = _mesh_arrays(mesh)
-    finally:
-        evaluated.to_mesh_clear()
-    return hashlib.sha256(vertices.tobytes() + triangles.tobytes()).digest()
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None:
+            return b""
+        vertices, triangles = read_triangles(mesh)
+    return hashlib.sha256(vertices.astype(np.float64).tobytes() + triangles.tobytes()).digest()
 
 
 def _material_text(material: Any) -> str:
@@ -303,7 +312,7 @@ def _material_text(material: Any) -> str:
 
 
 def _tree_text(tree: Any) -> list[str]:
-    """Values and links of a node tree, and of the groups in it that are not ours."""
+    """Return the values and links of a node tree, and of groups that radarsim did not make."""
     parts = []
     for node in tree.nodes:
         inner = getattr(node, "node_tree", None)

@@ -1,23 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene shows at one moment: objects and instances, with their poses and boxes."""
+"""Poses and boxes of the objects and instances of a scene at one moment."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ...array_types import Real
-
-#: Numbers of an instance that tell it from others of the same object; empty for the object itself.
-Key = tuple[Any, ...]
+from ..state import Key, evaluated_objects
 
 
 @dataclass(frozen=True)
 class InstancePose:
-    """One object or instance: its pose (4, 4) in metres, and its box (2, 3) in its own axes [m]."""
+    """Pose (4, 4) of an object or instance in metres, and its box (2, 3) in its own axes [m]."""
 
     pose: Real
     box: Real
@@ -25,56 +23,104 @@ class InstancePose:
 
 @dataclass(frozen=True)
 class Poses:
-    """What is shown, by name and instance, in metres."""
+    """Poses of objects and instances at one moment, by name of the object.
+
+    objects
+        Poses by instance.
+    rendered
+        Original objects that are not hidden from renders.
+    """
 
     objects: Mapping[str, Mapping[Key, InstancePose]]
+    rendered: Mapping[str, Any] = field(default_factory=dict)
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
-    """Blender's matrix with the translation in metres, (4, 4)."""
+    """Return a matrix of Blender with its translation in metres.
+
+    Parameters
+    ----------
+    matrix : mathutils.Matrix
+        4x4, Blender units.
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (4, 4), float64.
+    """
     pose = np.array(matrix, dtype=np.float64)
     pose[:3, 3] *= metres_per_unit
     return pose
 
 
-def instance_key(item: Any) -> Key:
-    """What tells an instance from others of its object.
+def instance_name(key: Key) -> str:
+    """Return a key as text.
 
     Parameters
     ----------
-    item : bpy.types.DepsgraphObjectInstance
+    key
+        Key of an instance.
+
+    Returns
+    -------
+    str
+        The instancer and Blender's numbers, with slashes between; empty for the object itself.
     """
-    if not item.is_instance:
-        return ()
-    return (item.parent.original.name, *item.persistent_id)
-
-
-def instance_name(key: Key) -> str:
-    """A key as text: the instancer, and the numbers that Blender uses."""
-    # 2^31 - 1 fills what is not used
+    # Blender fills unused numbers with 2^31 - 1.
     return "/".join(str(part) for part in key if part != 2**31 - 1)
 
 
 def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
-    """Poses at the depsgraph's time."""
+    """Return the poses of all surfaces at the time of a depsgraph.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    Poses
+        Poses and boxes in metres.
+    """
     objects: dict[str, dict[Key, InstancePose]] = {}
-    for item in depsgraph.object_instances:
-        evaluated = item.object
-        if evaluated.type in {"CAMERA", "LIGHT", "EMPTY"}:
-            continue
-        corners = np.array([tuple(corner) for corner in evaluated.bound_box])
-        box = np.stack([corners.min(axis=0), corners.max(axis=0)]) * metres_per_unit
-        shown = InstancePose(pose_in_metres(item.matrix_world, metres_per_unit), box)
-        objects.setdefault(evaluated.original.name, {})[instance_key(item)] = shown
-    return Poses(objects)
+    rendered: dict[str, Any] = {}
+    for one in evaluated_objects(depsgraph):
+        name = one.original.name
+        if not one.original.hide_render:
+            rendered[name] = one.original
+        if one.evaluated.type not in {"CAMERA", "LIGHT", "EMPTY"}:
+            box = np.stack([one.box.min(axis=0), one.box.max(axis=0)]) * metres_per_unit
+            pose = pose_in_metres(one.matrix_world, metres_per_unit)
+            objects.setdefault(name, {})[one.key] = InstancePose(pose, box)
+    return Poses(objects, rendered)
 
 
-def beside_box(shown: InstancePose, points: Real) -> tuple[Real, Real]:
-    """Points in the object's own axes, and in world lengths how far outside its box they lie."""
+def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]:
+    """Return where points lie relative to the box of an instance.
+
+    Parameters
+    ----------
+    instance
+        Pose and box.
+    points
+        Shape (n, 3), world axes [m].
+
+    Returns
+    -------
+    local : numpy.ndarray
+        Points in the object's own axes, shape (n, 3) [m].
+    outside : numpy.ndarray
+        Vectors from the box to the points, world lengths, shape (n, 3) [m]. 0 inside the box.
+    """
     try:
-        inverse = np.linalg.inv(shown.pose)
-    except np.linalg.LinAlgError:  # scaled to nothing: nothing lies on it
+        inverse = np.linalg.inv(instance.pose)
+    except np.linalg.LinAlgError:  # the scale is 0, so no point lies on the object
         return np.zeros_like(points), np.full_like(points, np.inf)
     local = points @ inverse[:3, :3].T + inverse[:3, 3]
-    outside = np.maximum(np.maximum(shown.box[0] - local, local - shown.box[1]), 0.0)
-    return local, outside @ shown.pose[:3, :3].T
+    outside = np.maximum(np.maximum(instance.box[0] - local, local - instance.box[1]), 0.0)
+    return local, outside @ instance.pose[:3, :3].T

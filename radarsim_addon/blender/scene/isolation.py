@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keeps out of a measurement what does not carry the range code: other lamps, other materials.
+"""Remove from a measurement what does not encode the range: other lights, other materials.
 
-Light of another lamp has no code at the emitter, light reflected by another material none at that
-surface: both would read as wrong ranges. Other lamps are hidden; objects without Radar Material
-absorb, so they still cast a radar shadow but give no echo. Everything goes through a
-`SettingsRestorer`.
+Light of another source is not encoded at the transmitter, and light from another material is not
+encoded at that surface, so both would have wrong ranges. radarsim hides other lights. Objects
+without a Radar Material absorb, so they cast a radar shadow but return no echo. A
+`SettingsRestorer` takes all changes back.
 """
 
 from __future__ import annotations
@@ -20,6 +20,11 @@ from ..state import SettingsRestorer
 
 #: Object types that Cycles renders and that have no radar model.
 UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
+_SCATTERING_NODES = {
+    "ShaderNodeSubsurfaceScattering",
+    "ShaderNodeVolumePrincipled",
+    "ShaderNodeVolumeScatter",
+}
 ABSORBER_NAME = "radarsim absorber (temporary)"
 _NAMES_SHOWN = 5
 
@@ -27,27 +32,37 @@ _NAMES_SHOWN = 5
 def isolate(
     recorder: SettingsRestorer, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
 ) -> list[str]:
-    """Leave one lamp in the measurement, and the Radar Materials or, if asked, all materials.
+    """Hide other lights than the transmitter, and what cannot echo.
 
-    With `any_material` a world volume carries the code: surfaces of any kind echo, and only what
-    scatters inside a volume is left out (its paths have no vertex on a surface).
+    Parameters
+    ----------
+    recorder
+        Records the changes.
+    scene : bpy.types.Scene
+    emitter : bpy.types.Object
+        Transmitter.
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    any_material
+        A world volume encodes the range, so surfaces of all materials echo. Only volumes are
+        hidden, because their paths have no vertex on a surface.
 
     Returns
     -------
     list of str
         Warnings about objects that give no echo.
     """
-    _hide_other_lamps(recorder, emitter)
+    _hide_other_lights(recorder, emitter)
     if any_material:
         return _isolate_any_material(recorder, scene)
-    worn = assigned_materials(depsgraph)
-    silent = [one.item.name for one in worn if _is_silent(one)]
+    assigned = assigned_materials(depsgraph)
+    silent = [one.item.name for one in assigned if _is_silent(one)]
     rendered = _rendered(scene)
     unsupported = [
         item.name for item in rendered if item.type in UNSUPPORTED_TYPES and not item.hide_render
     ]
     _absorb_other_materials(recorder)
-    _absorb_bare_objects(recorder, worn)
+    _absorb_bare_objects(recorder, assigned)
     for item in rendered:
         if item.type in UNSUPPORTED_TYPES:
             _hide(recorder, item)
@@ -81,7 +96,7 @@ def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[str]:
     for material in bpy.data.materials:
         if material.is_grease_pencil or material.node_tree is None:
             continue
-        # Emissive surfaces are sampled like lamps and would take samples from ours.
+        # Cycles samples emissive surfaces like lights, with samples of the transmitter.
         recorder.set(material.cycles, "emission_sampling", "NONE")
         if not is_radar_material(material) and _scatters_inside(material):
             scattering.append(material.name)
@@ -100,10 +115,14 @@ def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[str]:
 
 
 def _is_fog(material: Any) -> bool:
-    """Whether a material has a volume and no surface."""
+    """Return whether a material has a volume and no surface."""
     if material is None or material.node_tree is None:
         return False
-    output = material.node_tree.get_output_node("CYCLES")
+    return _has_volume_only(material.node_tree.get_output_node("CYCLES"))
+
+
+def _has_volume_only(output: Any) -> bool:
+    """Return whether a material output, or None, has a volume and no surface."""
     return output is not None and (
         output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
     )
@@ -111,9 +130,7 @@ def _is_fog(material: Any) -> bool:
 
 def _scatters_inside(material: Any) -> bool:
     for node in material.node_tree.nodes:
-        if node.bl_idname in {"ShaderNodeSubsurfaceScattering", "ShaderNodeVolumeScatter"}:
-            return True
-        if node.bl_idname == "ShaderNodeVolumePrincipled":
+        if node.bl_idname in _SCATTERING_NODES:
             return True
         weight = node.inputs.get("Subsurface Weight")
         if weight is not None and (weight.is_linked or weight.default_value > 0):
@@ -122,7 +139,12 @@ def _scatters_inside(material: Any) -> bool:
 
 
 def echoes(item: Any) -> bool:
-    """Whether an object can echo: a Radar Material in a slot, or one set by geometry nodes."""
+    """Return whether an object can echo: a Radar Material in a slot, or from Geometry Nodes.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+    """
     if item.type not in SURFACE_TYPES:
         return False
     if any(is_radar_material(material) for material in slot_materials(item)):
@@ -130,12 +152,12 @@ def echoes(item: Any) -> bool:
     return any(modifier.type == "NODES" for modifier in item.modifiers)
 
 
-def _is_silent(worn: MaterialAssignment) -> bool:
-    return not any(is_radar_material(material) for material in worn.materials)
+def _is_silent(assigned: MaterialAssignment) -> bool:
+    return not any(is_radar_material(material) for material in assigned.materials)
 
 
 def _rendered(scene: Any) -> list[Any]:
-    """Objects of a scene, and of the collections that it instances."""
+    """Return the objects of a scene and of the collections that it instances."""
     found: dict[Any, None] = {}
     waiting = list(scene.objects)
     while waiting:
@@ -154,9 +176,9 @@ def _names(names: list[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _hide_other_lamps(recorder: SettingsRestorer, emitter: Any) -> None:
-    # Any other lamp takes samples from ours, however weak it is; lamps inside instanced
-    # collections are not among scene.objects, so all lamps of the file are asked.
+def _hide_other_lights(recorder: SettingsRestorer, emitter: Any) -> None:
+    # Even a weak light takes samples of the transmitter. scene.objects does not contain the lights
+    # of instanced collections, so this checks all objects of the file.
     for item in bpy.data.objects:
         if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
             _hide(recorder, item)
@@ -169,14 +191,14 @@ def _hide(recorder: SettingsRestorer, item: Any) -> None:
 
 
 def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> None:
-    """Keep animation from overriding a setting at the next frame."""
+    """Prevent animation from changing a setting at the next frame."""
     for curve in animation_curves(item.animation_data):
         if curve.data_path == data_path:
             recorder.set(curve, "mute", True)
 
 
 def animation_curves(animation: Any) -> Iterator[Any]:
-    """F-curves and drivers of a data-block: layered actions (4.4 and later) and older ones."""
+    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones."""
     if animation is None:
         return
     yield from animation.drivers
@@ -204,33 +226,34 @@ def _absorb_other_materials(recorder: SettingsRestorer) -> None:
 
 
 def _absorb(recorder: SettingsRestorer, material: Any) -> None:
-    """Give a material a second output that absorbs, and make it the active one."""
+    """Add an active output to a material that absorbs."""
     nodes = material.node_tree.nodes
     outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
-    active = material.node_tree.get_output_node("CYCLES")
-    volume_only = active is not None and (
-        active.inputs["Volume"].is_linked and not active.inputs["Surface"].is_linked
-    )
+    volume_only = _has_volume_only(material.node_tree.get_output_node("CYCLES"))
     output = nodes.new("ShaderNodeOutputMaterial")
     output.name = ABSORBER_NAME
     added = [output]
     recorder.on_restore(material.name, lambda: _remove(nodes, added))
     if volume_only:
-        # Fog has no surface; without its volume nothing of it may remain.
+        # Fog has no surface, so without its volume nothing remains.
         clear = nodes.new("ShaderNodeBsdfTransparent")
         added.append(clear)
         material.node_tree.links.new(clear.outputs[0], output.inputs["Surface"])
     else:
-        # An unconnected output would do, but versions differ in what it shades.
-        black = nodes.new("ShaderNodeEmission")
-        black.inputs["Strength"].default_value = 0.0
-        added.append(black)
-        material.node_tree.links.new(black.outputs[0], output.inputs["Surface"])
+        added.append(_link_black(material.node_tree, output))
     for other in outputs:
         recorder.set(other, "is_active_output", False)
     output.is_active_output = True
-    # Meshes that emit are sampled like lamps.
+    # Cycles samples emissive meshes like lights.
     recorder.set(material.cycles, "emission_sampling", "NONE")
+
+
+def _link_black(tree: Any, output: Any) -> Any:
+    """Connect a black surface; an unconnected output differs between Blender versions."""
+    black = tree.nodes.new("ShaderNodeEmission")
+    black.inputs["Strength"].default_value = 0.0
+    tree.links.new(black.outputs[0], output.inputs["Surface"])
+    return black
 
 
 def _remove(nodes: Any, added: list[Any]) -> None:
@@ -238,11 +261,11 @@ def _remove(nodes: Any, added: list[Any]) -> None:
         nodes.remove(node)
 
 
-def _absorb_bare_objects(recorder: SettingsRestorer, worn: list[MaterialAssignment]) -> None:
-    """Objects without any material get Blender's grey default, which carries no code."""
+def _absorb_bare_objects(recorder: SettingsRestorer, assigned: list[MaterialAssignment]) -> None:
+    """Make objects without a material absorb; Blender's grey default does not encode the range."""
     bare = [
         one.item.data
-        for one in worn
+        for one in assigned
         if not any(one.materials)
         and not any(modifier.type == "NODES" for modifier in one.item.modifiers)
     ]
@@ -254,13 +277,11 @@ def _absorb_bare_objects(recorder: SettingsRestorer, worn: list[MaterialAssignme
         absorber.use_nodes = True
     tree = absorber.node_tree
     tree.nodes.clear()
-    black = tree.nodes.new("ShaderNodeEmission")
-    black.inputs["Strength"].default_value = 0.0
-    tree.links.new(black.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    _link_black(tree, tree.nodes.new("ShaderNodeOutputMaterial"))
     for data in dict.fromkeys(bare):
         if len(data.materials) == 0:
             data.materials.append(absorber)
-            # pop() would leave the object with an empty slot.
+            # pop() would leave an empty slot on the object.
             recorder.on_restore(data.name, data.materials.clear)
         else:
             for index in range(len(data.materials)):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes that make Cycles lose count of which objects a ray is in, found before rendering.
+"""Find meshes for which Cycles would lose track of the objects that contain a ray.
 
-Cycles keeps a stack of the volumes that a ray has entered. It goes wrong without a word where an
-object with an interior is open or has faces turned around, where faces of two objects coincide
-exactly (touching cubes, a box that stands on a plane), and where more than 31 are nested.
+Cycles keeps a stack of the volumes that a ray has entered. It is wrong, without a message, for an
+object with an interior that is open or has flipped faces, for faces of two objects that coincide
+exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ..nodes.group_search import group_node
+from ..state import evaluated_objects, read_numbers
 
-Whole = NDArray[Any]
-
-#: Most volumes that Cycles keeps track of along a ray.
+#: Maximum number of volumes that Cycles tracks along a ray.
 MOST_NESTED = 31
-#: Faces nearer than this share of the scene's size coincide; a gap of ten times as much is none.
+#: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
+#: distance is sufficient.
 _COINCIDENT = 2e-7
 #: Names in one message.
 _NAMES_SHOWN = 5
-#: Faces of one object in one plane that are compared one by one with those of another.
+#: Maximum number of faces of one object in one plane that are compared with another object.
 _MOST_FACES = 4000
-#: Objects with an interior whose nesting is looked at.
+#: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
 
 
@@ -35,9 +35,14 @@ _MOST_BOXES = 4000
 class Faces:
     """Faces of one object or instance in world space.
 
-    name, entered: whose they are, and whether it has an interior. normal (n, 3), offset (n,): the
-    face's plane n.x = offset. low, high (n, 3): box of each face. defect: what is wrong with the
-    mesh itself, or nothing.
+    name, entered
+        The object, and whether it has an interior.
+    normal, offset
+        Plane of each face, normal.x = offset, shapes (n, 3) and (n,).
+    low, high
+        Box of each face, shape (n, 3).
+    defect
+        Defect of the mesh as `mesh_defect` returns it, or "inside out".
     """
 
     name: str
@@ -58,13 +63,12 @@ def check_meshes(depsgraph: Any) -> list[str]:
         Up to date.
     """
     found: list[Faces] = []
-    for instance in depsgraph.object_instances:
-        item = instance.object
+    for one in evaluated_objects(depsgraph):
+        item = one.evaluated
         if item.type != "MESH" or item.hide_render:
             continue
-        matrix = np.array(instance.matrix_world, dtype=np.float64)
-        name = item.name if not instance.is_instance else f"{item.name} (instance)"
-        faces = _faces(item.data, matrix, name, has_interior(item))
+        name = item.name if one.instancer is None else f"{item.name} (instance)"
+        faces = _faces(item.data, one.matrix, name, has_interior(item))
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
@@ -73,7 +77,7 @@ def check_meshes(depsgraph: Any) -> list[str]:
 
 
 def has_interior(item: Any) -> bool:
-    """Whether an object's material has a volume that Cycles keeps on its stack."""
+    """Return whether an object's material has a volume, which Cycles keeps on its stack."""
     for slot in item.material_slots:
         if slot.material is None or slot.material.node_tree is None:
             continue
@@ -89,20 +93,16 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
     count, corners = len(mesh.polygons), len(mesh.loops)
     if not count:
         return None
-    points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-    mesh.vertices.foreach_get("co", points)
-    start = np.empty(count, dtype=np.int32)
-    mesh.polygons.foreach_get("loop_start", start)
-    corner = np.empty(corners, dtype=np.int32)
-    mesh.loops.foreach_get("vertex_index", corner)
-    local = np.empty(count * 3, dtype=np.float32)
-    mesh.polygons.foreach_get("normal", local)
+    points = read_numbers(mesh.vertices, "co", 3)
+    start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
+    corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
+    local = read_numbers(mesh.polygons, "normal", 3)
     linear = matrix[:3, :3]
-    world = points.reshape(-1, 3).astype(np.float64) @ linear.T + matrix[:3, 3]
+    world = points.astype(np.float64) @ linear.T + matrix[:3, 3]
     determinant = float(np.linalg.det(linear))
     if determinant == 0:
         return None
-    normal = local.reshape(-1, 3).astype(np.float64) @ np.linalg.inv(linear)
+    normal = local.astype(np.float64) @ np.linalg.inv(linear)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     at_corner = world[corner]
     low = np.minimum.reduceat(at_corner, start, axis=0)
@@ -121,14 +121,14 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
 
 
 def mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
-    """What keeps a mesh from enclosing a volume: "open", "flipped" or nothing.
+    """Return why a mesh does not enclose a volume: "open", "flipped" or "" if it does.
 
     Parameters
     ----------
     corner, following
-        Vertices at the two ends of every face's every edge, in the face's direction.
+        Vertices at both ends of each edge of each face, in the direction of the face.
     flat
-        The mesh lies in one plane: a half-space, which need not be closed.
+        The mesh is in one plane: it bounds a half-space and need not be closed.
     """
     size = int(max(corner.max(), following.max())) + 1
     directed = corner.astype(np.int64) * size + following
@@ -139,16 +139,16 @@ def mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: b
         return "flipped"
     if flat:
         return ""
-    # Closed and consistent: every edge is passed once in each direction.
+    # A closed and consistent mesh has each edge once in each direction.
     return "" if np.array_equal(directed, opposite) else "open"
 
 
-def _inside_out(at_corner: Real, start: Whole, normal: Real, mirrored: bool) -> str:
-    """ "inside out" where the normals of a closed mesh point inwards: its volume is negative."""
+def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -> str:
+    """Return "inside out" if the normals of a closed mesh point inwards: its volume is negative."""
     centre = at_corner.mean(axis=0)
     end = np.append(start[1:], len(at_corner))
     volume = 0.0
-    # Fan of triangles around each face's first corner, all faces of a size at once.
+    # A fan of triangles around the first corner of each face; faces of equal size together.
     for sides in np.unique(end - start):
         first = start[end - start == sides]
         origin = at_corner[first] - centre
@@ -193,7 +193,7 @@ def coincident_faces(found: list[Faces]) -> list[str]:
     normal, offset = normal * sign[:, None], offset * sign
     entered = np.array([item.entered for item in found])
     pairs: set[tuple[int, int]] = set()
-    # Two grids half a cell apart: values on either side of a border share a cell in one of them.
+    # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
     for shift in (0.0, 0.5):
         key = np.column_stack(
             [np.round(normal * 1e4), np.floor(offset / (20 * tolerance) + shift)]
@@ -202,7 +202,7 @@ def coincident_faces(found: list[Faces]) -> list[str]:
         edges = np.flatnonzero(np.any(np.diff(key[order], axis=0) != 0, axis=1)) + 1
         begin, end = np.append(0, edges), np.append(edges, len(order))
         owners = owner[order]
-        # A plane of one owner alone is none of two.
+        # Only planes with two owners can coincide.
         least = np.minimum.reduceat(owners, begin)
         most = np.maximum.reduceat(owners, begin)
         for group in np.flatnonzero(least != most):
@@ -225,8 +225,8 @@ def coincident_faces(found: list[Faces]) -> list[str]:
 
 
 def _pairs_in_plane(
-    members: Whole,
-    owner: Whole,
+    members: Indices,
+    owner: Indices,
     offset: Real,
     found: list[Faces],
     entered: NDArray[np.bool_],
@@ -247,7 +247,7 @@ def _pairs_in_plane(
                 others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
             low = np.maximum(one.low[mine - first[a]][:, None], two.low[others - first[b]][None])
             high = np.minimum(one.high[mine - first[a]][:, None], two.high[others - first[b]][None])
-            # Overlap along two directions at least: faces that merely touch at an edge do not.
+            # Overlap along at least two directions: faces that touch at an edge do not coincide.
             wide = (high - low > 100 * tolerance).sum(axis=-1) >= 2
             apart = np.any(high - low < -tolerance, axis=-1)
             near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
@@ -262,7 +262,7 @@ def nested_too_deep(found: list[Faces]) -> list[str]:
         return []
     low = np.array([item.low.min(axis=0) for item in boxes])
     high = np.array([item.high.max(axis=0) for item in boxes])
-    # The deepest common point is at a corner of lower sides; centres find nests of any kind.
+    # A deepest common point is at a corner of lower sides; centres find all kinds of nesting.
     for points in (low, (low + high) / 2):
         inside = [int(np.all((low <= p) & (p <= high), axis=1).sum()) for p in points]
         if max(inside) > MOST_NESTED:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Least distance of the origin from a triangle mesh, in float64. Pure numpy."""
+"""Distance of the origin from a triangle mesh, in float64. Uses numpy only."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 
-#: Triangles handled at once, so that memory stays small for any mesh.
+#: Number of triangles per block, to limit memory.
 _BLOCK = 1 << 17
 
 
 def nearest_distance(vertices: Real, triangles: NDArray[np.int32]) -> float:
-    """Least distance of the origin from a mesh.
+    """Return the distance of the origin from a mesh.
+
+    Blender's BVH computes in float32, which has an error of 0.5 mm at 10 km.
 
     Parameters
     ----------
@@ -25,8 +27,7 @@ def nearest_distance(vertices: Real, triangles: NDArray[np.int32]) -> float:
     Returns
     -------
     float
-        In the unit of the vertices. (A BVH of Blender would answer in float32, which at
-        10 km is worth half a millimetre.)
+        In the unit of the vertices.
     """
     best = np.inf
     for start in range(0, len(triangles), _BLOCK):
@@ -36,11 +37,14 @@ def nearest_distance(vertices: Real, triangles: NDArray[np.int32]) -> float:
 
 
 def _triangle_distances(a: Real, b: Real, c: Real) -> Real:
-    """Distance of the origin from each triangle, shape (m,): its plane where the foot is inside,
-    else the nearest of its three edges."""
+    """Return the distance of the origin from each triangle, shape (m,).
+
+    It is the distance from the plane if the projection of the origin is inside the triangle, else
+    that from the nearest edge.
+    """
     normal = np.cross(b - a, c - a)
     area2 = np.einsum("ij,ij->i", normal, normal)
-    # Foot of the perpendicular is a + t; inside when it is left of all three edges.
+    # The projection of the origin is `foot`. It is inside if it is left of all three edges.
     with np.errstate(divide="ignore", invalid="ignore"):
         height = np.einsum("ij,ij->i", a, normal) / np.sqrt(area2)
         foot = normal * (np.einsum("ij,ij->i", a, normal) / area2)[:, None]
@@ -48,9 +52,7 @@ def _triangle_distances(a: Real, b: Real, c: Real) -> Real:
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.einsum("ij,ij->i", np.cross(end - start, foot - start), normal)
         inside &= side >= 0
-    edges = np.minimum(
-        np.minimum(_segment_distances(a, b), _segment_distances(b, c)), _segment_distances(c, a)
-    )
+    edges = np.minimum.reduce([_segment_distances(*ends) for ends in ((a, b), (b, c), (c, a))])
     return np.where(inside, np.abs(height), edges)
 
 
@@ -58,6 +60,6 @@ def _segment_distances(start: Real, end: Real) -> Real:
     along = end - start
     length2 = np.einsum("ij,ij->i", along, along)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = -np.einsum("ij,ij->i", start, along) / length2
-    share = np.clip(np.where(length2 > 0, share, 0.0), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(start + share[:, None] * along, axis=1))
+        fraction = -np.einsum("ij,ij->i", start, along) / length2
+    fraction = np.clip(np.where(length2 > 0, fraction, 0.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + fraction[:, None] * along, axis=1))

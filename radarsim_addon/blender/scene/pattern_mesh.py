@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Antenna patterns as wire surfaces in the scene: seen in the viewport, never by the radar."""
+"""Antenna patterns as wire surfaces in the scene, visible in the viewport only."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ...physics.antennas import Antenna
 from ...signal.radar import RadarSystem, peak_direction
 from .rig import Rig
 
-#: Marks our objects; its value is "transmit" or "receive".
+#: Marks the pattern objects; its value is "transmit" or "receive".
 PATTERN_PROPERTY = "radarsim_pattern"
 NAMES = {"transmit": "Radar Transmit Pattern", "receive": "Radar Receive Pattern"}
-#: Gain below the peak by this is at the centre [dB].
+#: A gain this far below the peak is at the centre [dB].
 DYNAMICS_DB = 40.0
 _RINGS, _SPOKES = 96, 72
 
@@ -26,9 +26,23 @@ _RINGS, _SPOKES = 96, 72
 def pattern_surface(
     antenna: Antenna, dynamics_db: float = DYNAMICS_DB
 ) -> tuple[Real, NDArray[np.int64]]:
-    """Vertices (n, 3) and quadrilaterals (m, 4): radius 1 at the peak, 0 at `dynamics_db` below.
+    """Return the surface of a pattern in the antenna's own axes.
 
-    Rings about the direction of the peak, densest there, in the antenna's own frame.
+    Vertices lie on rings around the direction of the peak, with the smallest steps there.
+
+    Parameters
+    ----------
+    antenna
+        Antenna.
+    dynamics_db
+        Difference of gain between radius 1, the peak, and radius 0 [dB].
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Shape (n, 3).
+    faces : numpy.ndarray
+        Vertex indices of quadrilaterals, shape (m, 4).
     """
     axis = peak_direction(antenna)
     side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
@@ -57,12 +71,12 @@ def pattern_surface(
 
 
 def pattern_objects() -> list[Any]:
-    """The pattern objects of the file."""
+    """Return the pattern objects of the file."""
     return [item for item in bpy.data.objects if PATTERN_PROPERTY in item]
 
 
 def remove_patterns() -> int:
-    """Remove the pattern objects and their meshes; returns how many there were."""
+    """Remove the pattern objects and their meshes; return their number."""
     found = pattern_objects()
     for item in found:
         mesh = item.data
@@ -79,13 +93,13 @@ def draw_patterns(
     size: float,
     which: Iterable[str] = ("transmit", "receive"),
 ) -> list[Any]:
-    """Draw antenna patterns on their antennas, in place of those that were drawn before.
+    """Draw antenna patterns on their antennas, and remove earlier ones.
 
     Parameters
     ----------
     scene : bpy.types.Scene
     rig
-        Receiver and emitter, to which they are parented.
+        Receiver and transmitter, the parents of the patterns.
     system
         Antennas.
     size
@@ -96,7 +110,7 @@ def draw_patterns(
     Returns
     -------
     list of bpy.types.Object
-        Wire surfaces, hidden from renders and not selectable.
+        Wire surfaces that are hidden from renders and not selectable.
     """
     remove_patterns()
     made = []

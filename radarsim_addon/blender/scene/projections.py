@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Aiming a camera of any kind at a part of the field of view, and reading back what it sees.
+"""Aim a camera of any kind at a part of the field of view, and read back its edges.
 
 Edges are in the coordinates of `contract.ReceiverRecord`: tangents for a perspective camera, metres
 for an orthographic one, radians of longitude and latitude for an equirectangular one.
@@ -12,44 +12,68 @@ from typing import Any
 
 from ...errors import SceneError
 
-#: Blender's sensor width that is used for the views; any would do.
+#: Blender's sensor width for tiles. Its value has no effect.
 _SENSOR_MM = 32.0
 
+#: Left, right, bottom, top.
 Edges = tuple[float, float, float, float]
 
 
 def camera_kind(camera: Any) -> str:
-    """Kind of a camera as the records name it.
+    """Return the kind of a camera as records name it.
 
     Parameters
     ----------
     camera : bpy.types.Camera
 
+    Returns
+    -------
+    str
+        "perspective", "orthographic" or "equirectangular".
+
     Raises
     ------
     SceneError
-        A panorama of another projection than the equirectangular one, or a kind of its own.
+        A panorama that is not equirectangular, or a custom camera.
     """
     if camera.type == "PERSP":
         return "perspective"
     if camera.type == "ORTHO":
         return "orthographic"
-    if camera.type == "PANO" and _panorama(camera).panorama_type == "EQUIRECTANGULAR":
-        return "equirectangular"
     found = _panorama(camera).panorama_type if camera.type == "PANO" else camera.type
+    if found == "EQUIRECTANGULAR":
+        return "equirectangular"
     raise SceneError(
-        f"Camera {camera.name!r} projects as {found}; the receiver is perspective, orthographic or "
-        "an equirectangular panorama. Set Camera > Lens > Type."
+        f"Camera {camera.name!r} has the projection {found}. radarsim supports perspective, "
+        "orthographic and equirectangular cameras as receivers. Set Camera > Lens > Type."
     )
 
 
 def _panorama(camera: Any) -> Any:
-    """Where the panorama's settings are: on the camera from Blender 4.5 on, before in Cycles'."""
+    """Return the owner of the panorama's settings: the camera; up to Blender 4.4 Cycles."""
     return camera if hasattr(camera, "panorama_type") else camera.cycles
 
 
 def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
-    """Left, right, bottom and top edge of an orthographic or equirectangular camera's frame."""
+    """Return the edges of a camera's frame, from Blender's rules.
+
+    The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
+    The pixels, which are square, give the other dimension.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+        Camera of a kind that `camera_kind` accepts.
+    width_px, height_px
+        Size of the render.
+    metres_per_unit
+        Metres per Blender unit, for an orthographic camera.
+
+    Returns
+    -------
+    tuple of float
+        Left, right, bottom, top.
+    """
     if camera.type == "PANO":
         settings = _panorama(camera)
         across = float(settings.longitude_max) - float(settings.longitude_min)
@@ -62,11 +86,18 @@ def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: flo
             float(settings.latitude_max) + move_v,
         )
     fit = camera.sensor_fit
-    if fit == "AUTO":
-        fit = "HORIZONTAL" if width_px >= height_px else "VERTICAL"
-    size = float(camera.ortho_scale) * metres_per_unit
-    fitted_px = width_px if fit == "HORIZONTAL" else height_px
-    half_u, half_v = size / 2 * width_px / fitted_px, size / 2 * height_px / fitted_px
+    fits_width = width_px >= height_px if fit == "AUTO" else fit == "HORIZONTAL"
+    if camera.type == "ORTHO":
+        size = float(camera.ortho_scale) * metres_per_unit
+    else:  # AUTO uses the sensor's width for both dimensions
+        sensor = camera.sensor_height if fit == "VERTICAL" else camera.sensor_width
+        size = float(sensor) / float(camera.lens)
+    fitted_px = width_px if fits_width else height_px
+    return _shifted(camera, size, size / 2 * width_px / fitted_px, size / 2 * height_px / fitted_px)
+
+
+def _shifted(camera: Any, size: float, half_u: float, half_v: float) -> Edges:
+    """Return the edges of a frame; lens shift is in units of its fitted dimension."""
     move_u, move_v = float(camera.shift_x) * size, float(camera.shift_y) * size
     return move_u - half_u, move_u + half_u, move_v - half_v, move_v + half_v
 
@@ -74,28 +105,33 @@ def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: flo
 def aim(
     camera: Any, kind: str, edges: Edges, across_px: int, down_px: int, metres_per_unit: float
 ) -> Edges:
-    """Make a camera see these edges; returns the edges that its float32 settings really give.
+    """Set a camera to these edges.
 
     Parameters
     ----------
     camera : bpy.types.Camera
-        Camera of our own; its pixels are square but for the equirectangular kind.
+        A camera that radarsim made.
     kind
-        As `camera_kind` names it.
+        As `camera_kind` returns it. Pixels are square except for "equirectangular".
     edges
         Left, right, bottom, top.
     across_px, down_px
         Size of the render.
     metres_per_unit
-        Scale, for the orthographic kind.
+        Metres per Blender unit, for an orthographic camera.
+
+    Returns
+    -------
+    tuple of float
+        The edges that the float32 settings of the camera give.
     """
     left, right, bottom, top = edges
     if kind == "equirectangular":
         camera.type = "PANO"
         settings = _panorama(camera)
         settings.panorama_type = "EQUIRECTANGULAR"
-        # Latitudes end at the poles, and a grid may begin up to half a pixel beyond. The camera's
-        # shift does that; all of it would cost digits, as it is in units of the window.
+        # Blender limits latitudes to the poles, but a grid can begin up to half a pixel beyond. The
+        # camera's shift adds that part only: in units of the window it has fewer digits.
         beyond = max(top - math.pi / 2, 0.0) or min(bottom + math.pi / 2, 0.0)
         camera.shift_x, camera.shift_y = 0.0, beyond / (top - bottom)
         settings.longitude_min, settings.longitude_max = left, right
@@ -113,10 +149,8 @@ def aim(
     camera.sensor_width = _SENSOR_MM
     camera.lens = _SENSOR_MM / width
     size = float(camera.sensor_width) / float(camera.lens)
-    half_u, half_v = size / 2, size / 2 * down_px / across_px
-    move_u, move_v = float(camera.shift_x) * size, float(camera.shift_y) * size
-    return move_u - half_u, move_u + half_u, move_v - half_v, move_v + half_v
+    return _shifted(camera, size, size / 2, size / 2 * down_px / across_px)
 
 
-#: Least near clip plane that Blender takes, in Blender units; it shortens each first segment.
+#: Smallest near clip distance of Blender [Blender units]. It shortens the first segment of a path.
 NEAR_CLIP_UNITS = 1e-6

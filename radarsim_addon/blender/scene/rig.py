@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar in the scene: a camera that receives and a point lamp that transmits, on one empty."""
+"""The radar in the scene: a camera that receives and a Point light that transmits, on an empty."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from ..nodes.groups import KIND_PROPERTY
 from .finite_checks import check_pose
 
 RIG_NAME = "Radar"
+#: Scene property: the radar that measures.
+ACTIVE_RADAR_PROPERTY = "radarsim_rig"
 RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
-#: EIRP of a new emitter [W]: 1 kW into an antenna of 30 dB.
+#: EIRP of a new transmitter [W]: 1 kW into an antenna of 30 dB.
 DEFAULT_EIRP_W = 1e6
-#: How far an axis of an antenna may be from length 1; float32 matrices are within 1e-6.
+#: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
 SCALE_TOLERANCE = 1e-4
 
 
@@ -33,10 +35,10 @@ class Rig:
 
 
 def is_ring_emitter(light: Any) -> bool:
-    """Whether a lamp's active node tree holds the Ring Emitter group."""
+    """Return whether the node tree of a light contains the Ring Emitter group."""
     if light is None or light.type != "POINT" or light.node_tree is None:
         return False
-    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # lamps without nodes are of the past
+    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # Blender 5 always uses the nodes
         return False
     return any(
         node.bl_idname == "ShaderNodeGroup"
@@ -47,34 +49,23 @@ def is_ring_emitter(light: Any) -> bool:
 
 
 def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-    """Add a radar to a scene: an empty with camera and emitter at its origin.
+    """Add a radar to a scene: an empty with a camera and a transmitter at its origin.
 
-    The empty moves both and can be animated; like every camera it looks along its own -Z, with its
-    +Y up, and starts out level, looking along the world's +Y. The camera becomes
-    the scene's one where there is none yet.
+    Both move with the empty, which can be animated. Like a camera, the radar points along its own
+    -Z, with its +Y up. A new radar is level and points along the world's +Y. The camera becomes
+    the scene's camera if there is none.
 
     Parameters
     ----------
     scene : bpy.types.Scene
     location
-        Where the radar stands, in Blender units.
+        Location of the radar, Blender units.
 
     Returns
     -------
     bpy.types.Object
         The empty.
-
-    Raises
-    ------
-    SceneError
-        The scene has an emitter already.
     """
-    present = [item.name for item in scene.objects if _is_emitter(item)]
-    if present:
-        raise SceneError(
-            f"The scene has a radar emitter already ({', '.join(map(repr, present))}); "
-            "this version measures with one. Move that one, or delete it first."
-        )
     empty = bpy.data.objects.new(RIG_NAME, None)
     camera = bpy.data.objects.new(RECEIVER_NAME, bpy.data.cameras.new(RECEIVER_NAME))
     emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
@@ -95,102 +86,210 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     empty.location = location
     if scene.camera is None:
         scene.camera = camera
+    if hasattr(scene, ACTIVE_RADAR_PROPERTY):
+        setattr(scene, ACTIVE_RADAR_PROPERTY, empty)
     return empty
+
+
+def radar_of(light: Any) -> Any:
+    """Return the object that keeps the settings of a transmitter.
+
+    Parameters
+    ----------
+    light : bpy.types.Object
+        Transmitter.
+
+    Returns
+    -------
+    bpy.types.Object
+        Parent of the transmitter, else the transmitter.
+    """
+    return light.parent or light
+
+
+def radars(scene: Any) -> list[Any]:
+    """Return the radars of a scene.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    list of bpy.types.Object
+        As `radar_of` returns them, in the order of the scene's objects.
+    """
+    return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
+
+
+def active_radar(scene: Any) -> Any:
+    """Return the radar that a scene measures with: the chosen one, else the only one.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    bpy.types.Object
+        As `radar_of` returns it.
+
+    Raises
+    ------
+    SceneError
+        The scene has no radar, or it has several and none is chosen.
+    """
+    chosen = getattr(scene, ACTIVE_RADAR_PROPERTY, None)
+    if chosen is not None and chosen.name in scene.objects:
+        return chosen
+    found = {
+        radar_of(item) for item in scene.objects if is_transmitter(item) if not item.hide_render
+    }
+    return found.pop() if len(found) == 1 else radar_of(_only_emitter(scene))
+
+
+def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
+    """Return the camera and the light of a radar.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    radar : bpy.types.Object
+        As `radar_of` returns it.
+
+    Returns
+    -------
+    dict
+        Arguments ``camera`` and ``emitter`` of `find_rig`; None for an object that it finds.
+
+    Raises
+    ------
+    SceneError
+        The radar has no transmitter.
+    """
+    group = getattr(radar, "radarsim", None)
+    camera, light = (getattr(group, name, None) for name in ("camera", "light"))
+    own = [item for item in scene.objects if is_transmitter(item) and radar_of(item) == radar]
+    if light is None and not own:
+        raise SceneError(
+            f"{radar.name!r} has no transmitter. Choose another radar in the Radar tab, or press "
+            "Radar > Set Up Radar."
+        )
+    rendered = [item for item in own if not item.hide_render] or own
+    return {"camera": camera, "emitter": light or (rendered[0] if len(rendered) == 1 else None)}
 
 
 def find_rig(
     scene: Any, camera: Any = None, emitter: Any = None, any_projection: bool = False
 ) -> Rig:
-    """The radar of a scene.
+    """Return the radar of a scene.
 
     Parameters
     ----------
     scene : bpy.types.Scene
     camera, emitter
-        Objects chosen by the user; None: the one lamp with a Ring Emitter, and the camera on the
-        same parent, else the scene's camera.
+        Objects that the user chose. None: the only light with a Ring Emitter, and the camera on
+        the same parent, else the scene's camera.
     any_projection
-        Orthographic and panoramic cameras will do.
+        Accept orthographic and panoramic cameras.
+
+    Returns
+    -------
+    Rig
+        Objects of the scene.
 
     Raises
     ------
     SceneError
-        No emitter, several of them, no camera, a camera that is not a perspective one, or scaled
-        antennas.
+        No transmitter, several of them, no camera, or a camera that is not perspective.
     """
     emitter = emitter or _only_emitter(scene)
-    if not _is_emitter(emitter) or emitter.name not in scene.objects:
+    if not is_transmitter(emitter) or emitter.name not in scene.objects:
         raise SceneError(
-            f"{emitter.name!r} is not an emitter of this scene; expected a point lamp with the "
-            "Ring Emitter node group. Press Radar > Set Up Radar."
+            f"{emitter.name!r} is not a transmitter of this scene: a Point light with the Ring "
+            "Emitter node group. Choose another light, or press Radar > Set Up Radar."
         )
     if not emitter.data.energy > 0:
         raise SceneError(
-            f"The emitter {emitter.name!r} has a power of {emitter.data.energy:g} W: nothing would "
-            "echo. Set EIRP in Radar > Rig to a positive number of watts."
+            f"The transmitter {emitter.name!r} has a power of {emitter.data.energy:g} W, so there "
+            "is no echo. Set Power of the light to a positive number of watts."
         )
     camera = camera or _receiver(scene, emitter)
     if camera is None or camera.type != "CAMERA" or camera.name not in scene.objects:
         raise SceneError(
-            "The scene has no camera to receive with. Press Radar > Set Up Radar, or set "
+            "The scene has no camera, which is the receiver. Press Radar > Set Up Radar, or set "
             "Scene > Camera."
         )
     if camera.data.type != "PERSP" and not any_projection:
         raise SceneError(
-            f"Camera {camera.name!r} is of type {camera.data.type}; rings are measured with a "
-            "perspective camera. Set Camera > Lens > Type to Perspective, or the acquisition to "
-            "Paths."
+            f"Camera {camera.name!r} is of type {camera.data.type}, but ring sampling needs a "
+            "perspective one. Set Camera > Lens > Type to Perspective, or Sampling mode to Paths."
         )
     return Rig(camera, emitter)
 
 
 def check_scale(item: Any, matrix_world: Any) -> None:
-    """Refuse a scaled, mirrored or sheared antenna, or one that is nowhere.
+    """Check that the pose of an antenna is finite and that it has scale 1.
+
+    Cycles changes angles (camera) or power (light) with the scale.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Antenna, for the message.
+    matrix_world
+        World matrix, shape (4, 4).
 
     Raises
     ------
     SceneError
-        Its place is not finite; or it is scaled: Cycles bends angles (camera) or power (lamp) with
-        the scale, which no antenna does.
+        The pose is not finite, or the antenna is scaled, mirrored or sheared.
     """
     check_pose(item.name, matrix_world)
     axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
     if np.abs(axes.T @ axes - np.eye(3)).max() > SCALE_TOLERANCE or np.linalg.det(axes) < 0:
         lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))
         raise SceneError(
-            f"{item.name!r} is scaled by ({lengths}), mirrored or sheared; an antenna has scale "
-            "1. Apply or clear the scale of it and of its parents (Object > Apply > Scale)."
+            f"{item.name!r} is scaled by ({lengths}), mirrored or sheared, which changes the "
+            "angles or the power of an antenna. Apply or clear its scale and that of its parents "
+            "(Object > Apply > Scale)."
         )
 
 
-def _is_emitter(item: Any) -> bool:
+def is_transmitter(item: Any) -> bool:
+    """Return whether an object is a Point light with the Ring Emitter.
+
+    Parameters
+    ----------
+    item : bpy.types.Object or None
+    """
     return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
 
 
 def _only_emitter(scene: Any) -> Any:
-    found = [item for item in scene.objects if _is_emitter(item) and not item.hide_render]
+    found = [item for item in scene.objects if is_transmitter(item) and not item.hide_render]
     if not found:
-        hidden = [item.name for item in scene.objects if _is_emitter(item)]
+        hidden = [item.name for item in scene.objects if is_transmitter(item)]
         if hidden:
             raise SceneError(
-                f"The radar emitter {hidden[0]!r} is hidden from renders. "
+                f"The transmitter {hidden[0]!r} is hidden from renders, so there is no echo. "
                 "Enable it in the outliner (camera icon)."
             )
         raise SceneError(
-            "The scene has no radar emitter: no point lamp holds the Ring Emitter node group. "
+            "The scene has no transmitter: no Point light has the Ring Emitter node group. "
             "Press Radar > Set Up Radar."
         )
     if len(found) > 1:
         names = ", ".join(repr(item.name) for item in found)
         raise SceneError(
-            f"The scene has {len(found)} radar emitters ({names}); a measurement has one. "
-            "Hide the others from renders, or choose one in Radar > Rig."
+            f"The scene has {len(found)} transmitters ({names}), but a measurement has one. "
+            "Hide the others from renders, or choose one in the Radar tab."
         )
     return found[0]
 
 
 def _receiver(scene: Any, emitter: Any) -> Any:
-    """The camera on the emitter's parent, else the scene's camera."""
+    """Return the camera on the transmitter's parent, else the scene's camera."""
     if emitter.parent is not None:
         siblings = [
             item

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is rendered, and making it known where Blender leaves it out of its own picture.
+"""Rendered objects, and making them visible to Blender's evaluated scene.
 
-Poses, extents and labels come from the scene as the viewport has it, where objects that are hidden
-there do not exist. They are rendered all the same, so they are shown for the time of the
-measurement. What is in a collection that does not render is no part of it.
+Poses, extents and ground truth come from the scene of the viewport, which does not contain objects
+that are hidden there. Cycles renders them nevertheless, so radarsim makes them visible during a
+measurement. Objects in a collection that does not render are not part of it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from ..state import SettingsRestorer
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
-    """Take from everything that is rendered what hides it in the viewport.
+    """Make all rendered objects visible in the viewport.
 
     Parameters
     ----------
     recorder
-        Remembers what was hidden.
+        Restores the former visibility.
     view_layer : bpy.types.ViewLayer
     """
     rendered = set()
@@ -41,7 +41,7 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
 
 
 def rendered_collections(layer: Any) -> Iterator[Any]:
-    """Layer collections below this one, itself too, that are rendered."""
+    """Yield this layer collection and those below it that are rendered."""
     if layer.exclude or layer.collection.hide_render:
         return
     yield layer
@@ -50,7 +50,7 @@ def rendered_collections(layer: Any) -> Iterator[Any]:
 
 
 def rendered_objects(view_layer: Any) -> set[Any]:
-    """Objects that are rendered themselves (instances of others may be, too)."""
+    """Return the objects that are rendered themselves; not those that are only instanced."""
     return {
         item
         for layer in rendered_collections(view_layer.layer_collection)

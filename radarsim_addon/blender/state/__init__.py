@@ -1,8 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Changes to the user's file that are taken back: settings are recorded and restored."""
+"""State of the user's file: what Blender evaluates, and changes that are taken back.
 
+In: Blender data. Out: arrays in Blender units; settings as they were.
+"""
+
+from .evaluated import (
+    EvaluatedObject,
+    Key,
+    evaluated_depsgraph,
+    evaluated_mesh,
+    evaluated_objects,
+    read_numbers,
+    read_triangles,
+)
 from .settings_restorer import SettingsRestorer
 
 __all__ = [
+    "EvaluatedObject",
+    "Key",
     "SettingsRestorer",
+    "evaluated_depsgraph",
+    "evaluated_mesh",
+    "evaluated_objects",
+    "read_numbers",
+    "read_triangles",
 ]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Changes to the user's scene that are remembered and taken back, last one first. No bpy needed.
+"""Changes to the user's scene that are recorded and taken back. Does not import bpy.
 
-The order matters: a Blender setting may limit what another one accepts (the media type limits the
-file format, the file format limits the colour depth), so values go back in the reverse order of
-their setting.
+The last change is taken back first, because a Blender setting can limit another one: the media type
+limits the file format, and the file format limits the colour depth.
 """
 
 from __future__ import annotations
@@ -17,20 +16,28 @@ _ABSENT = object()
 class SettingsRestorer:
     """Sets values and restores all of them.
 
-    Every change is undone even if undoing another one fails (an object that the user removed
-    meanwhile); `restore` returns what could not be put back.
+    A change that cannot be taken back, for example of an object that the user has removed, does
+    not affect the others.
     """
 
     def __init__(self) -> None:
         self._undo: list[tuple[str, Callable[[], None]]] = []
 
     def set(self, owner: Any, name: str, value: Any) -> None:
-        """Set an attribute, remembering the value it has now. Equal values are left alone.
+        """Set an attribute and record its former value, if they differ.
+
+        Parameters
+        ----------
+        owner : bpy.types.bpy_struct
+        name
+            Attribute.
+        value
+            New value.
 
         Raises
         ------
         AttributeError, TypeError, ValueError
-            The owner has no such setting, or refuses the value. Nothing is recorded then.
+            The owner has no such setting, or does not accept the value. Nothing is recorded then.
         """
         before = _plain(getattr(owner, name))
         if before == value:
@@ -39,12 +46,19 @@ class SettingsRestorer:
         self._undo.append((name, lambda: setattr(owner, name, before)))
 
     def set_if_present(self, owner: Any, name: str, value: Any) -> None:
-        """Like `set`, for settings that only some Blender versions have."""
+        """Set an attribute that only some Blender versions have; parameters as `set`."""
         if hasattr(owner, name):
             self.set(owner, name, value)
 
     def set_item(self, owner: Any, key: str, value: Any) -> None:
-        """Set a custom property ``owner[key]``; absent ones are removed again on restore."""
+        """Set a custom property; `restore` removes it if it was absent.
+
+        Parameters
+        ----------
+        owner : bpy.types.ID
+        key, value
+            ``owner[key] = value``.
+        """
         before = owner.get(key, _ABSENT)
         owner[key] = value
 
@@ -58,11 +72,19 @@ class SettingsRestorer:
         self._undo.append((key, undo))
 
     def on_restore(self, name: str, undo: Callable[[], None]) -> None:
-        """Add any other step that takes a change back."""
+        """Add a step that takes another change back.
+
+        Parameters
+        ----------
+        name
+            Name of the change, for messages.
+        undo
+            Takes it back.
+        """
         self._undo.append((name, undo))
 
     def restore(self) -> list[str]:
-        """Take all changes back, last one first. May be called again; then it does nothing.
+        """Take all changes back, last one first. A second call does nothing.
 
         Returns
         -------
@@ -74,15 +96,15 @@ class SettingsRestorer:
             name, undo = self._undo.pop()
             try:
                 undo()
-            # Blender raises ReferenceError for removed data, and several others for refused values;
-            # one of them must not keep the remaining settings from being restored.
+            # Blender raises ReferenceError for removed data, and several others for invalid values.
+            # None of them may prevent the restoration of other settings.
             except Exception as error:
                 failures.append(f"{name}: {error}")
         return failures
 
 
 def _plain(value: Any) -> Any:
-    """Copy of a Blender array (colour, vector), which would otherwise follow later changes."""
+    """Return a copy of a Blender array (colour, vector), which would follow later changes."""
     if isinstance(value, str | bytes | set) or not hasattr(value, "__len__"):
         return value
     return tuple(value)

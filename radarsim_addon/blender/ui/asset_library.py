@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar materials in Blender's Asset Browser: what is in the library, and how it is registered.
+"""Radar materials in Blender's Asset Browser: contents and registration of the library.
 
-The library is a .blend with previews, made by ``scripts/make_asset_library.py`` from `ASSETS`;
-it lies in the package. Materials are appended on use, and follow the scene's carrier from then on.
+``scripts/make_asset_library.py`` makes the library, a .blend with previews in the package, from
+`ASSETS`. Materials are appended on use, and follow the scene's carrier then.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import bpy
 
 from ...errors import SceneError
 from ..materials import physical_materials as pm
-from ..settings import carrier_hz
+from ..rig_settings import carrier_hz
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 BLEND = FOLDER / "radar_materials.blend"
 CATALOGUES = FOLDER / "blender_assets.cats.txt"
 LIBRARY_NAME = "Radar Materials"
 
-#: Catalogue identifiers, fixed: users' files refer to them.
+#: Catalogue identifiers. They must not change, because users' files refer to them.
 CATALOGUE_IDS = {
     "Radar/Building": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a01",
     "Radar/Ground": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a02",
     "Radar/Water": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a03",
     "Radar/Metal": "5c7c2f0e-6d0b-4f5e-9a53-0d2f7d1b6a04",
 }
-#: Carrier at which the library's materials are evaluated when it is made.
+#: Carrier of the materials in the library file [Hz].
 MADE_AT_HZ = 5.3e9
 
 
 @dataclass(frozen=True)
 class Asset:
-    """A material of the library: a medium, and a surface by rms height and correlation length [m].
+    """A material of the library: a medium, and RMS height and correlation length [m].
 
-    The surfaces are typical choices, not measurements.
+    The surfaces are typical, not measured.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Asset:
         surface = "Smooth"
         if self.rms_height_m:
             surface = (
-                f"Rms height {self.rms_height_m * 1e3:g} mm, correlation length "
+                f"RMS height {self.rms_height_m * 1e3:g} mm, correlation length "
                 f"{self.correlation_length_m * 1e3:g} mm"
             )
         given = "".join(f"{key} {value:g}. " for key, value in self.parameters.items())
@@ -85,7 +85,7 @@ ASSETS: tuple[Asset, ...] = (
 
 
 def make_assets() -> list[Any]:
-    """The library's materials in the present file, marked as assets, without previews."""
+    """Make the library's materials in the current file, marked as assets, without previews."""
     made = []
     for asset in ASSETS:
         material = pm.make_physical_material(
@@ -109,23 +109,30 @@ def make_assets() -> list[Any]:
 
 
 def catalogue_text() -> str:
-    """Contents of Blender's catalogue file."""
-    lines = [
-        "# This is an Asset Catalog Definition file for Blender.",
-        "#",
-        "# Other comments will be ignored; empty lines too.",
-        "",
-        "VERSION 1",
-        "",
-    ]
-    for path, identifier in CATALOGUE_IDS.items():
-        lines.append(f"{identifier}:{path}:{path.replace('/', '-')}")
-    return "\n".join(lines) + "\n"
+    """Return the contents of Blender's catalogue file."""
+    header = (
+        "# This is an Asset Catalog Definition file for Blender.\n"
+        "#\n"
+        "# Other comments will be ignored; empty lines too.\n\n"
+        "VERSION 1\n\n"
+    )
+    return header + "".join(
+        f"{identifier}:{path}:{path.replace('/', '-')}\n"
+        for path, identifier in CATALOGUE_IDS.items()
+    )
 
 
 def add_library(preferences: Any) -> Any:
-    """Register the library in Blender's preferences; returns its entry. A second call changes
-    nothing.
+    """Register the library in Blender's preferences. A second call changes nothing.
+
+    Parameters
+    ----------
+    preferences : bpy.types.Preferences
+
+    Returns
+    -------
+    bpy.types.UserAssetLibrary
+        Entry of the library.
 
     Raises
     ------
@@ -134,14 +141,14 @@ def add_library(preferences: Any) -> Any:
     """
     if not BLEND.is_file():
         raise SceneError(
-            f"{BLEND} is missing: the installation is not complete. Install radarsim again, or "
-            "make it with scripts/make_asset_library.py."
+            f"{BLEND} is missing, because the installation is incomplete. Install radarsim again, "
+            "or make the file with scripts/make_asset_library.py."
         )
     libraries = preferences.filepaths.asset_libraries
     for library in libraries:
         if Path(bpy.path.abspath(library.path)) == FOLDER:
             return library
-    # An update of the extension may have moved it: the entry of ours goes along.
+    # An update of the extension can move the library, so update its entry.
     for library in libraries:
         if library.name == LIBRARY_NAME:
             library.path = str(FOLDER)
@@ -149,7 +156,7 @@ def add_library(preferences: Any) -> Any:
     library = libraries.new(name=LIBRARY_NAME, directory=str(FOLDER))
     if library is None:  # some versions return nothing
         library = libraries[len(libraries) - 1]
-    # Appended, a material is the user's to edit; a linked one follows the carrier, too.
+    # Users can edit appended materials; linked ones follow the carrier, too.
     try:
         library.import_method = "APPEND_REUSE"
     except TypeError:  # Blender 5 offers to link, append or pack
@@ -158,7 +165,7 @@ def add_library(preferences: Any) -> Any:
 
 
 class RADARSIM_OT_add_asset_library(bpy.types.Operator):
-    """Show radarsim's materials in the Asset Browser, as the library Radar Materials"""
+    """Add radarsim's materials to the Asset Browser, as the library Radar Materials"""
 
     bl_idname = "radarsim.add_asset_library"
     bl_label = "Add Radar Materials Library"
@@ -170,7 +177,7 @@ class RADARSIM_OT_add_asset_library(bpy.types.Operator):
         except SceneError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        # Materials that are there already may have been dropped in at another carrier.
+        # The file may contain materials of the library from another carrier.
         pm.refresh_materials(carrier_hz(context.scene))
         self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
         return {"FINISHED"}

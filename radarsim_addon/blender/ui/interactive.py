@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A render job driven by a timer in Blender's window, so that the user interface stays alive.
+"""A measurement that a timer drives in Blender's window, so that the user interface responds.
 
-Cycles renders in Blender's own render job (``INVOKE_DEFAULT``). Its handlers run in a worker
-thread: they only set a flag; everything else is done by `tick`, in the main thread.
+Cycles renders in Blender's own render job (``INVOKE_DEFAULT``). Its handlers run in a worker thread
+and only set a flag. `tick` does everything else in the main thread.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from ..plan import Task
 from ..run import MeasurementJob
 from ..state import SettingsRestorer
 
-#: Timer ticks after which a render that neither ended nor runs is given up.
+#: Number of timer ticks after which a render that neither ended nor runs has failed.
 _PATIENCE_TICKS = 500
-#: Time that short renders may keep the user interface from events.
+#: Time during which short renders may block the user interface [s].
 _BLOCKING_S = 0.2
 
 
 class InteractiveRender:
-    """A prepared `MeasurementJob`, one render after the other.
+    """A prepared `MeasurementJob` that renders in steps.
 
     Parameters
     ----------
     job
-        Prepared job; `close` restores it.
+        Prepared job; `close` restores the scene.
     preferences : bpy.types.Preferences
-        Render windows are kept shut meanwhile.
+        Blender's render window is off during the measurement.
     """
 
     def __init__(self, job: MeasurementJob, preferences: Any) -> None:
@@ -57,7 +57,7 @@ class InteractiveRender:
             self._hook(handlers, self._on_file_change)
 
     def _hook(self, handlers: Any, function: Any) -> None:
-        # Loading a file would drop handlers that are not persistent, and fail their removal.
+        # Loading a file removes handlers that are not persistent, so removal must not fail.
         handlers.append(function)
         self._recorder.on_restore(
             "handler", lambda: handlers.remove(function) if function in handlers else None
@@ -70,21 +70,26 @@ class InteractiveRender:
         self._ended = "cancel"
 
     def _on_file_change(self, *_: Any) -> None:
-        # The file on disk, or the undo step, must hold the user's settings and not ours.
+        # The file on disk, or the undo step, must contain the user's settings.
         self.stop_reason = "the file was saved, loaded or undone"
         self.close()
 
     @property
     def rendering(self) -> object | None:
-        """What is being rendered by Blender's render job; None between two renders."""
+        """Task of Blender's render job; None between two renders."""
         return self._task
 
     def request_stop(self, reason: str) -> None:
-        """Stop as soon as the running render has ended."""
+        """Stop after the current render."""
         self.stop_reason = self.stop_reason or reason
 
     def tick(self) -> bool:
-        """Do what can be done now without waiting. Returns whether the run has ended.
+        """Do the next step without waiting.
+
+        Returns
+        -------
+        bool
+            Whether the run has ended.
 
         Raises
         ------
@@ -108,7 +113,7 @@ class InteractiveRender:
         if self.stop_reason:
             return True
         if bpy.app.is_job_running("RENDER"):
-            return False  # somebody else's
+            return False  # a render of the user
         task = next(self._tasks, None)  # type: ignore[assignment]
         if task is None:
             return True
@@ -116,7 +121,7 @@ class InteractiveRender:
         return False
 
     def _tick_blocking(self) -> bool:
-        """As many short renders as fit between two looks at the user's events."""
+        """Render for a short time between two checks of the user's events."""
         deadline_s = time.monotonic() + _BLOCKING_S
         while not self.stop_reason and time.monotonic() < deadline_s:
             task = next(self._tasks, None)
@@ -128,10 +133,10 @@ class InteractiveRender:
         return bool(self.stop_reason)
 
     def _may_write(self) -> bool:
-        """Whether Blender lets scripts change data just now.
+        """Return whether Blender allows scripts to change data now.
 
-        It does not while a script draws, and its note of that is one for all threads: a render
-        that ends in another thread can set it while we run. The next tick begins with a clean note.
+        It does not while a script draws. This state is common to all threads, so a render that ends
+        in another thread can set it for this one. The next tick starts with a clean state.
         """
         try:
             self.job.touch()
@@ -147,8 +152,9 @@ class InteractiveRender:
         self._idle_ticks += 1
         if self._idle_ticks > _PATIENCE_TICKS:
             raise RenderError(
-                "Cycles stopped without saying why. Render an ordinary image of this scene with "
-                "Cycles to see whether that works; then start again: the run goes on."
+                "Cycles stopped without a message, so the frame is incomplete. Render an image of "
+                "this scene with Cycles to check that it works, then start the run again: it "
+                "resumes."
             )
         return False
 
@@ -160,15 +166,18 @@ class InteractiveRender:
         try:
             result = bpy.ops.render.render("INVOKE_DEFAULT", scene=self.job.scene_name)
         except RuntimeError as error:
-            raise RenderError(f"Cycles cannot start: {str(error).strip()}") from error
+            raise RenderError(
+                f"Cycles cannot start: {str(error).strip()} Render an image of this scene with "
+                "Cycles to check that it works."
+            ) from error
         if "CANCELLED" in result:
             raise RenderError(
-                "Blender refused to start a render. Close other renders, then start again: "
-                "the run goes on where it stopped."
+                "Blender did not start the render. Close other renders, then start the run again: "
+                "it resumes."
             )
 
     def close(self) -> None:
-        """Give everything back: scene, preferences, handlers. May be called again."""
+        """Restore scene, preferences and handlers. A second call changes nothing."""
         if self.closed:
             return
         self.closed = True

@@ -8,13 +8,15 @@ from typing import Any
 
 import bpy
 
+from ...contract import LinkBudget
 from ...errors import RadarSimError
+from ...options import declared
 from ...physics.radar_equation import monostatic_power_w
 from ...signal.detection import predicted_snr
-from ...signal.radar import RadarSystem, make_system
-from ..scene import draw_patterns, find_rig, remove_patterns
-from ..settings import ANTENNA_SETTINGS, SCENE_PROPERTY, read_system_settings
-from ..settings import radar as properties
+from ...signal.radar import PATTERNS, RadarSystem, make_system
+from ..rig_settings import read_link_budget, read_measurement
+from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
+from .fields import active_group, draw_fields, wrapped
 
 
 class RADARSIM_OT_draw_patterns(bpy.types.Operator):
@@ -38,12 +40,12 @@ class RADARSIM_OT_draw_patterns(bpy.types.Operator):
     )
 
     def execute(self, context: Any) -> set[str]:
-        settings = getattr(context.scene, SCENE_PROPERTY)
         try:
-            rig = find_rig(context.scene, settings.camera, settings.emitter, True)
+            antennas = antennas_of(context.scene, active_radar(context.scene))
+            rig = find_rig(context.scene, **antennas, any_projection=True)
             system = scene_system(context.scene)
             if system is None:
-                self.report({"ERROR"}, "There are no antennas. Tick Radar > Power Budget first.")
+                self.report({"ERROR"}, "There are no antennas. Tick Radar > Link Budget first.")
                 return {"CANCELLED"}
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
@@ -67,66 +69,48 @@ class RADARSIM_OT_remove_patterns(bpy.types.Operator):
 
 
 class RADARSIM_PT_system(bpy.types.Panel):
-    bl_label = "Power Budget"
+    bl_label = "Link Budget"
     bl_idname = "RADARSIM_PT_system"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Radar"
     bl_options = {"DEFAULT_CLOSED"}
 
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return active_group(context.scene) is not None
+
     def draw_header(self, context: Any) -> None:
-        self.layout.prop(getattr(context.scene, SCENE_PROPERTY), "use_system", text="")
+        self.layout.prop(active_group(context.scene), "use_link_budget", text="")
 
     def draw(self, context: Any) -> None:
-        from .panels import wrapped
-
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        if not settings.use_system:
-            wrapped(
-                context, layout, "The lamp's power is the EIRP in all directions.", "INFO"
-            )  # fmt: skip
+        group = active_group(context.scene)
+        if not group.use_link_budget:
+            text = "The light's power is the EIRP in all directions."
+            wrapped(context, layout, text, "INFO")
             return
-        column = layout.column(align=True)
-        column.prop(settings, "transmit_power_w")
-        column.prop(settings, "transmit_loss_db")
-        column.prop(settings, "receive_loss_db")
-        column.prop(settings, "other_loss_db")
-        column.prop(settings, "noise_figure_db")
-        column.prop(settings, "antenna_temperature_k")
-        layout.prop(settings, "amplitude_model")
-        for title, antenna in (
-            ("Transmitter", settings.transmitter_antenna),
-            ("Receiver", settings.receiver_antenna),
-        ):
-            _draw_antenna(layout, title, antenna)
+        draw_fields(layout, group, declared(LinkBudget))
+        antennas = (("Transmitter", group.transmitter), ("Receiver", group.receiver))
+        for title, antenna in antennas:
+            box = layout.box()
+            box.prop(antenna, "kind", text=title)
+            draw_fields(box, antenna, declared(PATTERNS[antenna.kind]))
         row = layout.row(align=True)
         row.operator("radarsim.draw_patterns", icon="MESH_UVSPHERE")
         row.operator("radarsim.remove_patterns", text="", icon="X")
-        kinds = {settings.transmitter_antenna.kind, settings.receiver_antenna.kind}
-        if "table" in kinds:  # not at every redraw
+        if "table" in (antenna.kind for _, antenna in antennas):  # not at every redraw
             layout.label(text="Tables are read when a run starts")
             return
         try:
             system = scene_system(context.scene)
-            lines = budget_lines(system, properties.read_measurement(context.scene).radar)
+            lines = budget_lines(system, read_measurement(context.scene).radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
         box = layout.box().column(align=True)
         for line in lines:
             box.label(text=line)
-
-
-def _draw_antenna(layout: Any, title: str, antenna: Any) -> None:
-    box = layout.box().column(align=True)
-    box.prop(antenna, "kind", text=title)
-    for name in ANTENNA_SETTINGS[antenna.kind]:
-        box.prop(antenna, name)
-    if antenna.kind not in ("isotropic", "table"):
-        box.prop(antenna, "set_peak")
-        if antenna.set_peak:
-            box.prop(antenna, "peak_gain_dbi")
 
 
 def scene_system(scene: Any) -> RadarSystem | None:
@@ -137,8 +121,8 @@ def scene_system(scene: Any) -> RadarSystem | None:
     ConfigError
         Numbers out of range, or a table that cannot be read.
     """
-    wavelength_m = properties.read_measurement(scene).waveform.wavelength_m
-    record = read_system_settings(getattr(scene, SCENE_PROPERTY), wavelength_m)
+    wavelength_m = read_measurement(scene).waveform.wavelength_m
+    record = read_link_budget(active_radar(scene), wavelength_m)
     return None if record is None else make_system(record, wavelength_m)
 
 

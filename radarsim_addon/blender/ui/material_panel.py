@@ -14,7 +14,7 @@ from ...physics.materials import TABLE
 from ..materials import is_entered
 from ..materials import physical_materials as pm
 from ..nodes.physical_material import EXTINCTION, INDEX
-from ..settings import MATERIAL_PROPERTY, carrier_hz, choose_medium
+from ..rig_settings import MATERIAL_PROPERTY, carrier_hz, choose_medium
 from .panels import wrapped
 
 

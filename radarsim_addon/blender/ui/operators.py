@@ -9,11 +9,10 @@ import bpy
 
 from ...errors import RadarSimError
 from ..headless import ProgressLine, make_job, progress_text, quiet_blender
-from ..nodes import assign_radar_material
+from ..nodes import PRESETS, assign_radar_material
+from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
 from ..run import MeasurementJob
-from ..scene import setup_rig
-from ..settings import PROGRESS_PROPERTY, SCENE_PROPERTY
-from ..settings import radar as properties
+from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .results import ProcessingJob, show_images
 
@@ -33,6 +32,7 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         try:
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
+            migrate_scene(context.scene)  # settings of 0.1 that had no radar to go to
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -50,14 +50,19 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
     bl_label = "Assign to Selected"
     bl_options = {"REGISTER", "UNDO"}
 
+    preset: bpy.props.EnumProperty(
+        name="Preset",
+        items=tuple((name, preset.label, preset.description) for name, preset in PRESETS.items()),
+        description="Material for the selected objects",
+    )
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return bool(context.selected_objects)
 
     def execute(self, context: Any) -> set[str]:
-        preset = getattr(context.scene, SCENE_PROPERTY).preset
         try:
-            assign_radar_material(context.selected_objects, preset)
+            assign_radar_material(context.selected_objects, self.preset)
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -262,7 +267,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
         if bpy.app.background:
             return self.execute(context)
         try:
-            self._job = ProcessingJob(properties.output_folder(context.scene))
+            self._job = ProcessingJob(output_folder(active_radar(context.scene)))
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -295,7 +300,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Without a window: at once."""
         try:
-            self._job = ProcessingJob(properties.output_folder(context.scene))
+            self._job = ProcessingJob(output_folder(active_radar(context.scene)))
             while not self._job.step():
                 pass
         except RadarSimError as error:
@@ -323,7 +328,7 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         try:
-            folder = properties.output_folder(context.scene)
+            folder = output_folder(active_radar(context.scene))
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -342,10 +347,14 @@ def job_of(context: Any) -> MeasurementJob:
     ConfigError, OutputError
         The settings do not fit together, or name no output folder.
     """
-    scene = context.scene
-    settings = getattr(scene, SCENE_PROPERTY)
-    folder = properties.output_folder(scene)
-    return make_job(scene, context.view_layer, folder, overwrite=settings.overwrite)
+    radar = active_radar(context.scene)
+    return make_job(
+        context.scene,
+        context.view_layer,
+        output_folder(radar),
+        radar=radar,
+        overwrite=settings(radar).overwrite,
+    )
 
 
 def pass_harmless(event: Any) -> set[str]:

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 import bpy
 
 from ...errors import RadarSimError
+from ...options import declared, shortest_decimal
 from ...signal.radar import length_text
 from ..plan import (
     Extent,
@@ -16,12 +16,28 @@ from ..plan import (
     automatic_rings,
     check_unit_scale,
     derive,
-    shortest_decimal,
     warnings_for,
 )
-from ..scene import echoes, find_rig, scene_extent
-from ..settings import PROGRESS_PROPERTY, SCENE_PROPERTY, WAVEFORM_SETTINGS, read_path_options
-from ..settings import radar as properties
+from ..rig_settings import (
+    PROGRESS_PROPERTY,
+    RADAR_PROPERTY,
+    RADAR_SETTINGS,
+    WAVEFORMS,
+    read_measurement,
+    read_path_options,
+    settings,
+)
+from ..scene import (
+    ACTIVE_RADAR_PROPERTY,
+    Rig,
+    active_radar,
+    antennas_of,
+    echoes,
+    find_rig,
+    radars,
+    scene_extent,
+)
+from .fields import active_group, draw_fields, wrapped
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
 _DRAWN_INSTANCES = 2000
@@ -33,25 +49,37 @@ class _RadarPanel:
     bl_category = "Radar"
 
 
+class _OfRadar(_RadarPanel):
+    """A panel about the active radar."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return active_group(context.scene) is not None
+
+
 class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
     bl_label = "Rig"
     bl_idname = "RADARSIM_PT_rig"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
         layout.operator("radarsim.setup_rig", icon="OUTLINER_OB_CAMERA")
-        column = layout.column(align=True)
-        column.prop(settings, "camera")
-        column.prop(settings, "emitter")
+        if len(radars(context.scene)) > 1:
+            layout.prop(context.scene, ACTIVE_RADAR_PROPERTY)
         try:
-            rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
+            radar = active_radar(context.scene)
+            group = getattr(radar, RADAR_PROPERTY)
+            column = layout.column(align=True)
+            column.prop(group, "camera")
+            column.prop(group, "light")
+            rig = _rig(context.scene, radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "INFO")
             return
         layout.label(text=f"{rig.camera.name} and {rig.emitter.name}", icon="CHECKMARK")
-        # With a power budget the lamp's power cancels: it is the light level of the renders.
-        layout.prop(rig.emitter.data, "energy", text="Lamp" if settings.use_system else "EIRP")
+        # With a link budget the light's power cancels: it is the light level of the renders.
+        text = "Light" if group.use_link_budget else "EIRP"
+        layout.prop(rig.emitter.data, "energy", text=text)
 
 
 class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
@@ -60,9 +88,7 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        layout.prop(settings, "preset", text="")
-        layout.operator("radarsim.assign_material", icon="MATERIAL")
+        layout.operator_menu_enum("radarsim.assign_material", "preset", icon="MATERIAL")
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
         item = context.active_object
         if item is not None and item.type == "MESH":
@@ -71,34 +97,34 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
                 text=f"{item.name}: " + ("Radar Material" if known else "no Radar Material"),
                 icon="CHECKMARK" if known else "INFO",
             )
-        layout.prop(settings, "polarisation")
+        group = active_group(context.scene)
+        if group is None:
+            return
+        layout.prop(group, "polarisation")
         column = layout.column(align=True)
         column.label(text="Extinction is normalised to:")
-        column.row(align=True).prop(settings, "extinction", expand=True)
-        if settings.extinction == "LENGTH":
-            column.prop(settings, "extinction_length_m")
-            if not settings.extinction_length_m:
+        column.row(align=True).prop(group, "extinction", expand=True)
+        if group.extinction == "length":
+            column.prop(group, "extinction_length_m")
+            if not group.extinction_length_m:
                 column.label(text="0: one Blender unit")
 
 
-class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
+class RADARSIM_PT_waveform(_OfRadar, bpy.types.Panel):
     bl_label = "Waveform"
     bl_idname = "RADARSIM_PT_waveform"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        column = layout.column(align=True)
-        column.prop(settings, "waveform_kind", text="")
-        column.prop(settings, "carrier_ghz")
-        if settings.waveform_kind == "lfm":
-            column.row().prop(settings, "sweep_by", expand=True)
-            by_rate = settings.sweep_by == "FM_RATE"
-            column.prop(settings, "fm_rate_mhz_per_us" if by_rate else "bandwidth_mhz")
-        for name in WAVEFORM_SETTINGS[settings.waveform_kind]:
-            column.prop(settings, name)
-        column.prop(settings, "prf_hz")
-        column.prop(settings, "pulses")
+        group = active_group(context.scene)
+        layout.prop(group, "waveform_kind", text="")
+        if group.waveform_kind == "file":
+            draw_fields(layout, group, RADAR_SETTINGS, "carrier_hz", "waveform_file")
+        else:
+            draw_fields(layout, group, declared(WAVEFORMS[group.waveform_kind]))
+        if group.waveform_kind == "lfm":
+            layout.prop(group, "fm_rate_mhz_per_us")
+        draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses")
         measurement = _measurement(context, layout)
         if measurement is None:
             return
@@ -111,86 +137,44 @@ class RADARSIM_PT_waveform(_RadarPanel, bpy.types.Panel):
         box.label(text=f"Burst: {numbers.burst_s * 1e3:.4g} ms")
 
 
-class RADARSIM_PT_rings(_RadarPanel, bpy.types.Panel):
-    bl_label = "Acquisition"
+class RADARSIM_PT_rings(_OfRadar, bpy.types.Panel):
+    bl_label = "Sampling"
     bl_idname = "RADARSIM_PT_rings"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        layout.row().prop(settings, "sampling_mode", expand=True)
-        if settings.sampling_mode == "PATHS":
-            _draw_paths(layout, settings)
-            return
-        column = layout.column(align=True)
-        column.row().prop(settings, "ring_mode", expand=True)
-        column.prop(settings, "ring_step_m")
-        if settings.ring_mode == "COUNT":
-            column.prop(settings, "ring_count")
+        group = active_group(context.scene)
+        layout.row().prop(group, "sampling_mode", expand=True)
+        draw_fields(layout, group, RADAR_SETTINGS, *_SAMPLING[group.sampling_mode])
 
 
-def _draw_paths(layout: Any, settings: Any) -> None:
-    column = layout.column(align=True)
-    column.prop(settings, "path_order")
-    column.prop(settings, "path_replicates")
-    column.prop(settings, "path_error_percent")
-    if settings.path_error_percent:
-        column.prop(settings, "path_refine_by")
-    column.prop(settings, "path_budget_s")
-    column = layout.column(align=True)
-    column.prop(settings, "path_motion")
-    if settings.path_motion != "off":
-        column.prop(settings, "path_motion_samples")
-    column.prop(settings, "path_visibility_updates")
-    column.prop(settings, "path_code")
-    column.prop(settings, "path_amplitude")
+#: Settings of a sampling mode, in the order of the panel.
+_SAMPLING = {
+    "rings": (
+        "rings", "ring_step_m", "max_reflections", "snapshots", "snapshot_interval_s", "samples",
+    ),
+    "paths": (
+        "max_reflections", "replicates", "max_standard_error", "refine_for", "time_limit_s",
+        "motion", "motion_samples", "visibility_updates", "range_encoding", "amplitude_channel",
+    ),
+}  # fmt: skip
 
 
-class RADARSIM_PT_passes(_RadarPanel, bpy.types.Panel):
-    bl_label = "Passes"
-    bl_idname = "RADARSIM_PT_passes"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        # Paths take Doppler from the motion of what they touch.
-        return getattr(context.scene, SCENE_PROPERTY).sampling_mode == "RINGS"
-
-    def draw(self, context: Any) -> None:
-        layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        column = layout.column(align=True)
-        column.row().prop(settings, "snapshots", expand=True)
-        if settings.snapshots == "2":
-            column.prop(settings, "snapshot_interval_ms")
-        column.prop(settings, "max_bounces")
-
-
-class RADARSIM_PT_render(_RadarPanel, bpy.types.Panel):
+class RADARSIM_PT_render(_OfRadar, bpy.types.Panel):
     bl_label = "Render"
     bl_idname = "RADARSIM_PT_render"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        settings = getattr(context.scene, SCENE_PROPERTY)
-        column = layout.column(align=True)
-        column.prop(settings, "frame_mode")
-        if settings.frame_mode == "RANGE":
-            column.prop(settings, "frame_start")
-            column.prop(settings, "frame_end")
-            column.prop(settings, "frame_step")
-        row = layout.row(align=True)
-        row.prop(settings, "width_px")
-        row.prop(settings, "height_px")
-        row = layout.row(align=True)
-        if settings.sampling_mode == "RINGS":
-            row.prop(settings, "samples")
-        row.prop(settings, "seed")
-        layout.prop(settings, "output_dir", text="")
-        layout.prop(settings, "overwrite")
-        if settings.sampling_mode == "RINGS":
+        group = active_group(context.scene)
+        fields = ["frame_mode", "width_px", "height_px", "seed", "output_folder", "overwrite"]
+        if group.frame_mode == "range":
+            fields[1:1] = ["frame_start", "frame_end", "frame_step"]
+        draw_fields(layout, group, RADAR_SETTINGS, *fields)
+        if group.sampling_mode == "rings":
             shown = _draw_plan(context, layout)
         else:
-            shown = _draw_path_plan(context, layout, settings)
+            shown = _draw_path_plan(context, layout)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout, shown)
 
@@ -245,7 +229,7 @@ def _draw_warnings(
         rings,
         farthest_m,
         interval_s,
-        getattr(scene, SCENE_PROPERTY).sampling_mode.lower(),
+        settings(active_radar(scene)).sampling_mode,
         (scene.frame_end - scene.frame_start) * frame_s,
     )
     for warning in found:
@@ -253,13 +237,13 @@ def _draw_warnings(
     return found
 
 
-def _draw_path_plan(context: Any, layout: Any, settings: Any) -> list[str]:
+def _draw_path_plan(context: Any, layout: Any) -> list[str]:
     """What the acquisition "paths" will do; how many renders it takes shows as they are made."""
     measurement = _measurement(context, layout)
     if measurement is None:
         return []
     try:
-        options = read_path_options(settings)
+        options = read_path_options(active_radar(context.scene))
         extent = _extent(context)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
@@ -289,7 +273,7 @@ def _draw_progress(context: Any, layout: Any, shown: list[str]) -> None:
 def _measurement(context: Any, layout: Any) -> Measurement | None:
     """The scene's settings, or their error drawn."""
     try:
-        return properties.read_measurement(context.scene)
+        return read_measurement(context.scene)
     except RadarSimError as error:
         wrapped(context, layout, str(error), "ERROR")
         return None
@@ -305,28 +289,24 @@ def _extent(context: Any) -> Extent | None:
     ConfigError
         The scene's Unit Scale is no positive number.
     """
-    settings = getattr(context.scene, SCENE_PROPERTY)
     try:
-        rig = find_rig(context.scene, settings.camera, settings.emitter, _any_camera(settings))
+        radar = active_radar(context.scene)
+        rig = _rig(context.scene, radar)
     except RadarSimError:
         return None
     scale = check_unit_scale(shortest_decimal(context.scene.unit_settings.scale_length))
     depsgraph = context.evaluated_depsgraph_get()
     if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
         return None
-    return scene_extent(depsgraph, rig, scale, any_material=settings.sampling_mode == "PATHS")
+    return scene_extent(depsgraph, rig, scale, any_material=_by_paths(radar))
 
 
-def _any_camera(settings: Any) -> bool:
-    return bool(settings.sampling_mode == "PATHS")
+def _by_paths(radar: Any) -> bool:
+    return bool(settings(radar).sampling_mode == "paths")
 
 
-def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:
-    """A sentence over as many lines as the sidebar's width needs."""
-    letters = max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
-    column = layout.column(align=True)
-    for index, line in enumerate(textwrap.wrap(text, letters)):
-        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+def _rig(scene: Any, radar: Any) -> Rig:
+    return find_rig(scene, **antennas_of(scene, radar), any_projection=_by_paths(radar))
 
 
 #: What the radar is; the power budget stands below these.
@@ -334,7 +314,6 @@ RADAR_CLASSES: tuple[type, ...] = (RADARSIM_PT_rig, RADARSIM_PT_material, RADARS
 #: What a run is.
 RUN_CLASSES: tuple[type, ...] = (
     RADARSIM_PT_rings,
-    RADARSIM_PT_passes,
     RADARSIM_PT_render,
     RADARSIM_PT_results,
 )

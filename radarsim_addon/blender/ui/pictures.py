@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plots drawn with numpy alone, for use inside Blender, which has no matplotlib. No bpy.
+"""Plots that numpy draws, for use inside Blender, which has no matplotlib. Does not import bpy.
 
-Pictures are sRGB values in 0 to 1, shape (height, width, 3), top row first.
+Pictures are sRGB values from 0 to 1, shape (height, width, 3), top row first.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real, Single
 
-#: Size of the pictures, and what is left around the axes for numbers and labels [px].
+#: Size of the pictures, and margins around the axes for numbers and labels [px].
 WIDTH, HEIGHT = 1200, 800
 LEFT, RIGHT, TOP, BOTTOM = 110, 190, 95, 80
 #: Decibels from the strongest value to the bottom of a plot.
@@ -28,7 +28,7 @@ _LINE = (0.12, 0.33, 0.62)
 
 @dataclass(frozen=True)
 class _Atlas:
-    """Letters by character, shape (height, width) with coverage 0 to 1, and the colour table."""
+    """Coverage of each character, shape (height, width), from 0 to 1, and the colour table."""
 
     glyphs: dict[str, NDArray[np.float32]]
     viridis: NDArray[np.float32]
@@ -52,7 +52,7 @@ def _atlas() -> _Atlas:
 
 
 def text_mask(text: str) -> NDArray[np.float32]:
-    """Coverage of a line of text, shape (height, width); unknown letters become '?'."""
+    """Return the coverage of a line of text, shape (height, width); '?' for unknown characters."""
     atlas = _atlas()
     parts = [atlas.glyphs.get(letter, atlas.glyphs["?"]) for letter in text]
     if not parts:
@@ -63,7 +63,21 @@ def text_mask(text: str) -> NDArray[np.float32]:
 def _put_text(
     canvas: Single, text: str, x: float, y: float, anchor: float = 0.5, vertical: bool = False
 ) -> None:
-    """Write a line centred at height `y` (or, when vertical, at `x`); `anchor` 0 starts, 1 ends."""
+    """Write a line of text.
+
+    Parameters
+    ----------
+    canvas
+        Picture that is changed.
+    text
+        One line.
+    x, y
+        Position across and along the line [px].
+    anchor
+        Fraction of the line before the position, from 0 (starts there) to 1 (ends there).
+    vertical
+        Write upwards, centred at `x`. Else to the right, centred at `y`.
+    """
     mask = text_mask(text)
     if vertical:
         mask = np.rot90(mask)
@@ -85,7 +99,15 @@ def _blend(canvas: Single, mask: NDArray[np.float32], left: int, top: int) -> No
 
 
 def nice_ticks(low: float, high: float, about: int) -> list[float]:
-    """Round numbers (1, 2 or 5 times a power of ten apart) between two limits, ends included."""
+    """Return the multiples of 1, 2 or 5 times a power of ten between two limits, both included.
+
+    Parameters
+    ----------
+    low, high
+        Limits.
+    about
+        Approximate number of ticks.
+    """
     if not high > low:
         return [low]
     raw = (high - low) / max(about, 1)
@@ -97,13 +119,13 @@ def nice_ticks(low: float, high: float, about: int) -> list[float]:
 
 
 def _number(value: float) -> str:
-    # Adding 0.0 turns -0.0 into 0.0; the true minus sign is as wide as the plus.
+    # Adding 0.0 changes -0.0 to 0.0. The Unicode minus sign is as wide as the plus.
     return f"{value + 0.0:.6g}".replace("-", "\u2212")
 
 
 @dataclass(frozen=True)
 class _Axes:
-    """The plotting area and its limits."""
+    """Limits of the plotting area."""
 
     x_low: float
     x_high: float
@@ -128,7 +150,7 @@ def _blank() -> Single:
 def _frame(
     canvas: Single, axes: _Axes, x_label: str, y_label: str, title: str, x_ticks: bool = True
 ) -> None:
-    """Frame, ticks with numbers, labels and title around the plotting area."""
+    """Draw the frame, ticks with numbers, labels and title around the plotting area."""
     right, bottom = WIDTH - RIGHT - 1, HEIGHT - BOTTOM - 1
     for row in (TOP, bottom):
         canvas[row, LEFT : right + 1] = _INK
@@ -148,7 +170,7 @@ def _frame(
 
 
 def resample_max(values: Real, size: int, axis: int) -> Real:
-    """Stretch or shrink an axis to `size`; shrinking keeps the largest value, so no dot is lost."""
+    """Resample an axis to `size` values; each is the maximum of its range, so peaks remain."""
     count = values.shape[axis]
     if count <= size:
         return np.take(values, np.arange(size) * count // size, axis=axis)
@@ -160,7 +182,7 @@ def resample_max(values: Real, size: int, axis: int) -> Real:
 
 
 def _limits(axis: Real) -> tuple[float, float]:
-    """Outer edges of evenly spaced cells with these centres."""
+    """Return the outer edges of evenly spaced cells with these centres."""
     half = 0.5 * abs(float(axis[-1] - axis[0])) / max(axis.size - 1, 1) or 0.5
     return float(axis.min()) - half, float(axis.max()) + half
 
@@ -173,7 +195,7 @@ def draw_map(
     title: str,
     unit: str = "dBW",
 ) -> Single:
-    """Range-Doppler map with axes in metres, hertz and metres a second, and a colour bar.
+    """Draw a range-Doppler map with axes in metres, hertz and metres per second, and a colour bar.
 
     Parameters
     ----------
@@ -184,21 +206,21 @@ def draw_map(
     power_db
         Shape (dopplers, ranges) [dB].
     wavelength_m
-        Carrier wavelength [m]; gives the velocity axis, v = -lambda f_D / 2.
+        Wavelength at the carrier [m], for the axis of the range rate, -lambda f_D / 2.
     title
         First line.
     unit
-        Of `power_db`; "dB" where powers are no watts.
+        Unit of `power_db`; "dB" if powers are not in watts.
     """
     canvas = _blank()
     axes = _Axes(*_limits(doppler_hz), *_limits(range_m))
     top_db = float(power_db.max()) if power_db.size else 0.0
     empty = not np.isfinite(top_db) or top_db <= -299
-    share = (
+    level = (
         np.zeros_like(power_db) if empty else np.clip((power_db - top_db) / SPAN_DB + 1, 0.0, 1.0)
     )
     rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
-    cells = resample_max(resample_max(share.T[::-1], rows, 0), columns, 1)
+    cells = resample_max(resample_max(level.T[::-1], rows, 0), columns, 1)
     canvas[TOP : TOP + rows, LEFT : LEFT + columns] = _atlas().viridis[
         np.round(cells * 255).astype(np.intp)
     ]
@@ -214,7 +236,7 @@ def draw_map(
 
 
 def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
-    """Range rate along the upper edge; it falls from left to right."""
+    """Draw the range rate along the upper edge; it decreases from left to right."""
     low, high = -axes.x_high * wavelength_m / 2, -axes.x_low * wavelength_m / 2
     for value in nice_ticks(low, high, 8):
         column = round(axes.column(-2 * value / wavelength_m))
@@ -236,18 +258,18 @@ def _colour_bar(canvas: Single, top_db: float, unit: str) -> None:
 
 
 def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> Single:
-    """Expected power against range, in decibels.
+    """Draw the expected power over range, in decibels.
 
     Parameters
     ----------
     range_m
         Ascending, shape (ranges,) [m].
     power
-        Shape (ranges,) [W]; zero where there is no echo.
+        Shape (ranges,) [W]; 0 without an echo.
     title
         First line.
     unit
-        Of the decibels; "dB" where powers are no watts.
+        Unit of the decibels; "dB" if powers are not in watts.
     """
     canvas = _blank()
     peak = float(power.max()) if power.size else 0.0
@@ -269,7 +291,7 @@ def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> S
 
 
 def _curve(canvas: Single, axes: _Axes, level_db: Real) -> None:
-    """A line through evenly spaced values: in each column from its least to its largest one."""
+    """Draw a line through evenly spaced values: in each column from the minimum to the maximum."""
     columns = WIDTH - LEFT - RIGHT
     fine = np.interp(
         np.linspace(0, level_db.size - 1, columns * 8), np.arange(level_db.size), level_db
@@ -278,7 +300,7 @@ def _curve(canvas: Single, axes: _Axes, level_db: Real) -> None:
         coarse = resample_max(level_db, columns, 0)
         fine = np.maximum(fine, np.repeat(coarse, 8))
     groups = fine.reshape(columns, 8)
-    # Neighbours share a value, so that steep flanks have no gaps.
+    # Adjacent columns have a common value, so that steep slopes have no gaps.
     high = np.maximum(groups.max(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
     low = np.minimum(groups.min(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
     for column in range(columns):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Processing a run inside Blender, and its pictures as Blender images."""
+"""Process a run inside Blender, and show its pictures as Blender images."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from .pictures import draw_map, draw_profile
 
 MAP_IMAGE = "Radar range-Doppler map"
 PROFILE_IMAGE = "Radar range profile"
-#: A new editor is fitted until it was drawn so, at most this many times.
-_MOST_FITS = 30
+#: Maximum number of attempts to fit the view of a new editor.
+_MAX_FITS = 30
 _FIT_INTERVAL_S = 0.3
 
 
 class ProcessingJob:
-    """The companion module over a run's folder, step by step.
+    """Processing of a run folder in steps.
 
     Parameters
     ----------
     folder
-        The run's folder.
+        Run folder.
 
     Raises
     ------
     OutputError
-        There is no run in it.
+        The folder contains no run.
     """
 
     def __init__(self, folder: Path) -> None:
         if not (folder / contract.RUN_FILE).is_file():
             raise OutputError(
-                f"{folder} holds no run ({contract.RUN_FILE} is missing). "
+                f"{folder} contains no run ({contract.RUN_FILE} is missing). "
                 "Press Render Radar Frames first, or choose the folder of a run."
             )
-        # The companion module is loaded only here: enabling the add-on stays quick.
+        # This import is slow, so enabling the add-on must not need it.
         from ...signal.pipeline import ProcessOptions, process_run
 
         self._events = process_run(folder, ProcessOptions(plots=False))
@@ -52,7 +52,12 @@ class ProcessingJob:
         self.images: list[Any] = []
 
     def step(self) -> bool:
-        """One step. Returns whether all is done; then `images` are there.
+        """Do one step.
+
+        Returns
+        -------
+        bool
+            Whether all frames are processed. `images` are complete then.
 
         Raises
         ------
@@ -75,7 +80,7 @@ class ProcessingJob:
         return self._warnings.lines()
 
     def _take(self, result: Any) -> None:
-        """Keep one frame's pictures; those of the last frame stay."""
+        """Draw the pictures of a frame in place of those of the frame before."""
         title = f"frame {result.frame}, t = {result.time_s:.4g} s"
         unit = "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB"
         self._warnings.add(result.frame, result.warnings)
@@ -104,7 +109,7 @@ class ProcessingJob:
 
 
 def as_image(name: str, picture: Single) -> Any:
-    """A Blender image with these pixels; one of the same name is reused.
+    """Return a Blender image with these pixels; an image of the same name is reused.
 
     Parameters
     ----------
@@ -116,7 +121,7 @@ def as_image(name: str, picture: Single) -> Any:
     Returns
     -------
     bpy.types.Image
-        Packed into the file, so that it is kept when the file is saved.
+        Packed, so that it is saved with the file.
     """
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
@@ -134,7 +139,7 @@ def as_image(name: str, picture: Single) -> Any:
 
 
 def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
-    """Turn a window's largest area into Image Editors beside one another."""
+    """Split the largest area of a window into Image Editors."""
     area = max(window.screen.areas, key=lambda item: item.width * item.height)
     area.type = "IMAGE_EDITOR"
     if count > 1:
@@ -146,7 +151,13 @@ def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
 
 
 def show_images(context: Any, images: list[Any]) -> None:
-    """Show images in Image Editors that are open; if there is none, in a new window."""
+    """Show images in the open Image Editors; without one, in a new window.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    images : list of bpy.types.Image
+    """
     editors = [
         area
         for window in context.window_manager.windows
@@ -162,18 +173,18 @@ def show_images(context: Any, images: list[Any]) -> None:
     for area, image in zip(editors, images, strict=False):
         area.spaces.active.image = image
     if not bpy.app.background:
-        left = [_MOST_FITS]
+        left = [_MAX_FITS]
 
         def fit() -> float | None:
             left[0] -= 1
             return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
 
-        # An editor knows how large it is only once it was drawn, which takes a moment.
+        # The size of a new editor is known after it was drawn.
         bpy.app.timers.register(fit, first_interval=_FIT_INTERVAL_S)
 
 
 def _fit_images() -> bool:
-    """Show our images as a whole, in whatever editors they are in; whether they are so already."""
+    """Fit the view of all editors with our images; return whether all views fitted before."""
     fitted = True
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

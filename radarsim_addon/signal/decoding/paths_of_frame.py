@@ -17,15 +17,14 @@ from ..paths import (
     PathFlag,
     PathRows,
     Paths,
-    frame_motion,
     geometry_of,
     iter_rows,
     motion_of_rows,
-    open_frame_table,
     radiance_of,
     usable,
 )
 from ..runs import RadarFrame
+from .frame_input import FrameInput, as_input
 from .ring_pixels import Decoded
 from .ring_reader import RingReader
 from .shell_geometry import ring_geometry
@@ -37,7 +36,7 @@ MIXED_TOLERANCE = 1e-5
 
 
 def iter_path_chunks(
-    frame: RadarFrame,
+    frame: RadarFrame | FrameInput,
     *,
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
@@ -49,7 +48,9 @@ def iter_path_chunks(
     Parameters
     ----------
     frame
-        Radar frame. With rings and one snapshot, every range rate is 0 and flagged.
+        Radar frame; one that is not opened yet is opened, see :func:`open_frame`. With rings and
+        one snapshot, every range rate is 0 and flagged. Of several visibility updates the first is
+        taken.
     max_range_rate_mps
         Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
     mixed_tolerance
@@ -60,11 +61,12 @@ def iter_path_chunks(
     FrameFileError, SchemaError
         As :meth:`RadarFrame.image`; SchemaError also where the times of the snapshots do not fit.
     """
-    if frame.sampling_mode == "paths":
-        motion = frame_motion(frame.path, frame.number)
-        yield from table_paths(*open_frame_table(frame.path, frame.number), motion)
+    frame_input = as_input(frame)
+    if frame_input.tables:
+        table = frame_input.table
+        yield from table_paths(table.record, table.rows, table.motion)
         return
-    reader = RingReader(frame)
+    frame, reader = frame_input.frame, RingReader(frame_input)
     for ring in range(frame.rings):
         first = reader.get(ring, 0)
         if frame.snapshots == 2:
@@ -132,7 +134,7 @@ def table_paths(
 
 
 def frame_paths(
-    frame: RadarFrame,
+    frame: RadarFrame | FrameInput,
     *,
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,

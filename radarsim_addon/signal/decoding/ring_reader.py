@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ...contract import ReceiverRecord, TransmitterRecord
 from ...errors import SchemaError
-from ..runs import RadarFrame
+from .frame_input import FrameInput
 from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
 
 
@@ -18,8 +18,8 @@ class RingReader:
         As :meth:`.frames.RadarFrame.image`; SchemaError also where the snapshots' times do not fit.
     """
 
-    def __init__(self, frame: RadarFrame) -> None:
-        self._frame = frame
+    def __init__(self, frame_input: FrameInput) -> None:
+        self._frame, self._images = frame_input.frame, frame_input.images
         self._kept: dict[tuple[int, int], Decoded] = {}
         self._grids: dict[object, PixelGrid] = {}
         self._antennas: tuple[ReceiverRecord, TransmitterRecord] | None = None
@@ -29,7 +29,7 @@ class RingReader:
         """Pixels of a ring in one snapshot."""
         key = (ring, snapshot_index)
         if key not in self._kept:
-            record, channels = self._frame.image(ring, snapshot_index)
+            record, channels = self._images(ring, snapshot_index)
             time_s = self._times_s.setdefault(snapshot_index, record.time_s)
             if time_s != record.time_s:
                 raise SchemaError(

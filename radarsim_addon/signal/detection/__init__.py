@@ -7,11 +7,9 @@ In: range-Doppler maps and the tables of a run. Out: records of what was found, 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, detect_targets, target_count
 from .moving_targets import SLOWEST_CELLS, find_moving_targets, received_recording
-from .objects import matching_objects, object_echoes, require_objects
-from .options import ProcessOptions, Progress
+from .objects import matching_objects, object_echoes
 from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
 from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_warnings
-from .result import FrameResult
 from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_warnings
 from .summary_peaks import find_edges
 
@@ -24,12 +22,9 @@ __all__ = [
     "Detection",
     "Detections",
     "FrameBudget",
-    "FrameResult",
     "FrameStatistics",
     "LeadingEdge",
     "Peak",
-    "ProcessOptions",
-    "Progress",
     "StatisticsSum",
     "cfar_threshold",
     "detect_targets",
@@ -44,7 +39,6 @@ __all__ = [
     "predicted_snr",
     "projection_warnings",
     "received_recording",
-    "require_objects",
     "statistics_warnings",
     "target_count",
 ]

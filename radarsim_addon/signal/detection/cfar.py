@@ -8,15 +8,16 @@ oversampling join them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from ...array_types import Mask, Real
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
 from ..maps import RangeDopplerMap
-from ..radar import check_count
 from .cfar_thresholds import Calibration, noise_correlation
 
 CfarKind = Literal["ca", "os"]
@@ -27,44 +28,48 @@ _MOST_SORTED = 96
 _BLOCK = 1 << 23
 
 
+@documented
 @dataclass(frozen=True)
 class Cfar:
-    """A detector.
+    """A detector."""
 
-    Attributes
-    ----------
-    kind
-        "ca" (cell averaging) or "os" (ordered statistic, which neighbours of a target and edges of
-        clutter disturb less).
-    pfa
-        False alarms per cell of the map in noise alone.
-    guard, train
-        Cells (Doppler, range) to each side: none of the guard cells, all of the training cells
-        beyond them are taken.
-    rank
-        Of the ordered statistic, as a share of the training cells.
-    """
-
-    kind: CfarKind = "ca"
-    pfa: float = 1e-6
-    guard: tuple[int, int] = (4, 8)
-    train: tuple[int, int] = (4, 24)
-    rank: float = 0.75
+    kind: CfarKind = setting(
+        "CFAR",
+        "Find targets by a constant false-alarm rate",
+        "ca",
+        choices=(
+            ("ca", "Cell averaging", "Mean of the training cells"),
+            ("os", "Ordered statistic", "Less disturbed by neighbours and edges of clutter"),
+        ),
+        flag="--cfar",
+    )
+    pfa: float = setting(
+        "False-alarm rate", "Set the false alarms per cell", 1e-6, minimum=1e-15, maximum=0.5
+    )
+    guard: tuple[int, int] = setting(
+        "Number of guard cells", "Set the guard cells to each side (Doppler, range)", (4, 8),
+        minimum=0, maximum=4096, flag="--cfar-guard", metavar="D,R",
+    )  # fmt: skip
+    train: tuple[int, int] = setting(
+        "Number of training cells", "Set the training cells to each side (Doppler, range)", (4, 24),
+        minimum=0, maximum=4096, flag="--cfar-train", metavar="D,R",
+    )  # fmt: skip
+    rank: float = setting(
+        "CFAR rank",
+        "Set the rank of the ordered statistic as a fraction of the training cells",
+        0.75,
+        above=0.0,
+        maximum=math.nextafter(1.0, 0.0),
+        flag="--cfar-rank",
+    )
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(CfarKind):
-            raise ConfigError(f"CFAR {self.kind!r}; expected one of {get_args(CfarKind)}.")
-        if not (isinstance(self.pfa, float) and 1e-15 <= self.pfa <= 0.5):
-            raise ConfigError(f"False-alarm rate is {self.pfa!r}; expected 1e-15 to 0.5.")
-        if not 0 < self.rank < 1:
-            raise ConfigError(f"CFAR rank is {self.rank!r}; expected a share between 0 and 1.")
-        for name, pair in (("guard", self.guard), ("training", self.train)):
-            for value in pair:
-                check_count(f"Number of {name} cells", value, 0, 4096)
+        check_settings(self)
         if sum(self.train) == 0:
             raise ConfigError("CFAR without training cells; give some in range or Doppler.")
 
 
+@documented
 @dataclass(frozen=True)
 class CfarResult:
     """Thresholds of a map.

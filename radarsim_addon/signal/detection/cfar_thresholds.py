@@ -136,13 +136,13 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
     turn = np.exp(-2j * np.pi * np.outer(np.arange(lags[0] + 1), np.arange(pulses)) / pulses)
     doppler = turn @ squared / squared.sum()
     if isinstance(waveform, LineWaveform):
-        weight = line_weights(waveform, rd_map.window)
+        weight = line_weights(waveform, rd_map.range_taper)
         # the correlator's spectrum once: noise has passed it a single time
         density = weight if waveform.kind == "pmcw" else weight**2
         position = np.arange(weight.size) / weight.size
     else:
         size = 4 * replica_count(waveform)
-        density = np.abs(matched_filter(waveform, size, rd_map.window)) ** 2
+        density = np.abs(matched_filter(waveform, size, rd_map.range_taper)) ** 2
         position = np.fft.fftfreq(size)
     step_m = rd_map.range_m[1] - rd_map.range_m[0] if rd_map.range_m.size > 1 else 1.0
     cells = np.arange(lags[1] + 1) * float(step_m) / waveform.sample_spacing_m

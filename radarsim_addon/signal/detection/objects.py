@@ -26,7 +26,8 @@ from ...array_types import Real
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, edge_variances, lone_variances, open_frame_table, usable
+from ..decoding import FrameInput, as_input
+from ..paths import PathRows, edge_variances, lone_variances, usable
 from ..runs import RadarFrame
 from ..scattering import Link
 
@@ -100,23 +101,8 @@ def path_power_w(
     return np.asarray(power, dtype=np.float64)
 
 
-def require_objects(frame: RadarFrame) -> None:
-    """Check that a frame knows the objects of its paths.
-
-    Raises
-    ------
-    ConfigError
-        The frame is of rings.
-    """
-    if frame.sampling_mode != "paths":
-        raise ConfigError(
-            f"{frame.path} was measured by rings, which do not know the object of a path. Measure "
-            "the scene by paths (Acquisition: Paths, or --acquisition paths)."
-        )
-
-
 def object_echoes(
-    frame: RadarFrame,
+    frame: RadarFrame | FrameInput,
     carrier_hz: float,
     link: Link | None = None,
     groups: Mapping[str, Sequence[str]] | None = None,
@@ -141,15 +127,15 @@ def object_echoes(
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
-    require_objects(frame)
-    record, table = open_frame_table(frame.path, frame.number)
+    table = as_input(frame).table
+    record = table.record
     if groups is None:
         groups = {name: [name] for name in record.objects}
     member = _membership(record.objects, groups)
     names = list(groups)
     sums = _Sums(len(names), record.replicates, record.receiver)
-    for start, stop in _tile_edges(table):
-        rows = np.array(table[start:stop])
+    for start, stop in _tile_edges(table.rows):
+        rows = np.array(table.rows[start:stop])
         rows = rows[usable(rows)]
         power = path_power_w(rows, record, carrier_hz, link)
         sums.add_tile(rows, power, path_rcs_m2(rows, record), member)
@@ -249,7 +235,7 @@ def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in itertools.pairwise(edges)]
 
 
-def matching_objects(frame: RadarFrame, pattern: str) -> list[str]:
+def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
     """Objects of a frame by name, by the name of a collection, or by a pattern with * and ?.
 
     Raises
@@ -257,8 +243,8 @@ def matching_objects(frame: RadarFrame, pattern: str) -> list[str]:
     ConfigError
         Nothing has that name.
     """
-    record, _ = open_frame_table(frame.path, frame.number)
-    scene = frame.scene()
+    frame_input = as_input(frame)
+    record, scene = frame_input.table.record, frame_input.ground_truth
     collections: dict[str, set[str]] = {}
     for item in scene.objects if scene is not None else []:
         for name in item.collections:
@@ -275,7 +261,7 @@ def matching_objects(frame: RadarFrame, pattern: str) -> list[str]:
     if not found:
         known = ", ".join(map(repr, [*record.objects, *sorted(collections)]))
         raise ConfigError(
-            f"No object or collection of frame {frame.number} is called {pattern!r}; there are "
+            f"No object or collection of frame {record.frame} is called {pattern!r}; there are "
             f"{known}. Names may hold * and ?."
         )
     return found

@@ -8,14 +8,13 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...contract import LinkBudget
 from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
+from ..decoding import FrameInput
 from ..maps import coherent_samples, map_noise_gain, mti_response
-from ..paths import Paths, read_paths_record
+from ..paths import Paths
 from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
-from ..runs import RadarFrame
-from ..scattering import Link, frame_antennas
+from ..scattering import Link
 from .objects import ObjectEcho, object_echoes
 
 #: Share of a frame's power in paths of unknown last vertex that is worth a warning.
@@ -26,18 +25,18 @@ _LEAST_DB = -200.0
 _CANCELLED = 1e-20
 
 
-def compression_loss_db(radar: Radar, window: str, doppler_taper: str) -> float:
+def compression_loss_db(radar: Radar, range_taper: str, doppler_taper: str) -> float:
     """SNR that the windows over band and pulses cost against the matched filter [dB], 0 or more.
 
     Both from the noise that comes through: see :mod:`.maps.noise_floor`.
     """
-    gain = map_noise_gain(radar, window, doppler_taper)
+    gain = map_noise_gain(radar, range_taper, doppler_taper)
     ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
     return max(10 * math.log10(gain / ideal), 0.0)
 
 
 def predicted_snr(
-    power_w: float, radar: Radar, system: RadarSystem, window: str, doppler_taper: str
+    power_w: float, radar: Radar, system: RadarSystem, range_taper: str, doppler_taper: str
 ) -> SnrPrediction:
     """What the map shows of a point target of this received power; see `predict_snr`.
 
@@ -51,7 +50,7 @@ def predicted_snr(
         radar.burst.pulses,
         system.record.noise_figure_db,
         system.record.antenna_temperature_k,
-        compression_loss_db(radar, window, doppler_taper),
+        compression_loss_db(radar, range_taper, doppler_taper),
     )
 
 
@@ -131,29 +130,23 @@ class FrameBudget:
 
     Parameters
     ----------
-    frame
-        Radar frame.
-    radar
-        Waveform and burst.
-    record
-        Power budget; None: paths stay as they are.
+    frame_input
+        Radar frame. Without a link budget its paths stay as they are.
 
     Raises
     ------
     ConfigError
         The budget cannot be used.
-    FrameFileError, SchemaError
-        The frame's sidecars are missing or damaged.
     """
 
-    def __init__(self, frame: RadarFrame, radar: Radar, record: LinkBudget | None) -> None:
-        self._frame, self._radar = frame, radar
+    def __init__(self, frame_input: FrameInput) -> None:
+        self._input, self._radar = frame_input, frame_input.radar
         self.system: RadarSystem | None = None
         self.link: Link | None = None
-        if record is not None:
-            self.system = make_system(record, radar.waveform.wavelength_m)
-            antennas = frame_antennas(frame.path, frame.number, frame.sampling_mode)
-            self.link = Link(self.system, *antennas)
+        if frame_input.link_budget is not None:
+            wavelength_m = self._radar.waveform.wavelength_m
+            self.system = make_system(frame_input.link_budget, wavelength_m)
+            self.link = Link(self.system, frame_input.receiver, frame_input.transmitter)
 
     def apply(self, paths: Paths) -> Paths:
         """The paths with the system's gains."""
@@ -162,7 +155,7 @@ class FrameBudget:
     def report(
         self,
         received_w: float,
-        window: str = "hamming",
+        range_taper: str = "hamming",
         doppler_taper: str = "hamming",
         *,
         range_limits_m: tuple[float, float] | None = None,
@@ -174,7 +167,7 @@ class FrameBudget:
         ----------
         received_w
             Sum of the paths' powers [W].
-        window, doppler_taper
+        range_taper, doppler_taper
             Over band and pulses, for the predicted SNR.
         range_limits_m
             One-way ranges of the map (start, stop); None: all [m].
@@ -183,8 +176,8 @@ class FrameBudget:
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
-        if self._frame.sampling_mode == "paths":
-            objects = object_echoes(self._frame, radar.waveform.carrier_hz, self.link)
+        if self._input.tables:
+            objects = object_echoes(self._input, radar.waveform.carrier_hz, self.link)
             least = 10 ** (_LEAST_DB / 10) * max((echo.power_w for echo in objects), default=0.0)
             objects = [echo for echo in objects if echo.power_w > least]
         noise_w = None
@@ -200,10 +193,12 @@ class FrameBudget:
                     if left < _CANCELLED:
                         absent.setdefault(echo.name, "cancelled by the MTI")
                     if echo.name not in absent:
-                        point = predicted_snr(echo.power_w, radar, system, window, doppler_taper)
+                        point = predicted_snr(
+                            echo.power_w, radar, system, range_taper, doppler_taper
+                        )
                         burst_db = point.burst_db + 10 * math.log10(left)
                         snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
-        warnings = [*projection_warnings(self._frame), *self._warnings()]
+        warnings = [*projection_warnings(self._input), *self._warnings()]
         return BudgetReport(received_w, noise_w, objects, snr, warnings, absent)
 
     def _warnings(self) -> list[str]:
@@ -219,22 +214,9 @@ class FrameBudget:
         return [text]
 
 
-def projection_warnings(frame: RadarFrame) -> list[str]:
-    """What to know of a frame's powers for the projection of its receiver.
-
-    Parameters
-    ----------
-    frame
-        Radar frame.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        The frame's sidecar is missing or damaged.
-    """
-    if frame.sampling_mode != "paths":
-        return []
-    if read_paths_record(frame.path, frame.number).receiver.kind != "orthographic":
+def projection_warnings(frame_input: FrameInput) -> list[str]:
+    """What to know of a frame's powers for the projection of its receiver."""
+    if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []
     text = (
         "The receiver is orthographic: its powers are not received watts, but R^2 times as much "

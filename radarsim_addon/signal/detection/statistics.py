@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decoding import iter_path_chunks
+from ..decoding import FrameInput, iter_path_chunks
 from ..paths import PathCounts, PathFlag, Paths, path_power_w
 from ..radar import Radar
 from ..runs import RadarFrame
@@ -91,7 +91,7 @@ class StatisticsSum:
 
 
 def frame_statistics(
-    frame: RadarFrame, radar: Radar, receiver_gain: float = 1.0
+    frame: RadarFrame | FrameInput, radar: Radar, receiver_gain: float = 1.0
 ) -> FrameStatistics:
     """Statistics of one frame's paths, without forming echoes."""
     total = StatisticsSum(radar, receiver_gain)

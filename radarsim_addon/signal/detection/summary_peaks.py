@@ -46,7 +46,7 @@ def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[
             make_paths(1.0, 2 * edge.peak_range_m),
             profile.radar,
             range_limits_m=range_limits_m,
-            window=profile.window,
+            range_taper=profile.range_taper,
         ).power
         count = min(point.size, sidelobes.size)
         strength = 10 ** (edge.level_db / 10) / max(float(point.max()), 1e-300)

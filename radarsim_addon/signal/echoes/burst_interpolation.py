@@ -18,8 +18,7 @@ import numpy as np
 
 from ...array_types import Real
 from ...errors import SchemaError
-from ..paths import frame_motion
-from ..runs import RadarFrame
+from ..decoding import FrameInput
 from .echoes import Echoes
 
 
@@ -40,22 +39,20 @@ def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
     return np.array([np.interp(slow_time_s, nodes, hat) for hat in hats])
 
 
-def render_times_s(frame: RadarFrame) -> list[float]:
+def render_times_s(frame_input: FrameInput) -> list[float]:
     """When each render of a frame's burst shows the scene, after the frame's time t [s].
 
     Raises
     ------
-    FrameFileError, SchemaError
-        A file is missing or damaged, or the times are not in order.
+    SchemaError
+        The times are not in order.
     """
-    times = []
-    for number in range(frame.visibility_updates):
-        motion = frame_motion(frame.of_burst(number).path, frame.number)
-        times.append(0.0 if motion is None else motion.epoch_offset_s)
+    motions = [table.motion for table in frame_input.tables]
+    times = [0.0 if motion is None else motion.epoch_offset_s for motion in motions]
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
         raise SchemaError(
-            f"{frame.path}: the renders of its burst show {times} s; expected ascending times. "
-            "Render the frame again."
+            f"{frame_input.frame.path}: the renders of its burst show {times} s; expected "
+            "ascending times. Render the frame again."
         )
     return times
 

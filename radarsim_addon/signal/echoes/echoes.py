@@ -86,9 +86,9 @@ class EchoOptions:
 
     amplitude_model: AmplitudeModel = "radar-equation"
     receiver_gain: float = 1.0
-    method: Backend = "auto"
+    nufft_backend: Backend = "auto"
     tolerance: float = TOLERANCE
-    synthesis: Method = "auto"
+    slow_time_transform: Method = "auto"
     range_folding: bool = True
     chunk: int = 1 << 17
     speckle_seed: int | None = None

@@ -36,7 +36,7 @@ def line_times_s(radar: Radar) -> Real:
     waveform = radar.waveform
     times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz
     if isinstance(waveform, PmcwWaveform):
-        codes_s = np.arange(waveform.repeats) * waveform.code_s
+        codes_s = np.arange(waveform.code_repeats) * waveform.code_s
         times_s = (times_s[:, None] + codes_s).ravel()
     return np.asarray(times_s)
 

@@ -202,7 +202,7 @@ def _through_pulses(echoes: Echoes, noise: PhaseNoise, seed: int) -> Complex:
 def _through_codes(echoes: Echoes, waveform: PmcwWaveform, noise: PhaseNoise, seed: int) -> Complex:
     code = replica(waveform)
     count, rate_hz = code.size, waveform.sampling_rate_hz
-    track = _track(echoes.radar, noise, rate_hz, (waveform.repeats + 2) * count, seed)
+    track = _track(echoes.radar, noise, rate_hz, (waveform.code_repeats + 2) * count, seed)
     phase = track.at()
     responses = np.fft.ifft(_scene(np.fft.fft(echoes.samples, axis=1), np.fft.fft(code)), axis=1)
     twice = np.concatenate([code, code])

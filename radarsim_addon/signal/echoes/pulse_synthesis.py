@@ -72,8 +72,8 @@ class EchoSynthesizer:
             FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size),
             pulse_times_s(radar),
             tolerance=options.tolerance,
-            method=options.synthesis,
-            backend=options.method,
+            method=options.slow_time_transform,
+            backend=options.nufft_backend,
             listening=ReceiveWindow(
                 start_s - 2 * self._half_s,
                 stop_s + 2 * self._half_s,

@@ -7,62 +7,59 @@ All of it is off unless asked for.
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...array_types import Real
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
 from ...physics.constants import REFERENCE_TEMPERATURE_K
 from ...physics.noise import complex_noise, noise_power_w
-from ..radar import FmcwWaveform, check_count
+from ..radar import FmcwWaveform
 from .echoes import Echoes
-from .phase_noise import PhaseNoise, add_phase_noise, takes_phase_noise_by_path
+from .phase_noise import PhaseNoise, add_phase_noise, load_phase_noise, takes_phase_noise_by_path
 
 
+@documented
 @dataclass(frozen=True)
 class Receiver:
-    """A receiver's shortcomings; the default has none.
+    """A receiver's shortcomings; the default has none."""
 
-    Attributes
-    ----------
-    noise_figure_db
-        Noise figure F [dB]; None: no thermal noise.
-    antenna_temperature_k
-        Of what the antenna sees [K].
-    adc_bits
-        Bits of each of I and Q, sign included, 1 to 24; None: not quantised.
-    full_scale
-        Amplitude at which I and Q clip, in sqrt(W) at the receiver's input; None: the largest that
-        occurs, so that nothing clips.
-    phase_noise
-        Of the oscillator; None: none.
-    seed
-        Of noise and phase noise: the same seed gives the same samples.
-    """
-
-    noise_figure_db: float | None = None
-    antenna_temperature_k: float = REFERENCE_TEMPERATURE_K
-    adc_bits: int | None = None
-    full_scale: float | None = None
-    phase_noise: PhaseNoise | None = None
-    seed: int = 0
+    noise_figure_db: float | None = setting(
+        "Noise figure", "Add thermal noise of this noise figure. None: no thermal noise", None,
+        unit="dB", minimum=0.0,
+    )  # fmt: skip
+    antenna_temperature_k: float = setting(
+        "Antenna temperature", "Set the noise temperature of the antenna", REFERENCE_TEMPERATURE_K,
+        unit="K", minimum=0.0,
+    )  # fmt: skip
+    adc_bits: int | None = setting(
+        "ADC bits", "Round I and Q to this number of bits, sign included. None: exact", None,
+        minimum=1, maximum=24,
+    )  # fmt: skip
+    adc_full_scale: float | None = setting(
+        "ADC full scale",
+        "Set the amplitude at which I and Q clip [sqrt(W)]. None: the largest that occurs",
+        None,
+        above=0.0,
+    )
+    phase_noise: PhaseNoise | None = setting(
+        "Phase noise",
+        "Read the spectrum of the oscillator's phase noise (CSV: offset_hz, level_dbc_hz)",
+        None,
+        parse=load_phase_noise,
+        metavar="FILE",
+    )
+    noise_seed: int = setting(
+        "Noise seed", "Set the seed of thermal noise and phase noise", 0,
+        minimum=0, maximum=2**63 - 1,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        if self.noise_figure_db is not None:
-            noise_power_w(1.0, self.noise_figure_db, self.antenna_temperature_k)
-        if self.adc_bits is not None:
-            check_count("Number of ADC bits", self.adc_bits, 1, 24)
-        if self.full_scale is not None:
-            if not (math.isfinite(self.full_scale) and self.full_scale > 0):
-                raise ConfigError(
-                    f"ADC full scale is {self.full_scale!r}; expected a positive amplitude in "
-                    "sqrt(W), or none for automatic."
-                )
-            if self.adc_bits is None:
-                raise ConfigError("ADC full scale without a number of bits; give both.")
-        check_count("Receiver seed", self.seed, 0, 2**63 - 1)
+        check_settings(self)
+        if self.adc_full_scale is not None and self.adc_bits is None:
+            raise ConfigError("ADC full scale without a number of bits; give both.")
 
     @property
     def ideal(self) -> bool:
@@ -72,7 +69,7 @@ class Receiver:
     @property
     def phase_noise_seed(self) -> int:
         """Seed of the oscillator, another than that of the thermal noise."""
-        return int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
+        return int(np.random.SeedSequence([self.noise_seed, 1]).generate_state(1)[0])
 
 
 @dataclass(frozen=True)
@@ -152,7 +149,7 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
                 receiver.antenna_temperature_k,
             )
         )
-        rng = np.random.default_rng(receiver.seed)
+        rng = np.random.default_rng(receiver.noise_seed)
         samples = samples + complex_noise(rng, samples.shape, noise_w)
     real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
     if real:
@@ -160,7 +157,7 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
     scale, step, clipped = None, None, 0
     if receiver.adc_bits is not None:
         parts = samples.real if real else np.ascontiguousarray(samples).view(np.float64)
-        parts, scale, clipped = quantise(parts, receiver.adc_bits, receiver.full_scale)
+        parts, scale, clipped = quantise(parts, receiver.adc_bits, receiver.adc_full_scale)
         samples = parts.astype(np.complex128) if real else parts.view(np.complex128)
         step = scale / 2 ** (receiver.adc_bits - 1)
     if samples is echoes.samples:

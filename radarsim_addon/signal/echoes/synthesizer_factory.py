@@ -57,9 +57,9 @@ def synthesize(
     range_limits_m: tuple[float, float],
     amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
-    method: Backend = "auto",
+    nufft_backend: Backend = "auto",
     tolerance: float = TOLERANCE,
-    synthesis: Method = "auto",
+    slow_time_transform: Method = "auto",
     range_folding: bool = True,
     chunk: int = 1 << 17,
     speckle_seed: int | None = None,
@@ -80,13 +80,13 @@ def synthesize(
         "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`.
     receiver_gain
         G_r, linear.
-    method
+    nufft_backend
         "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
         term by term: slow, for checks).
     tolerance
         Relative L2 error of the spectrum S(f) against the direct sum, see
         :mod:`.spectrum.accumulator`.
-    synthesis
+    slow_time_transform
         "auto", "type3", "per-pulse" or "direct", see
         :class:`.spectrum.accumulator.SpectrumAccumulator`.
     range_folding
@@ -107,9 +107,9 @@ def synthesize(
     options = EchoOptions(
         amplitude_model=amplitude_model,
         receiver_gain=receiver_gain,
-        method=method,
+        nufft_backend=nufft_backend,
         tolerance=tolerance,
-        synthesis=synthesis,
+        slow_time_transform=slow_time_transform,
         range_folding=range_folding,
         chunk=chunk,
         speckle_seed=speckle_seed,

@@ -18,11 +18,11 @@ from ..radar import FmcwWaveform, LineWaveform, PmcwWaveform, replica, slow_time
 from ..spectrum import Backend, nufft1
 
 
-def line_weights(waveform: LineWaveform, window: str) -> Real:
+def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
     """Weights g_k of the frequencies, (N,), in the order of the frequencies."""
     if isinstance(waveform, PmcwWaveform):
         return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
-    return slow_time_window(window, waveform.grid_count)
+    return slow_time_window(range_taper, waveform.grid_count)
 
 
 def line_range_axis(
@@ -49,7 +49,7 @@ def line_range_axis(
 
 
 def compress_lines(
-    waveform: LineWaveform, samples: Complex, range_m: Real, window: str, oversample: int
+    waveform: LineWaveform, samples: Complex, range_m: Real, range_taper: str, oversample: int
 ) -> Complex:
     """Range profiles of every pulse.
 
@@ -61,7 +61,7 @@ def compress_lines(
         Raw samples, (rows, N); PMCW has `repeats` rows a pulse.
     range_m
         From `line_range_axis`, (ranges,) [m].
-    window
+    range_taper
         Over the frequencies.
     oversample
         That of `range_m`.
@@ -74,11 +74,11 @@ def compress_lines(
     count = waveform.grid_count
     if isinstance(waveform, PmcwWaveform):
         code = np.fft.fft(replica(waveform))
-        codes = samples.reshape(-1, waveform.repeats, count).mean(axis=1)
+        codes = samples.reshape(-1, waveform.code_repeats, count).mean(axis=1)
         spectra = np.fft.fftshift(np.fft.fft(codes, axis=1) * np.conj(code), axes=1)
         spectra /= np.sum(np.abs(code) ** 2)
     else:
-        weight = line_weights(waveform, window)
+        weight = line_weights(waveform, range_taper)
         # a real ADC holds half the amplitude of the beat
         real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
         samples = samples.real.astype(np.complex128) if real else samples
@@ -94,7 +94,7 @@ def compress_lines(
     return values
 
 
-def line_noise_gain(waveform: LineWaveform, window: str) -> float:
+def line_noise_gain(waveform: LineWaveform, range_taper: str) -> float:
     """Noise power in a range cell over that of a complex sample.
 
     A real ADC holds half the noise and half the amplitude of the beat, a quarter of its power:
@@ -103,8 +103,8 @@ def line_noise_gain(waveform: LineWaveform, window: str) -> float:
     if isinstance(waveform, PmcwWaveform):
         # a correlation with N samples of power |w|^2, averaged over the repeats
         energy = float(np.sum(np.abs(replica(waveform)) ** 2))
-        return 1 / (energy * waveform.repeats)
-    weight = line_weights(waveform, window)
+        return 1 / (energy * waveform.code_repeats)
+    weight = line_weights(waveform, range_taper)
     gain = float(np.sum(weight**2) / weight.sum() ** 2)
     return 2 * gain if isinstance(waveform, FmcwWaveform) and waveform.real_adc else gain
 
@@ -116,13 +116,13 @@ class LinePower:
         self,
         waveform: LineWaveform,
         range_limits_m: tuple[float, float],
-        window: str,
+        range_taper: str,
         oversample: int,
-        method: Backend,
+        nufft_backend: Backend,
     ) -> None:
-        self._waveform, self._oversample, self._method = waveform, oversample, method
+        self._waveform, self._oversample, self._nufft_backend = waveform, oversample, nufft_backend
         self.range_m = line_range_axis(waveform, range_limits_m, oversample)
-        weight = line_weights(waveform, window)
+        weight = line_weights(waveform, range_taper)
         count = weight.size
         # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1
         spectrum = np.abs(np.fft.fft(weight, 2 * count)) ** 2
@@ -136,7 +136,7 @@ class LinePower:
             range_m, power = range_m[heard], power[heard]
         points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
         # 1e-13: far echoes stand many tens of dB below near ones
-        self._sum += nufft1(points, power, self._sum.size, 1e-13, self._method)
+        self._sum += nufft1(points, power, self._sum.size, 1e-13, self._nufft_backend)
 
     def result(self) -> Real:
         """Power at `range_m`, of its shape, in the unit of the powers that were added."""

@@ -15,7 +15,7 @@ error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from ...array_types import Real
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..decoding import FrameInput, as_input
 from ..paths import (
     PathRows,
     Paths,
     Points,
     Steps,
     make_paths,
-    open_frame_table,
     radiance_of,
     spread,
     steps_of,
@@ -84,89 +84,139 @@ class ExpectedPower:
 
 
 def expected_power(
-    frame: RadarFrame,
-    radar: Radar,
-    range_limits_m: tuple[float, float],
+    frame: RadarFrame | FrameInput,
     *,
-    window: str = "hamming",
+    range_taper: str = "hamming",
     doppler_taper: str = "hamming",
     receiver_gain: float = 1.0,
     cells_per_sample: int = 2,
     link: Link | None = None,
     points_to: Callable[[Paths], None] | None = None,
 ) -> ExpectedPower:
-    """Expected power of a frame of paths, on range cells of a fraction of the sample spacing.
+    """Compute the expected power of a frame of paths, on cells finer than the samples.
 
     Parameters
     ----------
     frame
-        A radar frame of the acquisition "paths".
-    radar, range_limits_m, window, doppler_taper, receiver_gain
-        As for the profile and the map.
+        A radar frame of the sampling mode "paths". Its radar and range limits are those of the map.
+    range_taper, doppler_taper
+        Windows over the band and over the pulses, see :mod:`.radar.windows`.
+    receiver_gain
+        G_r, linear.
     cells_per_sample
         Range cells per sample of the echo, at least 2.
     link
-        Radar system, see :mod:`.scattering.antenna_gains`; None: no gains but `receiver_gain`.
+        Antennas and losses; None: no gains but `receiver_gain`.
     points_to
-        Is given the points that the paths are spread over, as paths of their own, such as
-        :meth:`.compress.ProfileAccumulator.add`; None: nothing is.
+        Called with the points that the paths are spread over, as paths of their own.
 
-    Notes
-    -----
-    Echoes beyond the unambiguous range stand folded, as by
-    :func:`.echoes.pulse_synthesis.synthesize`.
+    Returns
+    -------
+    ExpectedPower
+        Powers with their standard errors [W].
 
     Raises
     ------
-    FrameFileError, SchemaError
-        The frame's table is missing or damaged.
+    ConfigError
+        The frame holds ring images, or the waveform has too few range cells.
+
+    Notes
+    -----
+    Echoes beyond the unambiguous range fold, as in :func:`.echoes.synthesize`.
     """
-    cells = _Cells(radar, range_limits_m, cells_per_sample)
-    response = _range_response(radar, window, cells.step_m, cells_per_sample)
-    doppler = np.abs(_doppler_response(doppler_taper, radar.burst.pulses)) ** 2
-    record, table = open_frame_table(frame.path, frame.number)
-    scale = receiver_gain * (record.carrier_hz / radar.waveform.carrier_hz) ** 2
+    frame_input = as_input(frame)
+    radar, table = frame_input.radar, frame_input.table
+    cells = _Cells(radar, frame_input.range_limits_m, cells_per_sample)
+    smeared = _Smearing(radar, range_taper, doppler_taper, cells, cells_per_sample)
+    sums = _TableSums(frame_input, cells, receiver_gain, link, points_to)
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
-    gaps = _Gaps(range_limits_m, radar.waveform.range_resolution_m * record.replicates)
-    finer = np.zeros(cells.pulses * cells.ranges)
-
-    def smeared(grid: Real) -> tuple[Real, Real]:
-        powers = grid.reshape(cells.pulses, cells.ranges)
-        along = _smear(_smear_doppler(powers, doppler), response)
-        return _smear(powers.sum(axis=0)[None], response)[0], along
-
-    for views in tiles_by_replicate(table, record.replicates):
-        grid = np.zeros(finer.size)
-        for rows in views:
-            gain = np.ones(rows.size)
-            if link is not None:
-                gain = link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
-            power = scale * gain * rows["power_w"]
-            radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-            steps = steps_of(rows, record.receiver, record.replicates)
-            gaps.add(rows, steps)
-            for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                cells.add(grid, part, record.replicates * power)
-                if points_to is not None:
-                    points_to(make_paths(radiance[part.row] * part.share, part.length_m))
-            if record.replicates > 1:
-                steps = steps.scaled(record.replicates**-0.5)
-                for part in spread(rows, steps, cells.step_m, cells.step_mps):
-                    cells.add(finer, part, power)
-        for sums, values in zip((profile, image), smeared(grid), strict=True):
-            sums.add(values)
-    finer_profile, finer_map = smeared(finer)
+    for views in tiles_by_replicate(table.rows, table.record.replicates):
+        for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
+            total.add(values)
+    finer_profile, finer_map = smeared(sums.finer)
     return ExpectedPower(
-        range_m=np.asarray(
-            range_limits_m[0] + cells.step_m * np.arange(cells.ranges), dtype=np.float64
-        ),
+        range_m=cells.range_m,
         doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
         profile=profile.mean,
         profile_error=np.hypot(profile.error(), profile.mean - finer_profile),
         map=image.mean,
         map_error=np.hypot(image.error(), image.mean - finer_map),
-        gaps_from_m=gaps.start_m(),
+        gaps_from_m=sums.gaps.start_m(),
     )
+
+
+class _TableSums:
+    """Sorts the power of a table's rows into cells, view by view.
+
+    `finer` is the sum over all replicates with every row spread over an S-th of its pixel, `gaps`
+    is where single rays leave gaps.
+    """
+
+    def __init__(
+        self,
+        frame_input: FrameInput,
+        cells: _Cells,
+        receiver_gain: float,
+        link: Link | None,
+        points_to: Callable[[Paths], None] | None,
+    ) -> None:
+        radar, self._record = frame_input.radar, frame_input.table.record
+        self._cells, self._link, self._points_to = cells, link, points_to
+        self._scale = receiver_gain * (self._record.carrier_hz / radar.waveform.carrier_hz) ** 2
+        self.finer = np.zeros(cells.pulses * cells.ranges)
+        self.gaps = _Gaps(
+            frame_input.range_limits_m,
+            radar.waveform.range_resolution_m * self._record.replicates,
+        )
+
+    def replicate(self, views: Iterable[PathRows]) -> Real:
+        """Powers in cells from the views of one replicate, (pulses x ranges,)."""
+        grid = np.zeros(self.finer.size)
+        for rows in views:
+            self._add_view(grid, rows)
+        return grid
+
+    def _add_view(self, grid: Real, rows: PathRows) -> None:
+        record, cells = self._record, self._cells
+        gain = self._gain(rows)
+        power = self._scale * gain * rows["power_w"]
+        radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
+        steps = steps_of(rows, record.receiver, record.replicates)
+        self.gaps.add(rows, steps)
+        for part in spread(rows, steps, cells.step_m, cells.step_mps):
+            cells.add(grid, part, record.replicates * power)
+            if self._points_to is not None:
+                self._points_to(make_paths(radiance[part.row] * part.share, part.length_m))
+        if record.replicates > 1:
+            steps = steps.scaled(record.replicates**-0.5)
+            for part in spread(rows, steps, cells.step_m, cells.step_mps):
+                cells.add(self.finer, part, power)
+
+    def _gain(self, rows: PathRows) -> Real:
+        if self._link is None:
+            return np.ones(rows.size)
+        return self._link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
+
+
+class _Smearing:
+    """The point response over powers in cells: gives the profile and the map."""
+
+    def __init__(
+        self,
+        radar: Radar,
+        range_taper: str,
+        doppler_taper: str,
+        cells: _Cells,
+        cells_per_sample: int,
+    ) -> None:
+        self._cells = cells
+        self._range = _range_response(radar, range_taper, cells.step_m, cells_per_sample)
+        self._doppler = np.abs(_doppler_response(doppler_taper, radar.burst.pulses)) ** 2
+
+    def __call__(self, grid: Real) -> tuple[Real, Real]:
+        powers = grid.reshape(self._cells.pulses, self._cells.ranges)
+        along = _smear(_smear_doppler(powers, self._doppler), self._range)
+        return _smear(powers.sum(axis=0)[None], self._range)[0], along
 
 
 class _Replicates:
@@ -227,6 +277,11 @@ class _Cells:
         #: One Doppler bin [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
 
+    @property
+    def range_m(self) -> Real:
+        """Centres of the range cells, (ranges,) [m]."""
+        return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
+
     def add(self, grid: Real, part: Points, power: Real) -> None:
         """Add the points that rows of these powers are spread over to the cells of a grid."""
         seen, number = self.of(part.length_m, part.range_rate_mps)
@@ -259,7 +314,7 @@ class _Cells:
         return seen, (bins + self.pulses // 2) % self.pulses * ranges + column
 
 
-def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: int) -> Real:
+def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sample: int) -> Real:
     """|h|^2 on the cells, its peak in the middle."""
     if radar.waveform.family == "line":
         # it repeats with the range: half a period to each side
@@ -274,15 +329,15 @@ def _range_response(radar: Radar, window: str, step_m: float, cells_per_sample: 
         make_paths(1.0, 2 * middle * step_m),
         radar,
         range_limits_m=(0.0, 2 * middle * step_m),
-        window=window,
+        range_taper=range_taper,
         oversample=cells_per_sample,
     )
     response = point.power[middle - cells : middle + cells + 1]
     return np.asarray(response / response[cells])
 
 
-def _doppler_response(window: str, pulses: int) -> NDArray[np.complex128]:
-    weight = slow_time_window(window, pulses)
+def _doppler_response(doppler_taper: str, pulses: int) -> NDArray[np.complex128]:
+    weight = slow_time_window(doppler_taper, pulses)
     return np.asarray(np.fft.fft(weight / weight.sum()))
 
 

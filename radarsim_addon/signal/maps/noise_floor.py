@@ -25,21 +25,23 @@ def coherent_samples(radar: Radar) -> int:
     """Raw samples that carry one pulse's echo, and add up coherently in its range cell."""
     waveform = radar.waveform
     if isinstance(waveform, LineWaveform):
-        repeats = waveform.repeats if isinstance(waveform, PmcwWaveform) else 1
+        repeats = waveform.code_repeats if isinstance(waveform, PmcwWaveform) else 1
         return waveform.grid_count * repeats
     return replica_count(waveform)
 
 
-def range_noise_gain(radar: Radar, window: str = "hamming") -> float:
+def range_noise_gain(radar: Radar, range_taper: str = "hamming") -> float:
     """Noise power of a compressed range cell over that of a raw complex sample."""
     waveform = radar.waveform
     if isinstance(waveform, LineWaveform):
-        return line_noise_gain(waveform, window)
+        return line_noise_gain(waveform, range_taper)
     size = 4 * replica_count(waveform)
-    return float(np.mean(np.abs(matched_filter(waveform, size, window)) ** 2))
+    return float(np.mean(np.abs(matched_filter(waveform, size, range_taper)) ** 2))
 
 
-def map_noise_gain(radar: Radar, window: str = "hamming", doppler_taper: str = "hamming") -> float:
+def map_noise_gain(
+    radar: Radar, range_taper: str = "hamming", doppler_taper: str = "hamming"
+) -> float:
     """Noise power of a cell of the range-Doppler map over that of a raw complex sample."""
     weight = slow_time_window(doppler_taper, radar.burst.pulses)
-    return range_noise_gain(radar, window) * float(np.sum(weight**2) / weight.sum() ** 2)
+    return range_noise_gain(radar, range_taper) * float(np.sum(weight**2) / weight.sum() ** 2)

@@ -40,14 +40,14 @@ class RangeProfiles:
         One-way range of each column, evenly spaced, (ranges,) [m].
     radar
         Waveform and burst.
-    window
+    range_taper
         Window over the band.
     """
 
     values: Complex
     range_m: Real
     radar: Radar
-    window: str
+    range_taper: str
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class PowerProfile:
         One-way range, evenly spaced, (ranges,) [m].
     radar
         Waveform and burst.
-    window
+    range_taper
         Window over the band.
     """
 
     power: Real
     range_m: Real
     radar: Radar
-    window: str
+    range_taper: str
 
 
 def _range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
@@ -92,7 +92,9 @@ def _interpolate(spectrum: Complex, oversample: int) -> Complex:
     return np.asarray(np.fft.ifft(padded) * oversample)
 
 
-def range_process(echoes: Echoes, window: str = "hamming", oversample: int = 2) -> RangeProfiles:
+def range_process(
+    echoes: Echoes, range_taper: str = "hamming", oversample: int = 2
+) -> RangeProfiles:
     """Range profiles of a burst that peak at the power of a path, whatever the waveform.
 
     Pulses go through the matched filter: conj(W(f)) and a window over the band. What an FMCW or
@@ -102,7 +104,7 @@ def range_process(echoes: Echoes, window: str = "hamming", oversample: int = 2) 
     ----------
     echoes
         Echoes.
-    window
+    range_taper
         Window over the band, see :mod:`.radar.windows`. Hamming widens the response 1.47 times over
         no window and lowers its sidelobes from -13.3 to -42.7 dB.
     oversample
@@ -121,10 +123,10 @@ def range_process(echoes: Echoes, window: str = "hamming", oversample: int = 2) 
     """
     waveform = echoes.radar.waveform
     range_m = _range_axis(echoes.radar, echoes.range_limits_m, oversample)
-    window = band_window(waveform, window)
+    range_taper = band_window(waveform, range_taper)
     if isinstance(waveform, LineWaveform):
-        values = compress_lines(waveform, echoes.samples, range_m, window, oversample)
-        return RangeProfiles(values, range_m, echoes.radar, window)
+        values = compress_lines(waveform, echoes.samples, range_m, range_taper, oversample)
+        return RangeProfiles(values, range_m, echoes.radar, range_taper)
     chirp = replica_count(waveform)
     size = smooth_size(echoes.samples.shape[1] + chirp)
     if size * oversample * echoes.samples.shape[0] > MAX_SAMPLES:
@@ -134,12 +136,12 @@ def range_process(echoes: Echoes, window: str = "hamming", oversample: int = 2) 
         )
     offset_s = 2 * echoes.range_limits_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
     shift = np.exp(2j * np.pi * frequencies_hz(waveform, size) * offset_s)
-    response = matched_filter(waveform, size, window) * shift
+    response = matched_filter(waveform, size, range_taper) * shift
     values = np.empty((echoes.samples.shape[0], range_m.size), dtype=np.complex128)
     for pulse, samples in enumerate(echoes.samples):  # one at a time: no padded copy of them all
         line = _interpolate(np.fft.fft(samples, size) * response, oversample)
         values[pulse] = line[: range_m.size]
-    return RangeProfiles(values, range_m, echoes.radar, window)
+    return RangeProfiles(values, range_m, echoes.radar, range_taper)
 
 
 class ProfileAccumulator:
@@ -150,26 +152,26 @@ class ProfileAccumulator:
         radar: Radar,
         range_limits_m: tuple[float, float],
         *,
-        window: str = "hamming",
+        range_taper: str = "hamming",
         amplitude_model: AmplitudeModel = "radar-equation",
         receiver_gain: float = 1.0,
         oversample: int = 4,
-        method: Backend = "auto",
+        nufft_backend: Backend = "auto",
     ) -> None:
         if oversample < 2:
             raise ConfigError(
                 f"Oversampling is {oversample!r}; power has twice the band of the echo, so at "
                 "least 2 is needed."
             )
-        self._radar, self._window = radar, band_window(radar.waveform, window)
+        self._radar, self._range_taper = radar, band_window(radar.waveform, range_taper)
         self._weighting: AmplitudeModel = amplitude_model
         self._gain = receiver_gain
-        self._method: Backend = method
+        self._nufft_backend: Backend = nufft_backend
         self._range_m = _range_axis(radar, check_window(range_limits_m), oversample)
         self._lines: LinePower | None = None
         if isinstance(radar.waveform, LineWaveform):
             self._lines = LinePower(
-                radar.waveform, check_window(range_limits_m), window, oversample, method
+                radar.waveform, check_window(range_limits_m), range_taper, oversample, nufft_backend
             )
             return
         chirp = replica_count(radar.waveform)
@@ -205,21 +207,21 @@ class ProfileAccumulator:
         step_m = self._radar.waveform.sample_spacing_m / self._oversample
         points = offset_m * (2 * np.pi / (step_m * self._size))
         # 1e-13: far echoes stand many tens of dB below near ones
-        self._sum += nufft1(points, power[near] ** 2, self._size, 1e-13, self._method)
+        self._sum += nufft1(points, power[near] ** 2, self._size, 1e-13, self._nufft_backend)
 
     def result(self) -> PowerProfile:
         """Profile of all paths added so far."""
         if self._lines is not None:
             power = self._lines.result()
-            return PowerProfile(power, self._range_m, self._radar, self._window)
+            return PowerProfile(power, self._range_m, self._radar, self._range_taper)
         waveform = self._radar.waveform
         response = replica_spectrum(waveform, self._base) * matched_filter(
-            waveform, self._base, self._window
+            waveform, self._base, self._range_taper
         )
         point_power = np.abs(_interpolate(response, self._oversample)) ** 2
         spectrum = np.fft.ifftshift(self._sum) * np.fft.fft(point_power)
         power = np.maximum(np.fft.ifft(spectrum).real[: self._range_m.size], 0.0)
-        return PowerProfile(power, self._range_m, self._radar, self._window)
+        return PowerProfile(power, self._range_m, self._radar, self._range_taper)
 
 
 def expected_power_profile(
@@ -227,11 +229,11 @@ def expected_power_profile(
     radar: Radar,
     *,
     range_limits_m: tuple[float, float],
-    window: str = "hamming",
+    range_taper: str = "hamming",
     amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
     oversample: int = 4,
-    method: Backend = "auto",
+    nufft_backend: Backend = "auto",
 ) -> PowerProfile:
     """The profile that the matched filter shows on average over the speckle.
 
@@ -247,13 +249,13 @@ def expected_power_profile(
         Waveform and burst.
     range_limits_m
         One-way ranges (start, stop) [m].
-    window
+    range_taper
         Window over the band, see :mod:`.radar.windows`.
     amplitude_model, receiver_gain
         See :func:`.paths.paths.path_amplitude`; P_i is the square of the amplitude.
     oversample
         Ranges per sample of the echo, at least 2.
-    method
+    nufft_backend
         Engine of the non-uniform FFT.
 
     Notes
@@ -264,11 +266,11 @@ def expected_power_profile(
     accumulator = ProfileAccumulator(
         radar,
         range_limits_m,
-        window=window,
+        range_taper=range_taper,
         amplitude_model=amplitude_model,
         receiver_gain=receiver_gain,
         oversample=oversample,
-        method=method,
+        nufft_backend=nufft_backend,
     )
     for part in [paths] if isinstance(paths, Paths) else paths:
         accumulator.add(part)

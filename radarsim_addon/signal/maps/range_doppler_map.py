@@ -48,7 +48,7 @@ class RangeDopplerMap:
         One-way range of each column [m].
     radar
         Waveform and burst.
-    window, doppler_taper
+    range_taper, doppler_taper
         Windows over the band and over the pulses.
     """
 
@@ -56,7 +56,7 @@ class RangeDopplerMap:
     doppler_hz: Real
     range_m: Real
     radar: Radar
-    window: str
+    range_taper: str
     doppler_taper: str
 
     @property
@@ -78,14 +78,14 @@ class RangeDopplerMap:
         return np.asarray(-self.doppler_hz * self.radar.waveform.wavelength_m / 2)
 
 
-def range_doppler(compressed: RangeProfiles, window: str = "hamming") -> RangeDopplerMap:
+def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> RangeDopplerMap:
     """Range-Doppler map of a burst.
 
     Parameters
     ----------
     compressed
         Compressed pulses.
-    window
+    doppler_taper
         Window over the pulses, see :mod:`.radar.windows`.
 
     Notes
@@ -95,10 +95,15 @@ def range_doppler(compressed: RangeProfiles, window: str = "hamming") -> RangeDo
     burst smears; its peak stands where it was in the middle of the burst.
     """
     pulses = compressed.values.shape[0]
-    weight = slow_time_window(window, pulses)
+    weight = slow_time_window(doppler_taper, pulses)
     weight /= weight.sum()
     values = np.fft.fftshift(np.fft.fft(compressed.values * weight[:, None], axis=0), axes=0)
     doppler_hz = np.fft.fftshift(np.fft.fftfreq(pulses, 1 / compressed.radar.burst.prf_hz))
     return RangeDopplerMap(
-        values, doppler_hz, compressed.range_m, compressed.radar, compressed.window, window
+        values,
+        doppler_hz,
+        compressed.range_m,
+        compressed.radar,
+        compressed.range_taper,
+        doppler_taper,
     )

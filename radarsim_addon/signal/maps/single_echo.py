@@ -64,7 +64,7 @@ class Recording:
     ) -> Recording:
         """A map over another range window [m], else made as `rd_map` was."""
         found = range_process(
-            dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.window
+            dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.range_taper
         )
         strongest = float(np.max(np.abs(found.values), initial=0.0)) ** 2
         found = mti_cancel(found, mti) if mti else found
@@ -169,11 +169,11 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     # One pulse a range: an echo that moves on by a step from pulse to pulse.
     radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
     step_m = (high_m - low_m) / (count - 1)
-    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(method="direct"))
+    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(nufft_backend="direct"))
     aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
     synthesizer.add(make_paths(1 / aperture_m2, 2 * low_m, step_m * radar.burst.prf_hz))
     echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
-    tried = range_process(echo, recording.rd_map.window).values[:, : line.size]
+    tried = range_process(echo, recording.rd_map.range_taper).values[:, : line.size]
     energy = np.sum(np.abs(tried) ** 2, axis=1)
     # What is left of a pulse below a thousandth of it tells nothing.
     fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
@@ -184,7 +184,7 @@ def _doppler(recording: Recording, trains: NDArray[Any]) -> Complex:
     """Canceller, window and transform of the map, over pulse trains (pulses, Q)."""
     radar, rd_map = recording.echoes.radar, recording.rd_map
     columns = np.arange(trains.shape[1], dtype=np.float64)
-    found = RangeProfiles(trains, columns, radar, rd_map.window)
+    found = RangeProfiles(trains, columns, radar, rd_map.range_taper)
     found = mti_cancel(found, recording.mti) if recording.mti else found
     return range_doppler(found, rd_map.doppler_taper).values
 
@@ -207,20 +207,20 @@ def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | 
 
     Their carrier phases are taken out, so that they change slowly with range.
     """
-    echoes, window = recording.echoes, recording.rd_map.window
+    echoes, range_taper = recording.echoes, recording.rd_map.range_taper
     waveform = echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
         waveform = dataclasses.replace(waveform, real_adc=False)  # what the image adds is its own
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
     range_m = max(range_m, _NEAREST_M)
     aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
-    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(method="direct"))
+    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(nufft_backend="direct"))
     synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m))
     echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
     columns = recording.rd_map.range_m.size
     carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
-    own = range_process(echo, window).values[0, :columns] * carrier
+    own = range_process(echo, range_taper).values[0, :columns] * carrier
     if waveform is echoes.radar.waveform:
         return own, None
     echo = dataclasses.replace(echo, samples=np.conj(echo.samples))
-    return own, range_process(echo, window).values[0, :columns] * np.conj(carrier)
+    return own, range_process(echo, range_taper).values[0, :columns] * np.conj(carrier)

@@ -89,7 +89,10 @@ class Tracks:
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """Motion of a radar frame's bodies: number n of a table's column is ``bodies[n - 1]``."""
+    """Motion of a radar frame's bodies: number n of a table's column is ``bodies[n - 1]``.
+
+    `body_keys` tell bodies apart from frame to frame: names of object and instance.
+    """
 
     span_s: float
     receiver: BodyMotion
@@ -98,6 +101,7 @@ class FrameMotion:
     bodies: Sequence[BodyMotion]
     tracks: Tracks | None = None
     epoch_offset_s: float = 0.0
+    body_keys: Sequence[str] = ()
 
 
 def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
@@ -295,4 +299,5 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
         tracks=tracks,
         epoch_offset_s=at_s,
+        body_keys=[f"{body.object}\0{body.instance}" for body in record.bodies],
     )

@@ -82,20 +82,21 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
     return record, table
 
 
-def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
-    """Read the motion of what a frame's paths touch; None where the run has none.
+def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
+    """Read the motion of what the paths of a table touch; None where the run has none.
 
     Parameters
     ----------
-    folder, frame
-        As for :func:`read_paths_record`.
+    folder
+        Where the table is.
+    record
+        Its sidecar.
 
     Raises
     ------
     FrameFileError, SchemaError
         A file is missing or damaged, or they do not belong together.
     """
-    record = read_paths_record(folder, frame)
     if not record.motion_file:
         return None
     if record.motion_file != MOTION_FILE:
@@ -103,7 +104,7 @@ def frame_motion(folder: Path, frame: int) -> FrameMotion | None:
             f"{folder / PATHS_FILE} names the motion file {record.motion_file!r}; expected "
             f"{MOTION_FILE!r}. Remove it and render the run again."
         )
-    return read_motion(folder, frame, record.motion_sha256)
+    return read_motion(folder, record.frame, record.motion_sha256)
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:

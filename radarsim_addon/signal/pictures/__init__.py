@@ -4,7 +4,7 @@
 In: results of earlier rooms. Out: matplotlib figures and PNG or GIF files.
 """
 
-from .animation import MapFile, animate_maps
+from .animation import MapFile, animate_maps, common_scale, map_file
 from .antennas import ANTENNA_PICTURE, plot_antennas
 from .echo import plot_echo
 from .figure import has_matplotlib, new_figure, save_figure
@@ -19,10 +19,12 @@ __all__ = [
     "MapFile",
     "animate_maps",
     "cell_width",
+    "common_scale",
     "decimals_for",
     "draw_results",
     "fixed",
     "has_matplotlib",
+    "map_file",
     "new_figure",
     "plot_antennas",
     "plot_echo",

@@ -4,52 +4,81 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ...array_types import Real
 from ...atomic_files import replaced
 from ...errors import FrameFileError
+from ..results import FrameResult, frame_file
 from .figure import new_figure
-from .map import draw_map, joined_level, map_axes, picture_floor_db
+from .map import ColourScale, MapAxes, draw_map, floor_db_of, joined_level, map_axes
 
 #: Pictures per second.
 FRAMES_PER_SECOND = 5
+_ARRAYS = ("doppler_hz", "velocity_mps", "range_m", "power")
 
 
 @dataclass(frozen=True)
 class MapFile:
-    """A frame's ``_map.npz``, and the time to write above its picture.
+    """A frame's ``_map.npz``, and what its picture needs before the file is read.
 
     Attributes
     ----------
     path
-        File.
-    frame
-        Number of the frame.
-    time_s
-        Scene time [s].
+        The file.
+    frame, time_s
+        Number and scene time [s] of the frame, written above the picture.
+    strongest, median, noise_power
+        Power of the strongest cell, median of all, and mean noise of a cell (0: not known).
     """
 
     path: Path
     frame: int
     time_s: float
+    strongest: float
+    median: float
+    noise_power: float
 
 
-def animate_maps(
-    maps: Sequence[MapFile],
-    out: Path,
-    floor_db: float | None = None,
-    *,
-    noise_power: float = 0.0,
-    unit: str = "",
-) -> Path:
-    """Write the maps of several frames as one GIF.
+def map_file(result: FrameResult, folder: Path) -> MapFile:
+    """Describe the map that a result's writer "npz" wrote into a folder."""
+    power = result.rd_map.power
+    return MapFile(
+        frame_file(folder, result.frame, "_map.npz"),
+        result.frame,
+        result.time_s,
+        float(power.max()),
+        float(np.median(power)),
+        result.map_noise_power,
+    )
 
-    Decibels are relative to the strongest cell of all frames. Maps are read one at a time.
+
+def common_scale(maps: Sequence[MapFile], unit: str = "") -> ColourScale:
+    """Return the colours that all maps share, without a look into their files.
+
+    Parameters
+    ----------
+    maps
+        At least one.
+    unit
+        Unit of the powers in decibels, such as "dBW"; "": not told.
+
+    Returns
+    -------
+    ColourScale
+        Decibels relative to the strongest cell of all frames.
+    """
+    top, noise_power = max(item.strongest for item in maps), maps[-1].noise_power
+    floor_db = max(floor_db_of(top, item.median, noise_power) for item in maps)
+    return ColourScale(top, floor_db, noise_power, unit, "strongest cell of all")
+
+
+def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path:
+    """Write the maps of several frames as one GIF, read one at a time.
 
     Parameters
     ----------
@@ -57,10 +86,8 @@ def animate_maps(
         Maps in order of display, all with the same axes.
     out
         File to write.
-    floor_db
-        Lowest level drawn; None: as for one map, see :func:`.pictures.map.picture_floor_db`.
-    noise_power, unit
-        As for :func:`.pictures.map.plot_range_doppler`.
+    scale
+        Colours of all frames, see `common_scale`.
 
     Returns
     -------
@@ -77,46 +104,30 @@ def animate_maps(
     figure = new_figure(8, 6.5)
     writer_class = importlib.import_module("matplotlib.animation").PillowWriter
     first = _read(maps[0].path)
-    top = max(float(_read(item.path)["power"].max()) for item in maps)
-    if floor_db is None:
-        floor_db = max(
-            picture_floor_db(_read(item.path)["power"], noise_power, top) for item in maps
-        )
-    axes = map_axes(first["doppler_hz"], first["range_m"], _velocity_factor(first))
-    axis, picture = draw_map(
-        figure,
-        first["power"],
-        axes,
-        reference=top,
-        floor_db=floor_db,
-        noise_power=noise_power,
-        unit=unit,
-        of="strongest cell of all",
-    )
+    axes = _axes_of(first)
+    axis, picture = draw_map(figure, first["power"], axes, scale)
     title = axis.set_title("", fontsize=10)
     with replaced(out) as temporary:
         writer = writer_class(fps=FRAMES_PER_SECOND)
         writer.setup(figure, str(temporary), dpi=80)
         for item in maps:
             arrays = _read(item.path)
-            same = all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m"))
-            if not same:
+            if not all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m")):
                 raise FrameFileError(
                     f"{item.path} has other axes than {maps[0].path}, so they have no common "
                     "animation. Process the run again."
                 )
-            picture.set_data(joined_level(arrays["power"], axes, top or 1.0, floor_db))
+            picture.set_data(joined_level(arrays["power"], axes, scale))
             title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
             writer.grab_frame()
         writer.finish()
     return out
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Mapping[str, Real]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            names = ("doppler_hz", "velocity_mps", "range_m", "power")
-            return {name: archive[name] for name in names}
+            return {name: archive[name] for name in _ARRAYS}
     # zipfile and numpy raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
@@ -124,8 +135,10 @@ def _read(path: Path) -> dict[str, Any]:
         ) from error
 
 
-def _velocity_factor(arrays: dict[str, Any]) -> float:
-    """Return range rate over Doppler; 0 for a map of one row."""
-    place = int(np.argmax(np.abs(arrays["doppler_hz"])))
-    doppler_hz = float(arrays["doppler_hz"][place])
-    return float(arrays["velocity_mps"][place]) / doppler_hz if doppler_hz else 0.0
+def _axes_of(arrays: Mapping[str, Real]) -> MapAxes:
+    """Axes of a map's picture; range rate over Doppler is 0 where there is one row."""
+    doppler_hz = arrays["doppler_hz"]
+    place = int(np.argmax(np.abs(doppler_hz)))
+    largest_hz = float(doppler_hz[place])
+    factor = float(arrays["velocity_mps"][place]) / largest_hz if largest_hz else 0.0
+    return map_axes(doppler_hz, arrays["range_m"], factor)

@@ -107,24 +107,48 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
     )
 
 
-def joined_level(power: Real, axes: MapAxes, reference: float, floor_db: float) -> Real:
+@dataclass(frozen=True)
+class ColourScale:
+    """Meaning of the colours of a map.
+
+    Attributes
+    ----------
+    reference
+        Power of 0 dB; 0: an empty map.
+    floor_db
+        Level where the colours begin [dB].
+    noise_power
+        Mean noise of a cell, marked at the colour bar; 0: unknown.
+    unit
+        Unit of the reference in decibels, such as "dBW"; "": unknown.
+    of
+        Name of the reference.
+    """
+
+    reference: float
+    floor_db: float
+    noise_power: float = 0.0
+    unit: str = ""
+    of: str = "strongest cell"
+
+
+def joined_level(power: Real, axes: MapAxes, scale: ColourScale) -> Real:
     """Return the level of each drawn cell, (ranges, Doppler) [dB]; the strongest of joined ones."""
-    return power_to_db(
-        strongest(power, (axes.doppler.step, axes.ranges.step)), reference, floor_db
-    ).T
+    cells = strongest(power, (axes.doppler.step, axes.ranges.step))
+    return power_to_db(cells, scale.reference or 1.0, scale.floor_db).T
 
 
-def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = None) -> float:
+def floor_db_of(top: float, median: float, noise_power: float = 0.0) -> float:
     """Return the level where the colours begin [dB], in steps of 5 dB.
 
     Parameters
     ----------
-    power
-        Power of the map, (Doppler, ranges).
+    top
+        Power of 0 dB.
+    median
+        Median of the power of all cells.
     noise_power
         Mean noise of a cell; 0: unknown.
-    top
-        Power of 0 dB; None: the strongest cell.
 
     Returns
     -------
@@ -132,25 +156,21 @@ def picture_floor_db(power: Real, noise_power: float = 0.0, top: float | None = 
         With known noise `BELOW_NOISE_DB` below it. Otherwise -`SPAN_DB`, or higher if more than
         half of the map is noise: the mean of exponential noise is its median over ln 2.
     """
-    top = float(power.max(initial=0.0)) if top is None else top
-    floor_db = -SPAN_DB
+    floor_db, middle = -SPAN_DB, median / math.log(2)
     if top > 0 and noise_power > 0:
         floor_db = 10 * math.log10(noise_power / top) - BELOW_NOISE_DB
-    elif top > 0 and (middle := float(np.median(power)) / math.log(2)) > 0:
+    elif top > 0 and middle > 0:
         floor_db = max(floor_db, 10 * math.log10(middle / top) - BELOW_NOISE_DB)
     return min(5.0 * math.floor(floor_db / 5), -LEAST_SPAN_DB)
 
 
+def picture_floor_db(power: Real, noise_power: float = 0.0) -> float:
+    """Return `floor_db_of` for the power of one map, (Doppler, ranges)."""
+    return floor_db_of(float(power.max(initial=0.0)), float(np.median(power)), noise_power)
+
+
 def draw_map(
-    figure: Figure,
-    power: Real,
-    axes: MapAxes,
-    *,
-    reference: float,
-    floor_db: float,
-    noise_power: float = 0.0,
-    unit: str = "",
-    of: str = "strongest cell",
+    figure: Figure, power: Real, axes: MapAxes, scale: ColourScale
 ) -> tuple[Axes, AxesImage]:
     """Draw a map into an empty figure.
 
@@ -162,16 +182,8 @@ def draw_map(
         Power of the map, (Doppler, ranges).
     axes
         From `map_axes`.
-    reference
-        Power of 0 dB; 0: an empty map.
-    floor_db
-        Level where the colours begin [dB].
-    noise_power
-        Mean noise of a cell, marked at the colour bar; 0: none.
-    unit
-        Unit of the reference in decibels, such as "dBW"; "": unknown.
-    of
-        Name of the reference.
+    scale
+        Meaning of the colours.
 
     Returns
     -------
@@ -180,41 +192,50 @@ def draw_map(
     """
     axis = figure.subplots()
     image = axis.imshow(
-        joined_level(power, axes, reference or 1.0, floor_db),
+        joined_level(power, axes, scale),
         aspect="auto",
         origin="lower",
         extent=(axes.doppler.low, axes.doppler.high, axes.ranges.low, axes.ranges.high),
-        vmin=floor_db,
+        vmin=scale.floor_db,
         vmax=0,
         cmap="viridis",
         interpolation="nearest",
     )
     axis.set_xlim(axes.doppler.low, axes.doppler.end)
     axis.set_ylim(axes.ranges.low, axes.ranges.end)
+    _draw_colours(figure, axis, image, scale)
+    _label_axes(axis, axes)
+    return axis, image
+
+
+def _draw_colours(figure: Figure, axis: Axes, image: AxesImage, scale: ColourScale) -> None:
     bar = figure.colorbar(image, ax=axis, pad=0.02)
-    if reference > 0:
-        bar.set_label(f"power [dB re {of}{reference_text(reference, unit)}]")
-    else:
+    if not scale.reference > 0:
         bar.set_label("power [dB]")
         axis.text(
             0.5, 0.5, "no echo", color="white", fontsize=14, ha="center", va="center",
             transform=axis.transAxes,
         )  # fmt: skip
-    if reference > 0 and noise_power > 0:
-        mark_noise(bar, 10 * math.log10(noise_power / reference))
+        return
+    bar.set_label(f"power [dB re {scale.of}{reference_text(scale.reference, scale.unit)}]")
+    if scale.noise_power > 0:
+        mark_noise(bar, 10 * math.log10(scale.noise_power / scale.reference))
+
+
+def _label_axes(axis: Axes, axes: MapAxes) -> None:
+    """Label range, Doppler below and range rate above."""
     axis.set_ylabel(f"one-way range [{axes.range_unit.name}]")
     axis.ticklabel_format(useOffset=False)
     if axes.pulses == 1:
         axis.set_xticks([])
         axis.set_xlabel("one pulse: Doppler is not resolved")
-        return axis, image
+        return
     axis.set_xlabel(
         f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$: receding ($v>0$) on the left"
     )
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
     if factor:
         scale_on_top(axis, factor, f"range rate $v$ [{axes.rate_unit.name}]")
-    return axis, image
 
 
 def mark_noise(bar: Colorbar, noise_db: float) -> None:
@@ -272,34 +293,35 @@ def plot_range_doppler(
     matplotlib.figure.Figure
         The picture.
     """
-    power = rd_map.power
+    power, radar = rd_map.power, rd_map.radar
     top = float(power.max(initial=0.0))
     floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
     axes = map_axes(
-        rd_map.doppler_hz,
-        rd_map.range_m,
-        -rd_map.radar.waveform.wavelength_m / 2,
-        rd_map.radar.burst.prf_hz,
+        rd_map.doppler_hz, rd_map.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
     )
     figure = new_figure(8, 6.5)
-    axis, _ = draw_map(
-        figure, power, axes, reference=top, floor_db=floor_db, noise_power=noise_power, unit=unit
-    )
+    axis, _ = draw_map(figure, power, axes, ColourScale(top, floor_db, noise_power, unit))
     axis.set_title(title, fontsize=10)
+    _mark_targets(axis, axes, targets, left_out)
     chosen = foremost(rd_map, peaks, targets)
-    places = np.array([_place(item, axes) for item in targets]).reshape(-1, 2)
-    if targets:
-        size, width = _marker(len(targets))
-        axis.plot(
-            places[:, 0], places[:, 1], "o", ls="", mfc="none", mec="C1", ms=size, mew=width,
-            label=f"CFAR: {target_count(len(targets), left_out)}",
-        )  # fmt: skip
-        axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
     spots = [_place(item, axes) for item in chosen]
     for spot in spots:
         axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
     number_points(figure, axis, spots, [label_text(item, rd_map, axes) for item in chosen])
     return figure
+
+
+def _mark_targets(axis: Axes, axes: MapAxes, targets: Sequence[Detection], left_out: int) -> None:
+    """Draw circles where CFAR found targets, and the legend."""
+    if not targets:
+        return
+    size, width = _marker(len(targets))
+    axis.plot(
+        *zip(*(_place(item, axes) for item in targets), strict=True),
+        "o", ls="", mfc="none", mec="C1", ms=size, mew=width,
+        label=f"CFAR: {target_count(len(targets), left_out)}",
+    )  # fmt: skip
+    axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
 
 
 def foremost(

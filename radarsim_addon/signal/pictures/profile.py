@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -69,92 +69,124 @@ def plot_range_profile(
     figure = new_figure(10, 4.5)
     axis = figure.subplots()
     curves = _curves(compressed, profile)
-    top = max((float(power.max(initial=0.0)) for _, power, _, _ in curves), default=0.0)
-    reference = top or 1.0
+    top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
     noise_db = 10 * math.log10(noise_power / top) if noise_power > 0 and top > 0 else None
     if floor_db is None:
-        floor_db = -SPAN_DB
-        if noise_db is not None:
-            floor_db = min(5.0 * math.floor((noise_db - BELOW_NOISE_DB) / 5), -20.0)
-    length = range_unit(max((float(np.abs(r).max()) for r, *_ in curves), default=0.0))
-    for range_m, power, text, style in curves:
-        level_db = power_to_db(power, reference, floor_db)
-        axis.plot(range_m / length.size, level_db, label=text, **style)
-    _draw_error(axis, expected, length.size, reference, floor_db)
+        floor_db = -SPAN_DB if noise_db is None else _floor_db(noise_db)
+    farthest_m = max((float(np.abs(curve.range_m).max()) for curve in curves), default=0.0)
+    scale = _Scale(top or 1.0, floor_db, range_unit(farthest_m))
+    _draw_curves(axis, curves, scale)
+    _draw_error(axis, expected, scale)
     if noise_db is not None:
-        level = with_minus(fixed(10 * math.log10(noise_power), 1))
-        text = f"mean noise, {level} {unit}".rstrip()
-        axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
-    for number, value in enumerate(reference_ranges_m):
-        # a label that begins with an underscore is not in the legend
-        text = "true near face" if number == 0 else "_"
-        axis.axvline(value / length.size, ls="--", lw=0.8, color="C2", zorder=0, label=text)
-    if curves and curves[0][0].size > 1:
-        ends = curves[0][0][[0, -1]] / length.size
-        axis.set_xlim(float(ends[0]), float(ends[1]))
-    axis.set_ylim(floor_db, _HEADROOM_DB)
-    axis.ticklabel_format(useOffset=False)
-    axis.set_xlabel(f"one-way range [{length.name}]")
+        _draw_noise(axis, noise_db, noise_power, unit)
+    _draw_references(axis, reference_ranges_m, scale)
     axis.set_ylabel(f"power [dB re strongest{reference_text(top, unit)}]" if top else "power [dB]")
-    axis.grid(alpha=0.3)
     axis.set_title(title, fontsize=10)
     source = profile or compressed
-    cell_m = source.radar.waveform.range_resolution_m if source is not None else 1.0
-    _draw_edges(figure, axis, edges, length, cell_m, reference, floor_db, bool(top))
+    cell_m = 1.0 if source is None else source.radar.waveform.range_resolution_m
+    _draw_edges(figure, axis, edges, scale, cell_m, bool(top))
     return figure
 
 
-def _curves(
-    compressed: RangeProfiles | None, profile: PowerProfile | None
-) -> list[tuple[Real, Real, str, dict[str, Any]]]:
-    """Range [m], power, label and style of each curve."""
-    found: list[tuple[Real, Real, str, dict[str, Any]]] = []
+class _Curve(NamedTuple):
+    """One line of the picture."""
+
+    range_m: Real
+    power: Real
+    text: str
+    width: float
+    colour: str
+
+
+class _Scale(NamedTuple):
+    """Power of 0 dB, lowest level, and unit of range."""
+
+    reference: float
+    floor_db: float
+    length: Unit
+
+    def level_db(self, power: Real) -> Real:
+        return power_to_db(power, self.reference, self.floor_db)
+
+
+def _curves(compressed: RangeProfiles | None, profile: PowerProfile | None) -> list[_Curve]:
+    found = []
     if compressed is not None:
         pulses = compressed.values.shape[0]
         mean = f"mean power of {pulses} pulses" if pulses > 1 else "one pulse"
-        text = f"coherent, {mean} (range taper: {compressed.window})"
+        text = f"coherent, {mean} (range taper: {compressed.range_taper})"
         power = np.mean(np.abs(compressed.values) ** 2, axis=0)
-        found.append((compressed.range_m, power, text, {"lw": 0.6, "color": "0.55"}))
+        found.append(_Curve(compressed.range_m, power, text, 0.6, "0.55"))
     if profile is not None:
-        text = f"expected power, no speckle, no noise (range taper: {profile.window})"
-        found.append((profile.range_m, profile.power, text, {"lw": 1.2, "color": "C0"}))
+        text = f"expected power, no speckle, no noise (range taper: {profile.range_taper})"
+        found.append(_Curve(profile.range_m, profile.power, text, 1.2, "C0"))
     return found
 
 
-def _draw_error(
-    axis: Axes, expected: ExpectedPower | None, size: float, reference: float, floor_db: float
-) -> None:
+def _floor_db(noise_db: float) -> float:
+    """Return the lowest level [dB] of a picture whose noise has this level."""
+    return min(5.0 * math.floor((noise_db - BELOW_NOISE_DB) / 5), -20.0)
+
+
+def _draw_curves(axis: Axes, curves: Sequence[_Curve], scale: _Scale) -> None:
+    """Draw the curves, and the axes that fit the first one."""
+    length = scale.length
+    for curve in curves:
+        level_db = scale.level_db(curve.power)
+        x = curve.range_m / length.size
+        axis.plot(x, level_db, label=curve.text, lw=curve.width, color=curve.colour)
+    if curves and curves[0].range_m.size > 1:
+        ends = curves[0].range_m[[0, -1]] / length.size
+        axis.set_xlim(float(ends[0]), float(ends[1]))
+    axis.set_ylim(scale.floor_db, _HEADROOM_DB)
+    axis.ticklabel_format(useOffset=False)
+    axis.set_xlabel(f"one-way range [{length.name}]")
+    axis.grid(alpha=0.3)
+
+
+def _draw_noise(axis: Axes, noise_db: float, noise_power: float, unit: str) -> None:
+    level = with_minus(fixed(10 * math.log10(noise_power), 1))
+    text = f"mean noise, {level} {unit}".rstrip()
+    axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
+
+
+def _draw_references(axis: Axes, ranges_m: Sequence[float], scale: _Scale) -> None:
+    for number, range_m in enumerate(ranges_m):
+        # a label that begins with an underscore is not in the legend
+        text = "true near face" if number == 0 else "_"
+        place = range_m / scale.length.size
+        axis.axvline(place, ls="--", lw=0.8, color="C2", zorder=0, label=text)
+
+
+def _draw_error(axis: Axes, expected: ExpectedPower | None, scale: _Scale) -> None:
     """Draw a band of one standard error if it is known."""
     if expected is None or not np.isfinite(expected.profile_error).all():
         return
     low, high = (
-        power_to_db(
-            np.maximum(expected.profile + sign * expected.profile_error, 0.0), reference, floor_db
-        )
+        scale.level_db(np.maximum(expected.profile + sign * expected.profile_error, 0.0))
         for sign in (-1, 1)
     )
-    axis.fill_between(
-        expected.range_m / size, low, high, color="C0", alpha=0.3, lw=0, label="one standard error"
-    )
+    x, text = expected.range_m / scale.length.size, "one standard error"
+    axis.fill_between(x, low, high, color="C0", alpha=0.3, lw=0, label=text)
 
 
 def _draw_edges(
     figure: Figure,
     axis: Axes,
     edges: Sequence[LeadingEdge],
-    length: Unit,
+    scale: _Scale,
     cell_m: float,
-    reference: float,
-    floor_db: float,
     any_echo: bool,
 ) -> None:
     """Mark and number the leading edges, and draw the legend of the axes."""
+    length = scale.length
+    digits = decimals_for(cell_m / length.size)
     spots, texts = [], []
     for edge in edges:
-        half_db = edge.level_db - 10 * math.log10(2 * reference)
-        if half_db >= floor_db:
+        half_db = edge.level_db - 10 * math.log10(2 * scale.reference)
+        if half_db >= scale.floor_db:
             spots.append((edge.range_m / length.size, half_db))
-            texts.append(f"{fixed(spots[-1][0], decimals_for(cell_m / length.size))} {length.name}")
+            texts.append(f"{fixed(spots[-1][0], digits)} {length.name}")
     if spots:
         axis.plot(*zip(*spots, strict=True), "v", color="C3", ms=6, label="half-power leading edge")
     if not any_echo:

@@ -4,13 +4,18 @@
 In: a run folder and options. Out: results frame by frame, files, text on the console.
 """
 
+from ..results import FrameResult
 from .cli import main
-from .process import FrameResult, ProcessOptions, Progress, process_run
+from .frame import process_frame
+from .options import ProcessOptions, ResolvedOptions
+from .process import Progress, process_run
 
 __all__ = [
     "FrameResult",
     "ProcessOptions",
     "Progress",
+    "ResolvedOptions",
     "main",
+    "process_frame",
     "process_run",
 ]

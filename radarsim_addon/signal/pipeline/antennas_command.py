@@ -18,7 +18,11 @@ from ..runs import open_run
 
 def add_antennas_parser(commands: Any) -> None:
     """Add the command to an argparse collection of commands."""
-    parser = commands.add_parser("antennas", help="picture of the antennas' patterns")
+    parser = commands.add_parser(
+        "antennas",
+        help="picture of the antennas' patterns",
+        epilog="example: radarsim antennas link_budget.json --carrier-ghz 77",
+    )
     parser.add_argument("source", metavar="DIR|FILE", help="folder of a run, or a system file")
     parser.add_argument(
         "--out",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ... import __version__
 from ...errors import RadarSimError
@@ -17,40 +17,58 @@ from ...framewarnings import FrameWarnings
 from ...terminal_text import printable
 from ..detection import target_count
 from ..maps import level_unit
+from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
 from .console import detection_lines, map_digits
 from .info_command import _info
-from .objects_command import add_rcs_parser, print_rcs
-from .process import FrameResult, Progress, process_run
+from .objects_command import add_objects_parser, print_objects
+from .process import Progress, process_run
 from .process_arguments import add_process_parser, frame_numbers, process_options
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="radarsim", description="Radar products from a run that Blender rendered."
     )
     parser.add_argument("--version", action="version", version=f"radarsim {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
-    info = commands.add_parser("info", help="what a run is, and whether it is complete")
+    for name, text in others.items():
+        commands.add_parser(name, help=text)
+    info = commands.add_parser(
+        "info",
+        help="what a run is, and whether it is complete",
+        epilog="example: radarsim info run",
+    )
     info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
     add_process_parser(commands)
-    add_rcs_parser(commands, frame_numbers)
+    add_objects_parser(commands, frame_numbers)
     add_antennas_parser(commands)
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    chosen = _parser().parse_args(arguments)  # exits with 2 on bad arguments
+def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | None = None) -> int:
+    """Run the command; return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        Words of the command line; None: those of the process.
+    others
+        Commands of the caller with their help, for the list of commands.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["rcs"]:  # its name in 0.1
+        words[0] = "objects"
     for stream in (sys.stdout, sys.stderr):
         # a console that cannot show a path's letters must not end a run
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
+        chosen = _parser(others or {}).parse_args(words)  # exits with 2 on bad arguments
         if chosen.command == "antennas":
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
-        if chosen.command == "rcs":
-            return print_rcs(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
+        if chosen.command == "objects":
+            return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
         return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
     except RadarSimError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
@@ -121,7 +139,7 @@ def _print_frame(result: FrameResult) -> None:
         print(f"  CFAR         {count}, {cells} above the threshold")
         for line in detection_lines(found.targets, result.rd_map):
             print(f"  {line}")
-    for line in result.budget.lines() if result.budget is not None else []:
+    for line in result.budget.lines():
         print(f"  {line}")
     if result.files:
         print(f"  {len(result.files)} files in {result.files[0].parent}")

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from ...contract import PathsRecord
 from ...terminal_text import printable
+from ..decoding import open_frame
 from ..detection import frame_statistics, statistics_warnings
-from ..paths import read_paths_record
-from ..runs import RadarFrame, Run, open_run
+from ..runs import Run, open_run
 
 #: Rounding of the range code in float32, relative to code length or path length, whichever is more.
 _CODE_NOISE = 7e-8
@@ -48,7 +49,8 @@ def _info(folder: str) -> int:
     missing_frames = {gap.frame for gap in gaps}
     whole = next((f for f in run.frames() if f.number not in missing_frames), None)
     if whole is not None:
-        statistics = frame_statistics(whole, radar)
+        frame_input = open_frame(whole)
+        statistics = frame_statistics(frame_input, radar)
         counts = statistics.counts
         print(f"frame {whole.number}:")
         print(f"  paths            {counts.paths}")
@@ -56,7 +58,7 @@ def _info(folder: str) -> int:
             print(f"  ranges           {statistics.nearest_m:g} to {statistics.farthest_m:g} m")
         print(f"  mixed pixels     {100 * statistics.mixed_power_fraction:.2f} % of the power")
         if record.sampling_mode == "paths":
-            _print_quality(whole)
+            _print_quality(frame_input.table.record)
             return 0
         print(
             f"  between passes   {counts.crossed_shell} crossed a ring, "
@@ -86,9 +88,8 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
     ]
 
 
-def _print_quality(frame: RadarFrame) -> None:
+def _print_quality(record: PathsRecord) -> None:
     """What the table of a frame says of itself."""
-    record = read_paths_record(frame.path, frame.number)
     replicates = "1 shift" if record.replicates == 1 else f"{record.replicates} shifts"
     print(
         f"  tiles            {record.tiles}, {replicates} each, finest level "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``radarsim rcs DIR --object NAME``: cross section and power of objects, frame by frame."""
+"""``radarsim objects DIR --object NAME``: cross section and power of objects, frame by frame."""
 
 from __future__ import annotations
 
@@ -8,35 +8,39 @@ from typing import Any
 
 from ...errors import FrameFileError
 from ...terminal_text import printable
+from ..decoding import open_frame
 from ..detection import (
     BudgetReport,
     FrameBudget,
     matching_objects,
     object_echoes,
     projection_warnings,
-    require_objects,
 )
 from ..radar import read_system
 from ..runs import open_run
 
 
-def add_rcs_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
+def add_objects_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
     """Add the command to an argparse collection of commands."""
-    rcs = commands.add_parser("rcs", help="radar cross section of objects, from their paths")
-    rcs.add_argument("folder", metavar="DIR", help="folder that holds run.json")
-    rcs.add_argument(
+    parser = commands.add_parser(
+        "objects",
+        help="radar cross section and power of objects, from their paths",
+        epilog='example: radarsim objects run --object "Car*"',
+    )
+    parser.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    parser.add_argument(
         "--object",
         metavar="NAME",
         help="object, collection, or a pattern with * and ?; several are taken together "
         "[each object by itself]",
     )
-    rcs.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
-    rcs.add_argument(
+    parser.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
+    parser.add_argument(
         "--link-budget", "--system", metavar="FILE", help="power budget (JSON) [the run's own]"
     )
 
 
-def print_rcs(
+def print_objects(
     folder: str, pattern: str | None, frames: Sequence[int] | None, system_file: str | None
 ) -> int:
     """Print a line for each frame and object; returns the exit code.
@@ -47,17 +51,17 @@ def print_rcs(
         No such run, frame or object; a run of rings.
     """
     run = open_run(folder)
-    system = run.record.link_budget if system_file is None else read_system(system_file)
+    link_budget = None if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     warnings: dict[str, None] = {}
     for frame in chosen:
-        require_objects(frame)
         gaps = frame.missing()
         if gaps:
             raise FrameFileError(f"{frame.path}: {gaps[0].reason}. Render the run again.")
-        groups = None if pattern is None else {pattern: matching_objects(frame, pattern)}
-        link = FrameBudget(frame, run.radar, system).link
-        echoes = object_echoes(frame, run.radar.waveform.carrier_hz, link, groups)
+        frame_input = open_frame(frame, link_budget=link_budget)
+        groups = None if pattern is None else {pattern: matching_objects(frame_input, pattern)}
+        link = FrameBudget(frame_input).link
+        echoes = object_echoes(frame_input, run.radar.waveform.carrier_hz, link, groups)
         total_w = sum(echo.power_w for echo in echoes)
         print(f"frame {frame.number}: t = {frame.time_s:g} s")
         for line in BudgetReport(total_w, None, echoes).lines():
@@ -69,7 +73,7 @@ def print_rcs(
                     "W come by way of "
                     "other objects too and are not in its cross section"
                 )
-        warnings |= dict.fromkeys(projection_warnings(frame))
+        warnings |= dict.fromkeys(projection_warnings(frame_input))
     for warning in warnings:
         print(f"warning: {warning}")
     return 0

@@ -8,7 +8,8 @@ import importlib
 import importlib.util
 import json
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,14 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...atomic_files import replaced
 from ...errors import MissingDependencyError
-from ..detection import Detection, FrameResult, ProcessOptions
+from ..detection import Detection, Detections
 from ..echoes import line_times_s
-from ..maps import level_unit
+from ..maps import ExpectedPower, level_unit
 from ..radar import waveform_to_dict
+from ..results import FrameResult, frame_file, result_writer
+
+if TYPE_CHECKING:
+    from h5py import Group
 
 #: Version of the layout below.
 LAYOUT_VERSION = 1
@@ -36,7 +41,7 @@ _UNITS = {
 }
 
 
-def _h5py() -> Any:
+def _h5py() -> ModuleType:
     if importlib.util.find_spec("h5py") is None:
         raise MissingDependencyError(
             "h5py is not installed; it writes HDF5. Install it with 'pip install h5py' (outside "
@@ -45,14 +50,21 @@ def _h5py() -> Any:
     return importlib.import_module("h5py")
 
 
-def write_hdf5(path: Path, result: FrameResult, options: ProcessOptions) -> Path:
-    """Write a frame's results.
+@result_writer("hdf5", ".h5")
+def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
+    """Write all results of a frame into one HDF5 file.
 
-    Groups: ``echoes`` (samples [pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
-    expected_power, coherent_range_m, coherent_power), ``map`` (values [Doppler, range] complex,
-    doppler_hz, velocity_mps, range_m), ``detections`` (one column each), ``uncertainty`` (profile
-    and map of expected power with standard errors). Every dataset has the attributes ``units`` and
-    ``description``; axes are HDF5 dimension scales.
+    Parameters
+    ----------
+    result
+        Result of a frame.
+    folder
+        Existing folder.
+
+    Returns
+    -------
+    list of Path
+        ``.h5``.
 
     Raises
     ------
@@ -60,8 +72,16 @@ def write_hdf5(path: Path, result: FrameResult, options: ProcessOptions) -> Path
         h5py is not installed, as inside Blender.
     OutputError
         The folder cannot be written to.
+
+    Notes
+    -----
+    Groups: ``echoes`` (samples [pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
+    expected_power, coherent_range_m, coherent_power), ``map`` (values [Doppler, range] complex,
+    doppler_hz, velocity_mps, range_m), ``detections`` (one column each), ``uncertainty`` (profile
+    and map of expected power with standard errors). Every dataset has the attributes ``units`` and
+    ``description``; axes are HDF5 dimension scales.
     """
-    h5py = _h5py()
+    h5py, path = _h5py(), frame_file(folder, result.frame, ".h5")
     with replaced(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
         radar = result.rd_map.radar
         file.attrs["title"] = f"radarsim frame {result.frame}"
@@ -74,20 +94,26 @@ def write_hdf5(path: Path, result: FrameResult, options: ProcessOptions) -> Path
         file.attrs["waveform"] = json.dumps(waveform_to_dict(radar.waveform))
         file.attrs["prf_hz"] = radar.burst.prf_hz
         file.attrs["pulses"] = radar.burst.pulses
-        file.attrs["options"] = json.dumps(options.record())
+        file.attrs["options"] = json.dumps(result.options)
         file.attrs["warnings"] = json.dumps(result.warnings)
         _write_echoes(file.create_group("echoes"), result)
         _write_profile(file.create_group("profile"), result)
         _write_map(file.create_group("map"), result)
         if result.detections is not None:
-            _write_detections(file.create_group("detections"), result)
+            _write_detections(
+                file.create_group("detections"),
+                result.detections,
+                level_unit(result.echoes.amplitude_model),
+            )
         if result.expected is not None:
-            _write_uncertainty(file.create_group("uncertainty"), result)
-    return path
+            _write_uncertainty(
+                file.create_group("uncertainty"), result.expected, _unit(result, True)
+            )
+    return [path]
 
 
 def _put(
-    group: Any, name: str, values: NDArray[Any], units: str, description: str, *axes: str
+    group: Group, name: str, values: NDArray[Any], units: str, description: str, *axes: str
 ) -> None:
     """One dataset; `axes` name datasets of the group that are its dimension scales."""
     packed = {"compression": "gzip", "compression_opts": 1} if values.size > 4096 else {}
@@ -105,7 +131,7 @@ def _unit(result: FrameResult, power: bool) -> str:
     return "(B r^2)^2" if power else "B r^2"
 
 
-def _write_echoes(group: Any, result: FrameResult) -> None:
+def _write_echoes(group: Group, result: FrameResult) -> None:
     echoes = result.echoes
     line = echoes.radar.waveform.family == "line"
     slow_s = line_times_s(echoes.radar) if line else echoes.slow_time_s
@@ -114,17 +140,16 @@ def _write_echoes(group: Any, result: FrameResult) -> None:
     _put(group, "slow_time_s", slow_s, "s", "time of the rows since the frame's time")
     _put(group, "samples", echoes.samples, _unit(result, False), "raw I/Q, carrier taken off",
          "slow_time_s", "fast_time_s")  # fmt: skip
-    if result.reception is not None:
-        group.attrs["noise_power_w"] = result.reception.noise_power_w
-        group.attrs["clipped"] = result.reception.clipped
-        if result.reception.step is not None:
-            group.attrs["adc_step"] = result.reception.step
+    group.attrs["noise_power_w"] = result.received.noise_power_w
+    group.attrs["clipped"] = result.received.clipped
+    if result.received.step is not None:
+        group.attrs["adc_step"] = result.received.step
 
 
-def _write_profile(group: Any, result: FrameResult) -> None:
+def _write_profile(group: Group, result: FrameResult) -> None:
     power = np.mean(np.abs(result.compressed.values) ** 2, axis=0)
     unit = _unit(result, True)
-    group.attrs["window"] = result.compressed.window
+    group.attrs["range_taper"] = result.compressed.range_taper
     _put(group, "range_m", result.profile.range_m, "m", "one-way range")
     _put(group, "expected_power", result.profile.power, unit, "without speckle and noise",
          "range_m")  # fmt: skip
@@ -132,9 +157,10 @@ def _write_profile(group: Any, result: FrameResult) -> None:
     _put(group, "coherent_power", power, unit, "mean of the pulses", "coherent_range_m")
 
 
-def _write_map(group: Any, result: FrameResult) -> None:
+def _write_map(group: Group, result: FrameResult) -> None:
     rd_map = result.rd_map
-    group.attrs["window"], group.attrs["doppler_taper"] = rd_map.window, rd_map.doppler_taper
+    group.attrs["range_taper"] = rd_map.range_taper
+    group.attrs["doppler_taper"] = rd_map.doppler_taper
     _put(group, "doppler_hz", rd_map.doppler_hz, "Hz", "Doppler, receding negative")
     _put(group, "velocity_mps", rd_map.velocity_mps, "m/s", "range rate, receding positive")
     _put(group, "range_m", rd_map.range_m, "m", "one-way range")
@@ -142,9 +168,7 @@ def _write_map(group: Any, result: FrameResult) -> None:
          "complex map; a path of power P peaks at |.|^2 = P", "doppler_hz", "range_m")  # fmt: skip
 
 
-def _write_detections(group: Any, result: FrameResult) -> None:
-    found = result.detections
-    assert found is not None
+def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> None:
     for name, value in dataclasses.asdict(found.cfar).items():
         group.attrs[f"cfar_{name}"] = value
     group.attrs["cells_above_threshold"] = found.cells
@@ -153,14 +177,11 @@ def _write_detections(group: Any, result: FrameResult) -> None:
         column = np.array([getattr(target, field.name) for target in found.targets])
         unit = _UNITS[field.name]
         if field.name in ("level_db", "noise_db"):
-            unit = level_unit(result.echoes.amplitude_model)
+            unit = unit_of_levels
         _put(group, field.name, column, unit, f"{field.name} of each target")
 
 
-def _write_uncertainty(group: Any, result: FrameResult) -> None:
-    expected = result.expected
-    assert expected is not None
-    unit = _unit(result, True)
+def _write_uncertainty(group: Group, expected: ExpectedPower, unit: str) -> None:
     _put(group, "range_m", expected.range_m, "m", "one-way range")
     _put(group, "doppler_hz", expected.doppler_hz, "Hz", "Doppler, receding negative")
     for name, values in (("profile", expected.profile), ("profile_error", expected.profile_error)):

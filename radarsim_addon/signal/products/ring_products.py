@@ -18,7 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..decoding import PixelGrid, decode, pixel_grid
+from ..results import FrameResult, frame_file, result_writer
 from ..runs import RadarFrame, write_exr
+
+QUANTITIES = ("amplitude", "range")
 
 
 def ring_channel(ring: int) -> str:
@@ -28,11 +31,36 @@ def ring_channel(ring: int) -> str:
 
 def product_path(folder: Path, frame: int, quantity: str, snapshot_index: int) -> Path:
     """Path of one product; quantity is "amplitude" or "range"."""
-    return folder / f"frame_{frame:04d}_{quantity}_t{snapshot_index}.exr"
+    return frame_file(folder, frame, f"_{quantity}_t{snapshot_index}.exr")
+
+
+@result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in QUANTITIES for n in (0, 1)))
+def write_ring_products(result: FrameResult, folder: Path) -> list[Path]:
+    """Write the ring products of a result; nothing where it comes from a path table.
+
+    Parameters
+    ----------
+    result
+        Result of a frame; the images are read again, one at a time.
+    folder
+        Existing folder.
+
+    Returns
+    -------
+    list of Path
+        As `write_products`.
+
+    Raises
+    ------
+    FrameFileError, SchemaError, OutputError
+        As `write_products`.
+    """
+    frame = result.source.frame
+    return write_products(frame, folder) if frame.sampling_mode == "rings" else []
 
 
 def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
-    """Write the products of one frame, two for each pass.
+    """Write the products of one frame, two for each snapshot.
 
     Parameters
     ----------
@@ -44,7 +72,7 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Files written. One pass at a time is in memory.
+        Files written. One snapshot at a time is in memory.
 
     Raises
     ------
@@ -64,7 +92,7 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
             decoded = decode(record, channels, grid)
             amplitude[ring_channel(ring)] = decoded.radiance.astype(np.float32)
             range_m[ring_channel(ring)] = decoded.range_m.astype(np.float32)
-        for quantity, images in (("amplitude", amplitude), ("range", range_m)):
+        for quantity, images in zip(QUANTITIES, (amplitude, range_m), strict=True):
             path = product_path(folder, frame.number, quantity, snapshot_index)
             write_exr(path, images)
             written.append(path)

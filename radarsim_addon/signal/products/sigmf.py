@@ -13,21 +13,47 @@ from ... import __version__
 from ...atomic_files import replaced, write_json
 from ..echoes import Echoes, line_times_s
 from ..radar import FmcwWaveform, waveform_to_dict
+from ..results import FrameResult, frame_file, result_writer
 
 SIGMF_VERSION = "1.2.0"
 #: More rows than this are not annotated one by one.
 _MOST_ANNOTATIONS = 4096
 
 
+@result_writer("sigmf", ".sigmf-data", ".sigmf-meta")
+def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
+    """Write the raw samples of a result as a SigMF recording.
+
+    Parameters
+    ----------
+    result
+        Result of a frame.
+    folder
+        Existing folder.
+
+    Returns
+    -------
+    list of Path
+        As `write_sigmf`.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    stem = frame_file(folder, result.frame, "")
+    return write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
+
+
 def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]:
-    """Write the samples of a burst, pulse behind pulse, as complex (or real) float32.
+    """Write the samples of a burst, one pulse after the other, as complex (or real) float32.
 
     Parameters
     ----------
     stem
         Path without suffix.
     echoes
-        Samples; |s|^2 in W for the weighting "radar-equation".
+        Samples; |s|^2 in W for the amplitude model "radar-equation".
     description
         For people.
 
@@ -87,7 +113,7 @@ def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict
             "radarsim:pulses": radar.burst.pulses,
             "radarsim:samples_per_row": count,
             "radarsim:first_sample_s": echoes.first_sample_s,
-            "radarsim:range_window_m": list(echoes.range_limits_m),
+            "radarsim:range_limits_m": list(echoes.range_limits_m),
         },
         "captures": [{"core:sample_start": 0, "core:frequency": radar.waveform.carrier_hz}],
         "annotations": annotations,

@@ -5,10 +5,10 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
-from .antennas import PeakedAntenna, self_contained
+from .antennas import PATTERNS, PeakedAntenna, self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
-from .link_budget import RadarSystem, make_system, read_system, weighting_of
+from .link_budget import RadarSystem, make_system, read_system
 from .parameter_checks import find_suspicious_parameters, length_text
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
 from .pulse_replicas import (
@@ -20,11 +20,19 @@ from .pulse_replicas import (
     replica_spectrum,
 )
 from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
-from .radar_files import burst_from_dict, load_radar, waveform_from_dict, waveform_to_dict
-from .waveform import AnyWaveform, check_count
+from .radar_files import (
+    WAVEFORM_KINDS,
+    burst_from_dict,
+    load_radar,
+    waveform_from_dict,
+    waveform_to_dict,
+)
+from .waveform import AnyWaveform
 from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
+    "PATTERNS",
+    "WAVEFORM_KINDS",
     "WINDOW_NAMES",
     "AnyWaveform",
     "ArbitraryPulse",
@@ -40,7 +48,6 @@ __all__ = [
     "Waveform",
     "band_window",
     "burst_from_dict",
-    "check_count",
     "cut_dbi",
     "find_suspicious_parameters",
     "frequencies_hz",
@@ -58,6 +65,5 @@ __all__ = [
     "slow_time_window",
     "waveform_from_dict",
     "waveform_to_dict",
-    "weighting_of",
     "window_at",
 ]

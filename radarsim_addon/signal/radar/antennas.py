@@ -1,28 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Antennas by name and parameters, as a user writes them and as ``run.json`` keeps them.
+"""Antennas by kind and parameters, as a user writes them and as ``run.json`` keeps them.
 
-===========  =====================================================================================
-kind         parameters (those with * must be given)
-===========  =====================================================================================
-isotropic    gain_dbi (0): the same gain in all directions, whatever it is
-cosine       exponent* or beamwidth_deg*: cos^q of the angle from boresight, nothing behind
-gaussian     azimuth_beamwidth_deg*, elevation_beamwidth_deg*
-aperture     width_m*, height_m*: uniformly lit rectangle (sinc^2)
-array        columns*, rows (1); column_spacing_m or column_spacing_wavelengths (0.5), the same for
-             row_...; column_taper, row_taper ("uniform"); steer_azimuth_deg, steer_elevation_deg
-             (0); element_exponent (1; null: isotropic elements)
-table        file (CSV, see `physics.antenna_table.read_pattern`), or azimuth_deg, elevation_deg and
-             gain_db [azimuth][elevation] themselves
-===========  =====================================================================================
-
-Beamwidths are full widths at half power. Cosine, gaussian, aperture and array take gain_dbi too,
-the gain at the pattern's peak: the difference to the directivity is the antenna's losses. Left out,
-the antenna has no losses.
+Each kind is a dataclass that declares its parameters: beamwidths are full widths at half power,
+``peak_gain_dbi`` is the gain at the pattern's peak (the difference to the directivity is the
+antenna's losses; None: no losses). See docs/settings.md for all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,6 +18,8 @@ from numpy.typing import ArrayLike
 from ...array_types import Real
 from ...contract import AntennaRecord
 from ...errors import ConfigError
+from ...option_files import from_json
+from ...options import documented, setting
 from ...physics.antenna_table import TableAntenna, read_pattern
 from ...physics.antennas import Antenna, Aperture, CosinePower, Gaussian
 from ...physics.arrays import PlanarArray
@@ -86,48 +73,6 @@ class ConstantGain:
         return np.full(np.shape(directions)[:-1], self.peak_gain)
 
 
-class _Parameters:
-    """Takes parameters out one by one, so that those nobody knows are left over."""
-
-    def __init__(self, record: AntennaRecord, whose: str) -> None:
-        self.where = f"{whose} antenna of kind {record.kind!r}"
-        self._left = dict(record.parameters)
-        self._known: list[str] = []
-
-    def has(self, name: str) -> bool:
-        return self._left.get(name) is not None
-
-    def take(self, name: str, default: Any = None) -> Any:
-        self._known.append(name)
-        value = self._left.pop(name, None)
-        return default if value is None else value
-
-    def number(self, name: str, unit: str, default: float | None = None) -> float:
-        value = self.take(name, default)
-        expected = f"expected a number of {unit}" if unit else "expected a number"
-        if value is None:
-            raise ConfigError(f"{self.where} lacks {name}; {expected}.")
-        if isinstance(value, bool | str):
-            raise ConfigError(f"{self.where}: {name} is {value!r}; {expected}.")
-        array = real_array(f"{self.where}: {name}", value, unit)
-        if array.ndim:
-            raise ConfigError(f"{self.where}: {name} is a list; {expected}.")
-        return float(array)
-
-    def whole(self, name: str, default: int | None = None) -> int:
-        value = self.number(name, "elements", default)
-        if value != int(value):
-            raise ConfigError(f"{self.where}: {name} is {value:g}; expected a whole number.")
-        return int(value)
-
-    def finish(self) -> None:
-        if self._left:
-            raise ConfigError(
-                f"{self.where} has the unknown parameter {sorted(self._left)[0]!r}; it takes "
-                f"{', '.join(dict.fromkeys(self._known))}."
-            )
-
-
 def make_antenna(
     record: AntennaRecord, wavelength_m: float, whose: str = "Transmitter's"
 ) -> PeakedAntenna:
@@ -148,15 +93,24 @@ def make_antenna(
         Unknown kind or parameter, one that is missing or out of range, a gain more than 1 dB above
         the directivity, a table that cannot be read.
     """
-    maker = _MAKERS.get(record.kind)
-    if maker is None:
+    kind = PATTERNS.get(record.kind)
+    where = f"{whose} antenna"
+    if kind is None:
         raise ConfigError(
-            f"{whose} antenna is of kind {record.kind!r}; expected one of {', '.join(KINDS)}."
+            f"{where} is of kind {record.kind!r}; expected one of {', '.join(PATTERNS)}."
         )
-    parameters = _Parameters(record, whose)
-    antenna = maker(parameters, wavelength_m)
-    parameters.finish()
-    return antenna
+    # null in a file means: as if it were left out; element_exponent alone has a meaning for it
+    given = {
+        name: value
+        for name, value in record.parameters.items()
+        if value is not None or name == "element_exponent"
+    }
+    where = f"{where} of kind {record.kind!r}"
+    pattern: Pattern = from_json(kind, given, where)
+    try:
+        return pattern.antenna(wavelength_m)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
 
 
 def self_contained(record: AntennaRecord, folder: Path | None = None) -> AntennaRecord:
@@ -184,83 +138,212 @@ def self_contained(record: AntennaRecord, folder: Path | None = None) -> Antenna
     return AntennaRecord("table", {**others, **arrays, "gain_db": table.gain_db.tolist()})
 
 
-def _isotropic(given: _Parameters, _: float) -> PeakedAntenna:
-    return ConstantGain(given.number("gain_dbi", "dBi", 0.0))
+class Pattern(Protocol):
+    """A kind of antenna with its parameters; the declared ones are settings."""
+
+    def antenna(self, wavelength_m: float) -> PeakedAntenna:
+        """Return the antenna at a wavelength [m]."""
+        ...
 
 
-def _cosine(given: _Parameters, _: float) -> PeakedAntenna:
-    if given.has("beamwidth_deg") and given.has("exponent"):
-        raise ConfigError(f"{given.where} has beamwidth_deg and exponent; expected one of them.")
-    if given.has("beamwidth_deg"):
-        width_rad = np.radians(given.number("beamwidth_deg", "degrees"))
-        antenna = CosinePower.from_beamwidth(float(width_rad))
-    else:
-        antenna = CosinePower(given.number("exponent", ""))
-    for name in ("beamwidth_deg", "exponent"):
-        given.take(name)
-    return _with_gain(given, antenna, antenna.peak_gain)
+@documented
+@dataclass(frozen=True)
+class IsotropicPattern:
+    """The same gain in all directions."""
+
+    gain_dbi: float = setting("Gain", "Set the gain in every direction", 0.0, unit="dBi", digits=2)
+
+    def antenna(self, _: float) -> PeakedAntenna:
+        """Return the antenna."""
+        return ConstantGain(self.gain_dbi)
 
 
-def _gaussian(given: _Parameters, _: float) -> PeakedAntenna:
-    widths = []
-    for axis in ("azimuth", "elevation"):
-        name = f"{axis}_beamwidth_deg"
-        widths.append(given.number(name, "degrees"))
-        if not 0 < widths[-1] <= 180:
-            raise ConfigError(
-                f"{given.where}: {name} is {widths[-1]:g}; expected more than 0, up to 180 degrees."
-            )
-    antenna = Gaussian(*(float(np.radians(width)) for width in widths))
-    return _with_gain(given, antenna, antenna.peak_gain)
+_PEAK_GAIN: dict[str, Any] = {
+    "label": "Peak gain",
+    "help": "Set the gain at the peak, losses of the antenna included. None: no losses",
+    "default": None,
+    "unit": "dBi",
+    "initial": 20.0,
+    "digits": 2,
+}
 
 
-def _aperture(given: _Parameters, wavelength_m: float) -> PeakedAntenna:
-    width_m, height_m = given.number("width_m", "m"), given.number("height_m", "m")
-    antenna = Aperture(width_m, height_m, wavelength_m)
-    return _with_gain(given, antenna, antenna.peak_gain)
+def _beamwidth(plane: str, initial: float) -> Any:
+    return setting(
+        f"{plane} beamwidth", f"Set the full width at half power in {plane.lower()}", unit="deg",
+        above=0.0, maximum=180.0, initial=initial, digits=2,
+    )  # fmt: skip
 
 
-def _array(given: _Parameters, wavelength_m: float) -> PeakedAntenna:
-    spacing = {}
-    for axis in ("column", "row"):
-        metres, waves = f"{axis}_spacing_m", f"{axis}_spacing_wavelengths"
-        if given.has(metres) and given.has(waves):
-            raise ConfigError(f"{given.where} has {metres} and {waves}; expected one of them.")
-        in_waves = given.number(waves, "wavelengths", 0.5)
-        spacing[axis] = given.number(metres, "m", in_waves * wavelength_m)
-    isotropic = "element_exponent" in given._left and not given.has("element_exponent")
-    exponent = given.number("element_exponent", "", 1.0)
-    antenna = PlanarArray(
-        columns=given.whole("columns"),
-        rows=given.whole("rows", 1),
-        column_spacing_m=spacing["column"],
-        row_spacing_m=spacing["row"],
-        wavelength_m=wavelength_m,
-        steer_azimuth_rad=float(np.radians(given.number("steer_azimuth_deg", "degrees", 0.0))),
-        steer_elevation_rad=float(np.radians(given.number("steer_elevation_deg", "degrees", 0.0))),
-        column_taper=_taper(given.take("column_taper", "uniform")),
-        row_taper=_taper(given.take("row_taper", "uniform")),
-        element_exponent=None if isotropic else exponent,
+@documented
+@dataclass(frozen=True)
+class CosinePattern:
+    """A power of the cosine of the angle from boresight, nothing behind."""
+
+    beamwidth_deg: float | None = setting(
+        "Beamwidth", "Set the full width at half power", None, unit="deg", above=0.0,
+        maximum=180.0, initial=60.0, on=True, digits=2,
+    )  # fmt: skip
+    exponent: float | None = setting(
+        "Exponent", "Set the power of the cosine, in place of a beamwidth", None, minimum=0.0,
+        initial=2.0,
+    )  # fmt: skip
+    peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
+
+    def antenna(self, _: float) -> PeakedAntenna:
+        """Return the antenna."""
+        if (self.beamwidth_deg is None) == (self.exponent is None):
+            raise ConfigError("Expected one of beamwidth_deg and exponent; set one of them.")
+        if self.beamwidth_deg is not None:
+            antenna = CosinePower.from_beamwidth(float(np.radians(self.beamwidth_deg)))
+        else:
+            antenna = CosinePower(float(self.exponent or 0.0))
+        return _with_gain(antenna, self.peak_gain_dbi)
+
+
+@documented
+@dataclass(frozen=True)
+class GaussianPattern:
+    """A Gaussian beam."""
+
+    azimuth_beamwidth_deg: float = _beamwidth("Azimuth", 10.0)
+    elevation_beamwidth_deg: float = _beamwidth("Elevation", 20.0)
+    peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
+
+    def antenna(self, _: float) -> PeakedAntenna:
+        """Return the antenna."""
+        widths_deg = (self.azimuth_beamwidth_deg, self.elevation_beamwidth_deg)
+        antenna = Gaussian(*(float(np.radians(width)) for width in widths_deg))
+        return _with_gain(antenna, self.peak_gain_dbi)
+
+
+@documented
+@dataclass(frozen=True)
+class AperturePattern:
+    """A uniformly lit rectangle."""
+
+    width_m: float = setting(
+        "Width", "Set the size along the antenna's X", unit="m", above=0.0, initial=0.3
     )
-    return _with_gain(given, antenna, antenna.peak_gain)
+    height_m: float = setting(
+        "Height", "Set the size along the antenna's Y", unit="m", above=0.0, initial=0.2
+    )
+    peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
+
+    def antenna(self, wavelength_m: float) -> PeakedAntenna:
+        """Return the antenna."""
+        return _with_gain(Aperture(self.width_m, self.height_m, wavelength_m), self.peak_gain_dbi)
+
+
+def _spacing(axis: str, unit: str) -> Any:
+    in_waves = unit == "wavelengths"
+    return setting(
+        f"{axis} spacing in {'wavelengths' if in_waves else 'metres'}",
+        "Set the distance of elements" + ("" if in_waves else ", in place of wavelengths"), None,
+        unit="" if in_waves else "m", above=0.0, initial=0.5 if in_waves else 0.01, on=in_waves,
+    )  # fmt: skip
+
+
+def _steering(axis: str, positive: str) -> Any:
+    return setting(
+        f"Steer {axis}", f"Set where the beam points, positive {positive}", 0.0, unit="deg",
+        minimum=-90.0, maximum=90.0, digits=2,
+    )  # fmt: skip
+
+
+_TAPER: dict[str, Any] = {
+    "help": "Choose the amplitudes of the elements",
+    "default": "uniform",
+    "choices": (
+        ("uniform", "Uniform", "All elements alike: -13.3 dB sidelobes"),
+        ("hamming", "Hamming", "-42.7 dB sidelobes"),
+        ("hann", "Hann", "-31.5 dB sidelobes, falling"),
+        ("taylor", "Taylor", "-35 dB sidelobes (needs scipy)"),
+        ("chebyshev", "Chebyshev", "-50 dB sidelobes (needs scipy)"),
+    ),
+    "lists": True,
+}
+
+
+@documented
+@dataclass(frozen=True)
+class ArrayPattern:
+    """A grid of elements, steered by phase."""
+
+    columns: int = setting(
+        "Columns", "Set the elements along X", minimum=1, soft_maximum=128, initial=8
+    )
+    rows: int = setting("Rows", "Set the elements along Y", 1, minimum=1, soft_maximum=128)
+    column_spacing_wavelengths: float | None = _spacing("Column", "wavelengths")
+    column_spacing_m: float | None = _spacing("Column", "m")
+    row_spacing_wavelengths: float | None = _spacing("Row", "wavelengths")
+    row_spacing_m: float | None = _spacing("Row", "m")
+    column_taper: str = setting("Column taper", **_TAPER)
+    row_taper: str = setting("Row taper", **_TAPER)
+    steer_azimuth_deg: float = _steering("azimuth", "to the right")
+    steer_elevation_deg: float = _steering("elevation", "up")
+    element_exponent: float | None = setting(
+        "Element exponent", "Set the power of the cosine of each element. None: isotropic", 1.0,
+        minimum=0.0,
+    )  # fmt: skip
+    peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
+
+    def antenna(self, wavelength_m: float) -> PeakedAntenna:
+        """Return the antenna."""
+        spacing_m = {}
+        for axis in ("column", "row"):
+            metres, waves = f"{axis}_spacing_m", f"{axis}_spacing_wavelengths"
+            in_m, in_waves = getattr(self, metres), getattr(self, waves)
+            if in_m is not None and in_waves is not None:
+                raise ConfigError(f"It has {metres} and {waves}; expected one of them.")
+            in_waves = 0.5 if in_waves is None else in_waves
+            spacing_m[axis] = in_waves * wavelength_m if in_m is None else in_m
+        antenna = PlanarArray(
+            columns=self.columns,
+            rows=self.rows,
+            column_spacing_m=spacing_m["column"],
+            row_spacing_m=spacing_m["row"],
+            wavelength_m=wavelength_m,
+            steer_azimuth_rad=float(np.radians(self.steer_azimuth_deg)),
+            steer_elevation_rad=float(np.radians(self.steer_elevation_deg)),
+            column_taper=_taper(self.column_taper),
+            row_taper=_taper(self.row_taper),
+            element_exponent=self.element_exponent,
+        )
+        return _with_gain(antenna, self.peak_gain_dbi)
 
 
 def _taper(value: Any) -> str | tuple[float, ...]:
     return value if isinstance(value, str) else tuple(np.atleast_1d(real_array("Taper", value)))
 
 
-def _table(given: _Parameters, _: float) -> PeakedAntenna:
-    if given.has("file"):
-        return read_pattern(str(given.take("file")))
-    given.take("file")
-    arrays = [given.take(name) for name in ("azimuth_deg", "elevation_deg", "gain_db")]
-    if any(array is None for array in arrays):
-        raise ConfigError(
-            f"{given.where} lacks its table: give 'file', a CSV with the columns azimuth_deg, "
-            "elevation_deg, gain_db, or cut, angle_deg, gain_db."
-        )
-    azimuth, elevation, gain_db = (real_array(given.where, array) for array in arrays)
-    return _reopened(azimuth, elevation, gain_db)
+@documented
+@dataclass(frozen=True)
+class TablePattern:
+    """Gains over azimuth and elevation, from a file or given."""
+
+    file: str = setting(
+        "File",
+        "Read the gains (CSV: azimuth_deg, elevation_deg, gain_db; or cut, angle_deg, gain_db)",
+        "",
+        path="FILE",
+    )
+    azimuth_deg: Any = None
+    elevation_deg: Any = None
+    gain_db: Any = None
+
+    def antenna(self, _: float) -> PeakedAntenna:
+        """Return the antenna."""
+        if self.file:
+            return read_pattern(self.file)
+        arrays = [self.azimuth_deg, self.elevation_deg, self.gain_db]
+        if any(array is None for array in arrays):
+            raise ConfigError(
+                "It lacks its table: give 'file', a CSV with the columns azimuth_deg, "
+                "elevation_deg, gain_db, or cut, angle_deg, gain_db."
+            )
+        azimuth, elevation, gain_db = (real_array("Table", array) for array in arrays)
+        return _reopened(azimuth, elevation, gain_db)
 
 
 def _reopened(azimuth: Real, elevation: Real, gain_db: Real) -> TableAntenna:
@@ -271,27 +354,27 @@ def _reopened(azimuth: Real, elevation: Real, gain_db: Real) -> TableAntenna:
     return TableAntenna(azimuth, elevation, gain_db)
 
 
-def _with_gain(given: _Parameters, antenna: PeakedAntenna, directivity: float) -> PeakedAntenna:
+def _with_gain(antenna: PeakedAntenna, wanted_dbi: float | None) -> PeakedAntenna:
     """With the given peak gain, if there is one."""
-    wanted_dbi = given.number("gain_dbi", "dBi", float(to_db(directivity)))
-    excess_db = wanted_dbi - float(to_db(directivity))
+    directivity_dbi = float(to_db(antenna.peak_gain))
+    if wanted_dbi is None:
+        return antenna
+    excess_db = wanted_dbi - directivity_dbi
     if excess_db > _GAIN_SLACK_DB:
         raise ConfigError(
-            f"{given.where} has a gain of {wanted_dbi:g} dBi, but a beam of this shape has a "
-            f"directivity of {float(to_db(directivity)):.2f} dBi: no antenna gains more than "
-            "that. Narrow the beam, lower gain_dbi, or leave it out."
+            f"It has a gain of {wanted_dbi:g} dBi, but a beam of this shape has a "
+            f"directivity of {directivity_dbi:.2f} dBi: no antenna gains more than "
+            "that. Narrow the beam, lower peak_gain_dbi, or leave it out."
         )
     return antenna if excess_db == 0 else Scaled(antenna, float(10 ** (excess_db / 10)))
 
 
-_MAKERS: dict[str, Callable[[_Parameters, float], PeakedAntenna]] = {
-    "isotropic": _isotropic,
-    "cosine": _cosine,
-    "gaussian": _gaussian,
-    "aperture": _aperture,
-    "array": _array,
-    "table": _table,
+PATTERNS: dict[str, Any] = {
+    "isotropic": IsotropicPattern,
+    "cosine": CosinePattern,
+    "gaussian": GaussianPattern,
+    "aperture": AperturePattern,
+    "array": ArrayPattern,
+    "table": TablePattern,
 }
-
-KINDS = tuple(_MAKERS)
 """Kinds of antennas."""

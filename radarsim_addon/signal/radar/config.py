@@ -11,31 +11,45 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .waveform import AnyWaveform, check_positive
+from .waveform import AnyWaveform
 
 #: Relative slack when two numbers that should be equal come from a user interface in float32.
 _SLACK = 1e-6
 #: What the error calls the time that a waveform takes.
 _DURATION_NAMES = {
-    "lfm": "Chirp length",
+    "lfm": "Chirp of",
     "fmcw": "Chirp (ramp and idle time) of",
     "pmcw": "Train of codes of",
     "stepped": "Ramp of steps of",
 }
 
 
+@documented
 @dataclass(frozen=True)
 class Burst:
     """A train of equal pulses: ``pulses`` of them, ``prf_hz`` a second."""
 
-    prf_hz: float
-    pulses: int
+    prf_hz: float = setting(
+        "PRF",
+        "Set the pulses per second; the unambiguous range is c / 2 PRF, the maximum unambiguous "
+        "velocity wavelength x PRF / 4",
+        unit="Hz",
+        above=0.0,
+        initial=1000.0,
+    )
+    pulses: int = setting(
+        "Pulses",
+        "Set the number of pulses of a burst; the velocity resolution is wavelength x PRF / "
+        "2 pulses",
+        minimum=1,
+        soft_maximum=4096,
+        initial=128,
+    )
 
     def __post_init__(self) -> None:
-        check_positive("PRF", self.prf_hz, "hertz")
-        if not (isinstance(self.pulses, int) and self.pulses >= 1):
-            raise ConfigError(f"Number of pulses is {self.pulses!r}; expected an integer from 1.")
+        check_settings(self)
 
     @property
     def unambiguous_range_m(self) -> float:

@@ -6,19 +6,23 @@ Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWa
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 from ...array_types import Complex
 from ...errors import ConfigError
+from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .chips import ChipNumbers
+from .chips import CHIP, ChipNumbers
 from .codes import m_sequence
-from .waveform import AnyWaveform, WaveformNumbers, check_carrier, check_count, check_positive
-
-#: More samples of one chirp than this is a slip of the unit.
-_MOST_SAMPLES = 1 << 22
+from .waveform import (
+    BANDWIDTH,
+    CARRIER,
+    MAX_WAVEFORM_SAMPLES,
+    AnyWaveform,
+    WaveformNumbers,
+    check_carrier,
+)
 
 
 class LineNumbers(WaveformNumbers):
@@ -91,58 +95,60 @@ class LineWaveform(AnyWaveform, Protocol):
         ...
 
 
+@documented
 @dataclass(frozen=True)
 class FmcwWaveform(LineNumbers):
-    """Linear FMCW with de-chirp: the beat of each chirp is sampled.
+    """Linear FMCW with de-chirp: the beat of each chirp is sampled."""
 
-    Parameters
-    ----------
-    carrier_hz
-        Frequency in the middle of the sampled part of the ramp [Hz].
-    bandwidth_hz
-        Swept while the ADC samples, N times slope / fs [Hz].
-    adc_samples
-        Samples N per chirp.
-    sampling_rate_hz
-        Of the ADC [Hz].
-    adc_start_s
-        From the start of the ramp to the first sample [s].
-    ramp_s
-        Length of the ramp [s]; None: it ends with the last sample.
-    idle_s
-        Pause before the next chirp [s].
-    real_adc
-        Whether the mixer and the ADC have one (real) channel; else I and Q.
-    """
-
-    carrier_hz: float
-    bandwidth_hz: float
-    adc_samples: int
-    sampling_rate_hz: float
-    adc_start_s: float = 0.0
-    ramp_s: float | None = None
-    idle_s: float = 0.0
-    real_adc: bool = False
+    carrier_hz: float = setting(**CARRIER)
+    bandwidth_hz: float = setting(**BANDWIDTH)
+    adc_samples: int = setting(
+        "ADC samples",
+        "Set the samples per chirp",
+        minimum=2,
+        maximum=MAX_WAVEFORM_SAMPLES,
+        soft_maximum=4096,
+        initial=256,
+    )
+    adc_rate_hz: float = setting(
+        "ADC rate",
+        "Set the samples per second of the ADC; the chirp lasts samples / rate",
+        shown_in="MHz",
+        above=0.0,
+        initial=10e6,
+    )
+    adc_start_s: float = setting(
+        "ADC start", "Set the time from the start of the ramp to the first sample", 0.0,
+        shown_in="us", minimum=0.0,
+    )  # fmt: skip
+    ramp_s: float | None = setting(
+        "Ramp", "Set the duration of the ramp. None: it ends with the last sample", None,
+        shown_in="us", above=0.0, initial=30e-6,
+    )  # fmt: skip
+    idle_s: float = setting(
+        "Idle time", "Set the least pause between two chirps; ramp and pause fit into 1 / PRF", 0.0,
+        shown_in="us", minimum=0.0,
+    )  # fmt: skip
+    real_adc: bool = setting(
+        "Real ADC", "Use one channel in place of I and Q: half the range, 3 dB less SNR", False
+    )
 
     kind: ClassVar[str] = "fmcw"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Bandwidth", self.bandwidth_hz, "hertz")
-        check_positive("ADC sampling rate", self.sampling_rate_hz, "hertz")
-        check_count("Number of ADC samples", self.adc_samples, 2, _MOST_SAMPLES)
-        for name, value in (("ADC start", self.adc_start_s), ("Idle time", self.idle_s)):
-            if not (math.isfinite(value) and value >= 0):
-                raise ConfigError(f"{name} is {value!r} s; expected 0 or more seconds.")
+        check_settings(self)
         sampled_s = self.adc_start_s + self.adc_samples / self.sampling_rate_hz
         if self.ramp_s is not None and not self.ramp_s >= sampled_s * (1 - 1e-6):
             raise ConfigError(
                 f"Ramp of {self.ramp_s!r} s ends before the ADC, which samples until "
                 f"{sampled_s:g} s after its start. Lengthen the ramp, sample faster or less."
             )
-        if not isinstance(self.real_adc, bool):
-            raise ConfigError(f"real_adc is {self.real_adc!r}; expected true or false.")
         check_carrier(self.carrier_hz, self.bandwidth_hz)
+
+    @property
+    def sampling_rate_hz(self) -> float:
+        """`adc_rate_hz` [Hz]."""
+        return self.adc_rate_hz
 
     @property
     def slope_hz_per_s(self) -> float:
@@ -182,34 +188,33 @@ class FmcwWaveform(LineNumbers):
         return 1 / self.sampling_rate_hz
 
 
+@documented
 @dataclass(frozen=True)
 class SteppedWaveform(LineNumbers):
-    """Stepped frequency: N tones, one complex sample of each.
+    """Stepped frequency: N tones, one complex sample of each."""
 
-    Parameters
-    ----------
-    carrier_hz
-        Middle of the steps [Hz].
-    step_hz
-        Distance of two steps [Hz]; the range repeats with c / 2 step.
-    steps
-        Number N of steps.
-    step_time_s
-        Time on each step, over which the receiver averages [s].
-    """
-
-    carrier_hz: float
-    step_hz: float
-    steps: int
-    step_time_s: float
+    carrier_hz: float = setting(**CARRIER)
+    step_hz: float = setting(
+        "Frequency step", "Set the distance of two tones; the range repeats with c / 2 step",
+        shown_in="kHz", above=0.0, initial=500e3,
+    )  # fmt: skip
+    steps: int = setting(
+        "Steps",
+        "Set the number of tones; the bandwidth is steps x step",
+        minimum=2,
+        maximum=MAX_WAVEFORM_SAMPLES,
+        soft_maximum=4096,
+        initial=128,
+    )
+    step_time_s: float = setting(
+        "Time per step", "Set the time per step; the receiver averages over it",
+        shown_in="us", above=0.0, initial=5e-6,
+    )  # fmt: skip
 
     kind: ClassVar[str] = "stepped"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Frequency step", self.step_hz, "hertz")
-        check_positive("Time per step", self.step_time_s, "seconds")
-        check_count("Number of steps", self.steps, 2, _MOST_SAMPLES)
+        check_settings(self)
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 
     @property
@@ -253,53 +258,55 @@ class SteppedWaveform(LineNumbers):
         return self.step_time_s
 
 
+@documented
 @dataclass(frozen=True)
 class PmcwWaveform(ChipNumbers, LineNumbers):
-    """Phase-modulated continuous wave: an m-sequence sent over and over.
+    """Phase-modulated continuous wave: an m-sequence sent over and over."""
 
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    chip_length_s
-        Length of one chip [s]; the bandwidth is its inverse.
-    degree
-        Of the m-sequence: 2^degree - 1 chips.
-    repeats
-        Codes that the correlator adds up for one pulse of the burst.
-    samples_per_chip
-        Complex samples per chip, from 1.
-    """
-
-    carrier_hz: float
-    chip_length_s: float
-    degree: int
-    repeats: int = 1
-    samples_per_chip: int = 1
+    carrier_hz: float = setting(**CARRIER)
+    chip_duration_s: float = setting(**CHIP)
+    code_degree: int = setting(
+        "Code degree",
+        "Set the degree of the m-sequence: 2^degree - 1 chips; the range repeats with the code",
+        minimum=2,
+        maximum=16,
+        initial=10,
+    )
+    code_repeats: int = setting(
+        "Code repeats",
+        "Set the codes that are added up for one pulse of the burst",
+        1,
+        minimum=1,
+        maximum=1 << 16,
+        soft_maximum=1024,
+        initial=8,
+    )
+    samples_per_chip: int = setting(
+        "Samples per chip", "Set the complex samples per chip", 1, minimum=1, maximum=64,
+        window=False,
+    )  # fmt: skip
 
     kind: ClassVar[str] = "pmcw"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        m_sequence(self.degree)
-        self.check_chips(64)
-        check_count("Number of repeats", self.repeats, 1, 1 << 16)
+        check_settings(self)
+        m_sequence(self.code_degree)
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 
     @property
     def code_length(self) -> int:
         """Chips of the code."""
-        return int(2**self.degree - 1)
+        return int(2**self.code_degree - 1)
 
     @property
     def code_s(self) -> float:
         """Length of one code [s]."""
-        return self.code_length * self.chip_length_s
+        return self.code_length * self.chip_duration_s
 
     @property
     def duration_s(self) -> float:
         """All repeats [s]."""
-        return self.repeats * self.code_s
+        return self.code_repeats * self.code_s
 
     @property
     def unambiguous_range_m(self) -> float:
@@ -333,4 +340,4 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
 
     def replica_samples(self) -> Complex:
         """One code, (chips x samples_per_chip,)."""
-        return self.sampled(m_sequence(self.degree))
+        return self.sampled(m_sequence(self.code_degree))

@@ -15,12 +15,12 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast, get_args
 
-from ...contract import AmplitudeModel, AntennaRecord, LinkBudget
+from ...contract import LinkBudget
 from ...errors import ConfigError
 from ...old_names import todays_names
-from ...physics.checks import real_array
+from ...option_files import from_json
+from ...options import check_settings
 from ...physics.noise import noise_power_w
 from ...physics.radar_equation import from_db
 from ...textfile import read_text
@@ -73,36 +73,12 @@ def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
     ConfigError
         A number out of range, an antenna that cannot be made, an unknown weighting.
     """
-    real_array("Transmit power", record.transmit_power_w, "W", above=0.0)
-    for name in ("transmit_loss_db", "receive_loss_db", "other_loss_db", "noise_figure_db"):
-        real_array(name.removesuffix("_db").replace("_", " ").capitalize(), getattr(record, name),
-                   "dB", minimum=0.0)  # fmt: skip
-    real_array("Antenna temperature", record.antenna_temperature_k, "K", minimum=0.0)
-    weighting_of(record)
+    check_settings(record)
     return RadarSystem(
         record,
         make_antenna(record.transmitter, wavelength_m, "Transmitter's"),
         make_antenna(record.receiver, wavelength_m, "Receiver's"),
         wavelength_m,
-    )
-
-
-def weighting_of(record: LinkBudget | None) -> AmplitudeModel:
-    """A budget's weighting, see :func:`.paths.paths.path_amplitude`; "radar-equation" without one.
-
-    Raises
-    ------
-    ConfigError
-        The weighting is unknown.
-    """
-    for name in get_args(AmplitudeModel):
-        if record is not None and record.amplitude_model == name:
-            return cast(AmplitudeModel, name)
-    if record is None:
-        return "radar-equation"
-    raise ConfigError(
-        f"Weighting {record.amplitude_model!r}; expected one of "
-        f"{', '.join(get_args(AmplitudeModel))}."
     )
 
 
@@ -128,40 +104,11 @@ def read_system(path: str | Path) -> LinkBudget:
         data = todays_names(data, ()).get("link_budget")
         if data is None:
             raise ConfigError(f"{path} is a run without a system; expected one with a system.")
-    record: LinkBudget = _from_json(LinkBudget, data, str(path))
+    if isinstance(data, dict):
+        data = {name: value for name, value in data.items() if name not in _RECORD_ONLY}
+    record = from_json(LinkBudget, data, str(path))
     return dataclasses.replace(
         record,
         transmitter=self_contained(record.transmitter, path.parent),
         receiver=self_contained(record.receiver, path.parent),
     )
-
-
-def _from_json(kind: Any, data: Any, where: str) -> Any:
-    if not isinstance(data, dict):
-        raise ConfigError(f"{where} holds {data!r:.60}; expected a JSON object.")
-    fields = {item.name: item for item in dataclasses.fields(kind)}
-    data = todays_names(data, fields)
-    for name in data:
-        if name not in fields:
-            known = ", ".join(key for key in fields if key not in _RECORD_ONLY)
-            raise ConfigError(f"{where} has the unknown field {name!r}; expected some of {known}.")
-    values = {}
-    for name, value in data.items():
-        if name in _RECORD_ONLY:
-            continue
-        place = f"{where}: {name}"
-        if name in ("transmitter", "receiver"):
-            values[name] = _from_json(AntennaRecord, value, place)
-        elif name == "parameters":
-            if not isinstance(value, dict):
-                raise ConfigError(f"{place} is {value!r:.60}; expected a JSON object.")
-            values[name] = value
-        elif name in ("kind", "amplitude_model"):
-            if not isinstance(value, str):
-                raise ConfigError(f"{place} is {value!r:.60}; expected text.")
-            values[name] = value
-        elif isinstance(value, bool) or not isinstance(value, int | float):
-            raise ConfigError(f"{place} is {value!r:.60}; expected a number.")
-        else:
-            values[name] = float(value)
-    return kind(**values)

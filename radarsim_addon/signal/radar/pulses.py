@@ -14,91 +14,87 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError
-from .chips import ChipNumbers
+from ...options import check_settings, documented, setting
+from .chips import CHIP, ChipNumbers
 from .codes import barker
 from .config import _SLACK
-from .waveform import PulseNumbers, check_carrier, check_positive
+from .waveform import (
+    BANDWIDTH,
+    CARRIER,
+    MAX_WAVEFORM_SAMPLES,
+    SAMPLING_RATE,
+    PulseNumbers,
+    check_carrier,
+)
 
-#: More samples in one pulse, chirp or code than this is a slip of the unit.
-MAX_WAVEFORM_SAMPLES = 1 << 22
 
-
+@documented
 @dataclass(frozen=True)
 class PhaseCodedPulse(ChipNumbers, PulseNumbers):
-    """A pulse of chips of phase 0 or pi, after a Barker code.
+    """A pulse of chips of phase 0 or pi, after a Barker code."""
 
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    chip_length_s
-        Length of one chip [s]; the bandwidth is its inverse.
-    code_length
-        Chips: 2, 3, 4, 5, 7, 11 or 13.
-    samples_per_chip
-        Complex samples per chip, from 1.
-    """
-
-    carrier_hz: float
-    chip_length_s: float
-    code_length: int = 13
-    samples_per_chip: int = 2
+    carrier_hz: float = setting(**CARRIER)
+    chip_duration_s: float = setting(**CHIP)
+    code_length: int = setting(
+        "Code length",
+        "Choose the Barker code by its number of chips",
+        13,
+        choices=tuple(
+            (str(n), f"Barker {n}", f"Sidelobes of 1/{n}") for n in (2, 3, 4, 5, 7, 11, 13)
+        ),
+    )
+    samples_per_chip: int = setting(
+        "Samples per chip", "Set the complex samples per chip", 2, minimum=1, maximum=1024,
+        window=False,
+    )  # fmt: skip
 
     kind: ClassVar[str] = "barker"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        barker(self.code_length)
-        self.check_chips(1024)
+        check_settings(self)
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 
     @property
     def duration_s(self) -> float:
         """Pulse length [s]."""
-        return self.code_length * self.chip_length_s
+        return self.code_length * self.chip_duration_s
 
     def replica_samples(self) -> Complex:
         """The transmitted samples, (chips x samples_per_chip,)."""
         return self.sampled(barker(self.code_length))
 
 
+@documented
 @dataclass(frozen=True)
 class ArbitraryPulse(PulseNumbers):
     """A pulse of given complex samples, read from a file by :mod:`.radar.radar_files`.
 
     Parameters
     ----------
-    carrier_hz
-        Carrier frequency f0, 0 Hz of the samples [Hz].
-    sampling_rate_hz
-        Complex sampling rate [Hz].
     samples
         Complex samples, (n,); scaled so that the mean of |w|^2 is 1.
-    band_hz
-        Band |f| <= B/2 that the samples use, over which windows are laid [Hz]; None: all of the
-        sampling rate.
     source
         Name of the file, for records.
     """
 
-    carrier_hz: float
-    sampling_rate_hz: float
-    samples: Complex = field(repr=False, compare=False)
-    band_hz: float | None = None
+    carrier_hz: float = setting(**CARRIER)
+    sampling_rate_hz: float = setting(**SAMPLING_RATE)
+    samples: Complex = field(repr=False, compare=False)  # type: ignore[misc]
+    band_hz: float | None = setting(
+        "Bandwidth", "Set the band that the samples use", None, shown_in="MHz", above=0.0,
+        window=False,
+    )  # fmt: skip
     source: str = ""
 
     kind: ClassVar[str] = "arbitrary"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Sampling rate", self.sampling_rate_hz, "hertz")
-        if self.band_hz is not None:
-            check_positive("Bandwidth", self.band_hz, "hertz")
-            if self.band_hz > self.sampling_rate_hz * (1 + 1e-6):
-                raise ConfigError(
-                    f"Bandwidth {self.band_hz:g} Hz is above the sampling rate "
-                    f"{self.sampling_rate_hz:g} Hz; complex samples carry no more than that."
-                )
+        check_settings(self)
+        if self.band_hz is not None and self.band_hz > self.sampling_rate_hz * (1 + 1e-6):
+            raise ConfigError(
+                f"Bandwidth {self.band_hz:g} Hz is above the sampling rate "
+                f"{self.sampling_rate_hz:g} Hz; complex samples carry no more than that."
+            )
         samples = np.array(self.samples, dtype=np.complex128)
         if samples.ndim != 1 or not 2 <= samples.size <= MAX_WAVEFORM_SAMPLES:
             raise ConfigError(
@@ -131,34 +127,27 @@ class ArbitraryPulse(PulseNumbers):
         return self.samples
 
 
+@documented
 @dataclass(frozen=True)
 class Waveform(PulseNumbers):
-    """A linear FM pulse.
+    """A linear FM pulse."""
 
-    Parameters
-    ----------
-    carrier_hz
-        Carrier frequency f0 [Hz].
-    bandwidth_hz
-        Swept bandwidth B [Hz].
-    chirp_duration_s
-        Pulse length T_p [s].
-    sampling_rate_hz
-        Complex (I/Q) sampling rate [Hz]; at least the bandwidth.
-    """
-
-    carrier_hz: float
-    bandwidth_hz: float
-    chirp_duration_s: float
-    sampling_rate_hz: float
+    carrier_hz: float = setting(**CARRIER)
+    bandwidth_hz: float = setting(**BANDWIDTH)
+    chirp_duration_s: float = setting(
+        "Chirp duration",
+        "Set the duration of a pulse; at most the pulse interval 1 / PRF",
+        shown_in="us",
+        above=0.0,
+        initial=2.5e-6,
+        old_flags=("--chirp-us",),
+    )
+    sampling_rate_hz: float = setting(**SAMPLING_RATE)
 
     kind: ClassVar[str] = "lfm"
 
     def __post_init__(self) -> None:
-        check_positive("Carrier frequency", self.carrier_hz, "hertz")
-        check_positive("Bandwidth", self.bandwidth_hz, "hertz")
-        check_positive("Chirp length", self.chirp_duration_s, "seconds")
-        check_positive("Sampling rate", self.sampling_rate_hz, "hertz")
+        check_settings(self)
         if self.sampling_rate_hz < self.bandwidth_hz * (1 - _SLACK):
             raise ConfigError(
                 f"Sampling rate {self.sampling_rate_hz:g} Hz is below the bandwidth "

@@ -13,15 +13,15 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError, FrameFileError
-from ...old_names import todays_names
+from ...option_files import from_json
 from ...textfile import TextTooLongError, read_text
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, PmcwWaveform, SteppedWaveform
-from .pulses import MAX_WAVEFORM_SAMPLES, ArbitraryPulse, PhaseCodedPulse, Waveform
-from .waveform import AnyWaveform
+from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
+from .waveform import MAX_WAVEFORM_SAMPLES, AnyWaveform
 
 #: Kind in a file -> class.
-KINDS: dict[str, Any] = {
+WAVEFORM_KINDS: dict[str, Any] = {
     kind.kind: kind
     for kind in (
         Waveform,
@@ -35,8 +35,6 @@ KINDS: dict[str, Any] = {
 #: A radar file holds a few numbers; the samples of an arbitrary waveform are in their own file.
 _MAX_RADAR_BYTES = 1 << 20
 _MAX_SAMPLE_BYTES = 64 * MAX_WAVEFORM_SAMPLES
-#: Fields of each kind that are not numbers.
-_WHOLE = {"adc_samples", "steps", "degree", "repeats", "samples_per_chip", "code_length"}
 
 
 def waveform_to_dict(waveform: AnyWaveform) -> dict[str, Any]:
@@ -79,42 +77,15 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
         raise ConfigError(f"Waveform is {data!r:.60}; expected an object with its fields.")
     given = dict(data)
     name = given.pop("kind", Waveform.kind)
-    if name not in KINDS:
+    if name not in WAVEFORM_KINDS:
         raise ConfigError(
-            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(KINDS))}."
+            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(WAVEFORM_KINDS))}."
         )
-    kind = KINDS[name]
+    kind = WAVEFORM_KINDS[name]
     if kind is ArbitraryPulse:
         given["samples"] = _given_samples(given, folder)
         given.setdefault("source", "")
-    known = {item.name: item for item in dataclasses.fields(kind)}
-    given = todays_names(given, known)
-    needed = {
-        n
-        for n, item in known.items()
-        if item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
-    }
-    strange, lacking = sorted(set(given) - set(known)), sorted(needed - set(given))
-    if strange or lacking:
-        raise ConfigError(
-            f"Waveform {name!r} "
-            + (f"lacks {', '.join(lacking)}" if lacking else f"knows no {', '.join(strange)}")
-            + f"; its fields are {', '.join(known)} (SI units)."
-        )
-    for field, value in given.items():
-        # JSON of other programs writes 128.0 for 128
-        if field in _WHOLE and isinstance(value, float) and value == int(value):
-            given[field] = int(value)
-        elif field not in ("samples", "source", "real_adc") and not (
-            value is None or (isinstance(value, int | float) and not isinstance(value, bool))
-        ):
-            raise ConfigError(f"Waveform {name!r}: {field} is {value!r:.60}; expected a number.")
-    try:
-        return kind(**given)
-    except (TypeError, OverflowError) as error:
-        raise ConfigError(
-            f"Waveform {name!r} cannot be made of {given!r:.200}: {error}."
-        ) from error
+    return from_json(kind, given, f"Waveform {name!r}")
 
 
 def _given_samples(given: dict[str, Any], folder: Path | None) -> Complex:
@@ -214,19 +185,9 @@ def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -
     ConfigError
         Other fields, or numbers that do not fit.
     """
-    if not isinstance(data, dict) or not {"pulses"} <= set(data) <= {"prf_hz", "pulses"}:
-        raise ConfigError(
-            f"Burst is {data!r:.100}; expected an object with pulses and prf_hz (hertz)."
-        )
-    pulses = data["pulses"]
-    if isinstance(pulses, bool) or not isinstance(pulses, int | float) or pulses != pulses // 1:
-        raise ConfigError(f"pulses is {pulses!r}; expected a whole number.")
-    prf_hz = data.get("prf_hz")
-    if prf_hz is None:
-        if waveform is None:
-            raise ConfigError("Burst without prf_hz; give pulses a second in hertz.")
-        prf_hz = 1 / waveform.duration_s
-    return Burst(prf_hz=prf_hz, pulses=int(pulses))
+    if isinstance(data, dict) and data.get("prf_hz") is None and waveform is not None:
+        data = {**data, "prf_hz": 1 / waveform.duration_s}
+    return from_json(Burst, data, "Burst")
 
 
 def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:

@@ -4,35 +4,45 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 
-#: Above 10 THz it is no radar but a slip of the unit, such as hertz where gigahertz are asked for.
-_HIGHEST_CARRIER_HZ = 1e13
+#: More samples of one pulse, chirp or code than this is a unit error.
+MAX_WAVEFORM_SAMPLES = 1 << 22
 
-
-def check_positive(name: str, value: float, unit: str) -> None:
-    """A finite number above 0, or a ConfigError that names it."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (number and math.isfinite(value) and value > 0):
-        raise ConfigError(f"{name} is {value!r}; expected a positive number of {unit}.")
-
-
-def check_count(name: str, value: object, least: int, most: int) -> None:
-    """A whole number within limits, or a ConfigError that names it."""
-    if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
-        raise ConfigError(f"{name} is {value!r}; expected a whole number from {least} to {most}.")
+# Settings of several waveforms. Above 10 THz a carrier is a unit error, such as hertz in place of
+# gigahertz.
+CARRIER: dict[str, Any] = {
+    "label": "Carrier frequency",
+    "help": "Set the middle of the band: wavelength, Doppler and the index of physical materials",
+    "shown_in": "GHz",
+    "above": 0.0,
+    "maximum": 1e13,
+    "soft_maximum": 300e9,
+    "initial": 5.3e9,
+    "hint": "Check the unit: the panel and --carrier-ghz take GHz.",
+}
+BANDWIDTH: dict[str, Any] = {
+    "label": "Bandwidth",
+    "help": "Set the swept bandwidth B; the range resolution is c / 2B",
+    "shown_in": "MHz",
+    "above": 0.0,
+    "initial": 50e6,
+}
+SAMPLING_RATE: dict[str, Any] = {
+    "label": "Sampling rate",
+    "help": "Set the complex samples per second; at least the bandwidth",
+    "shown_in": "MHz",
+    "above": 0.0,
+    "initial": 60e6,
+    "old_flags": ("--sampling-mhz",),
+}
 
 
 def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
-    """Carrier and bandwidth that fit together, or a ConfigError that names the likely slip."""
-    if carrier_hz > _HIGHEST_CARRIER_HZ:
-        raise ConfigError(
-            f"Carrier frequency is {carrier_hz:g} Hz; expected at most "
-            f"{_HIGHEST_CARRIER_HZ:g} Hz. Check the unit: the panel and --carrier-ghz take GHz."
-        )
+    """Raise a ConfigError unless the carrier is above half the bandwidth."""
     if carrier_hz <= bandwidth_hz / 2:
         raise ConfigError(
             f"Carrier {carrier_hz:g} Hz is not above half the bandwidth "

@@ -56,15 +56,19 @@ class RadarFrame:
     Made by :meth:`Run.frame`; holds no pixels.
     """
 
-    run_path: Path
-    record: RunRecord
+    run: Run
     number: int
     render: int = 0
 
     @property
+    def record(self) -> RunRecord:
+        """Header of the run."""
+        return self.run.record
+
+    @property
     def path(self) -> Path:
         """Folder of the frame's renders, or of one of the renders of its burst."""
-        return self.run_path / burst_dir(self.number, self.render)
+        return self.run.path / burst_dir(self.number, self.render)
 
     @property
     def visibility_updates(self) -> int:
@@ -133,7 +137,7 @@ class RadarFrame:
 
     def scene(self) -> GroundTruthRecord | None:
         """Where the objects truly are, or None where the run holds no such record."""
-        folder = self.run_path / frame_dir(self.number)
+        folder = self.run.path / frame_dir(self.number)
         path = folder / GROUND_TRUTH_FILE
         if not path.exists() and (folder / GROUND_TRUTH_FILE_0_1).exists():
             path = folder / GROUND_TRUTH_FILE_0_1
@@ -256,12 +260,12 @@ class Run:
                 f"{self.path} has no frame {number}; it has "
                 f"{_ranges_text(self.record.frames)}. Give one of these."
             )
-        return RadarFrame(self.path, self.record, number)
+        return RadarFrame(self, number)
 
     def frames(self) -> Iterator[RadarFrame]:
         """All radar frames of the plan, in its order; nothing is read yet."""
         for number in self.record.frames:
-            yield RadarFrame(self.path, self.record, number)
+            yield RadarFrame(self, number)
 
     def missing(self) -> list[MissingRender]:
         """All renders of the plan that are not there."""

@@ -4,7 +4,7 @@
 In: `Paths` and the radar. Out: `Paths` with gains and phasors. Nothing else decides amplitudes.
 """
 
-from .antenna_gains import Link, frame_antennas
+from .antenna_gains import Link
 from .frame_speckle import FrameSpeckle
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
@@ -13,6 +13,5 @@ __all__ = [
     "FrameSpeckle",
     "Link",
     "SpeckleReport",
-    "frame_antennas",
     "path_phasors",
 ]

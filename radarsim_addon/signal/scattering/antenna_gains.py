@@ -4,17 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from ...array_types import Real
-from ...contract import ReceiverRecord, RenderRecord, TransmitterRecord, render_stem
+from ...contract import ReceiverRecord, TransmitterRecord
 from ...errors import ConfigError
 from ...physics.antennas import to_antenna_frame
-from ...sidecar import read_record
 from ..decoding import single_vertex_m
-from ..paths import Paths, path_power_w, read_paths_record
+from ..paths import Paths, path_power_w
 from ..radar import RadarSystem
 
 
@@ -114,20 +112,3 @@ class Link:
         self.guessed_w += float(power_w[unknown].sum())
         self.seen_w += float(power_w.sum())
         return result
-
-
-def frame_antennas(
-    folder: Path, frame: int, sampling_mode: str
-) -> tuple[ReceiverRecord, TransmitterRecord]:
-    """Receiver and emitter of a radar frame at its time t, from its sidecars.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        The sidecar is missing or damaged.
-    """
-    if sampling_mode == "paths":
-        record = read_paths_record(folder, frame)
-        return record.receiver, record.transmitter
-    render = read_record(folder / f"{render_stem(0, 0)}.json", RenderRecord)
-    return render.receiver, render.transmitter

@@ -5,17 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
-from ...contract import MOTION_FILE, GroundTruthRecord, MotionRecord, PathsRecord
+from ...contract import GroundTruthRecord
 from ...physics.rough import kirchhoff_limits
-from ...sidecar import read_record
+from ..decoding import FrameInput, FrameTable
 from ..motion import KinematicMotion
-from ..paths import Paths, open_frame_table
-from ..radar import Radar
-from ..runs import RadarFrame
+from ..paths import Paths
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
 #: Factors below this are none.
@@ -29,39 +26,34 @@ class FrameSpeckle:
 
     Parameters
     ----------
-    frame
+    frame_input
         Radar frame. One of rings has no scatterers: its paths stay as they are.
-    radar
-        Waveform and burst.
     seed
         Of the realisation; None: no speckle.
     cell_m
         Edge of a scatterer's cell [m]; None: from the footprints of the pixels.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        The frame's table or sidecars are missing or damaged.
     """
 
     def __init__(
-        self, frame: RadarFrame, radar: Radar, seed: int | None, cell_m: float | None = None
+        self, frame_input: FrameInput, seed: int | None, cell_m: float | None = None
     ) -> None:
         self._speckle: SurfaceSpeckle | None = None
-        self._warnings = kirchhoff_warnings(frame.scene(), radar.waveform.wavelength_m)
-        if seed is None or frame.sampling_mode != "paths":
+        waveform, scene = frame_input.radar.waveform, frame_input.ground_truth
+        self._warnings = kirchhoff_warnings(scene, waveform.wavelength_m)
+        if seed is None or not frame_input.tables:
             return
-        record, self._table = open_frame_table(frame.path, frame.number)
-        bodies, columns = _bodies(frame.path, record)
+        table = frame_input.table
+        record, self._table = table.record, table.rows
+        bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
             record,
             self._table,
             bodies,
             columns,
-            radar.waveform.carrier_hz,
-            radar.waveform.range_resolution_m,
+            waveform.carrier_hz,
+            waveform.range_resolution_m,
             seed,
-            roughness_of(frame.scene(), record.objects),
+            roughness_of(scene, record.objects),
             cell_m,
         )
 
@@ -123,18 +115,20 @@ class FrameSpeckle:
         return None if self._speckle is None else self._speckle.report()
 
 
-def _bodies(folder: Path, record: PathsRecord) -> tuple[dict[int, Body], tuple[str, str]]:
+def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
     """What scatterers are fixed to, and the table's columns that number it.
 
     Bodies of the motion file, each with its pose at t; without one the objects, in world space.
     """
-    if not record.motion_file:
-        bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(record.objects, start=1)}
+    motion, names = table.motion, table.record.objects
+    if motion is None:
+        bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(names, start=1)}
         return bodies, ("first_object", "last_object")
-    motion = read_record(folder / MOTION_FILE, MotionRecord)
     bodies = {
-        number: Body(f"{body.object}\0{body.instance}", np.array(body.pose, dtype=np.float64))
-        for number, body in enumerate(motion.bodies, start=1)
+        number: Body(key, body.pose)
+        for number, (key, body) in enumerate(
+            zip(motion.body_keys, motion.bodies, strict=True), start=1
+        )
     }
     return bodies, ("first_body", "last_body")
 

@@ -16,7 +16,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
-from radarsim_addon.blender.settings import radar as properties
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
@@ -32,11 +32,11 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scene é") / "rädar scene.blend"
     properties.register()
     try:
-        scene = rs.new_scene()
+        rs.new_scene()
         plate = rs.add_plate(10.0, preset="ground")
         rs.move_steadily(plate, (0, 5, 0))
-        settings = scene.radarsim
-        settings.sampling_mode = "RINGS"
+        settings = rs.radar()
+        settings.sampling_mode = "rings"
         settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
         settings.width_px = settings.height_px = 32
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
@@ -116,6 +116,38 @@ def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:
     assert (tmp_path / "run" / "products" / "frame_0004_map.npz").is_file()
 
 
+def test_the_installed_command_renders_too(blend: Path, tmp_path: Path) -> None:
+    """``radarsim render``, with the names of today and a radar chosen by its name."""
+    folder = tmp_path / "run"
+    words = "--sampling-mode paths --carrier-ghz 24 --max-reflections 2 --replicates 1"
+    words += " --snapshot-interval-ms 20 --resolution 16x16 --rig Radar"
+    command = [sys.executable, "-m", "radarsim_addon", "render", str(blend), "--out", str(folder)]
+    done = subprocess.run(
+        [*command, *words.split()], capture_output=True, text=True, cwd=SCRIPT.parents[1]
+    )
+    assert done.returncode == 0, done.stderr
+    run = read_record(folder / "run.json", contract.RunRecord)
+    assert (run.sampling_mode, run.waveform["carrier_hz"]) == ("paths", 24e9)
+    record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
+    assert (record.max_reflections, record.replicates) == (2, 1)
+    done = subprocess.run(
+        [*command[:-1], str(tmp_path / "b"), "--rig", "Mast"],
+        capture_output=True, text=True, cwd=SCRIPT.parents[1],
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "SceneError: The scene has no radar 'Mast'; it has 'Radar'." in done.stderr
+
+
+def test_a_file_of_0_1_is_rendered_with_its_settings(tmp_path: Path) -> None:
+    old = Path(__file__).parents[2] / "data" / "version_0_1" / "paths_pmcw_moving.blend"
+    done = start(old, "--out", tmp_path / "run", "--resolution", "8x6")
+    assert done.returncode == 0, done.stderr
+    run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
+    assert run.waveform["kind"] == "pmcw"
+    assert (run.waveform["code_degree"], run.burst) == (6, {"prf_hz": 50000.0, "pulses": 32})
+    assert run.extra["unsaved_changes"] is False
+
+
 def test_help(tmp_path: Path) -> None:
     done = start("--help")
     assert done.returncode == 0
@@ -128,11 +160,11 @@ def test_help(tmp_path: Path) -> None:
     [
         (["--no-such-option"], 2, "unrecognized arguments"),
         (["--ring-step", "0"], 2, "ConfigError: Ring step is 0.0 m"),
-        (["--rings", "0"], 2, "ConfigError: Number of rings is 0"),
+        (["--rings", "-1"], 2, "ConfigError: Number of rings is -1"),
         (["--rings", "x"], 2, "invalid int value"),
         (["--frames", "1:2:3:4"], 2, "ConfigError: Frames '1:2:3:4'"),
         (["--resolution", "10"], 2, "ConfigError: Resolution '10'"),
-        (["--prf-hz", "1e6"], 2, "ConfigError: Chirp length"),
+        (["--prf-hz", "1e6"], 2, "ConfigError: Chirp of 2.5e-06 s is longer"),
         (["--rings", "2", "--auto-rings"], 2, "ConfigError: --rings and --auto-rings"),
         (["--scene", "None"], 1, "SceneError: The file has no scene 'None'"),
     ],

@@ -13,9 +13,9 @@ from PIL import Image
 from radarsim_addon import contract, signal
 from radarsim_addon.blender.run.output_folder import clear_run
 from radarsim_addon.sidecar import read_record
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.echoes import render_times_s
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -39,7 +39,7 @@ def test_each_render_has_the_tables_lengths_when_it_was_made(tmp_path: Path) -> 
     mh.measured(tmp_path, CARRIER_HZ, BURST, visibility_updates=3)
     frame = signal.open_run(tmp_path).frame(1)
     assert frame.visibility_updates == 3 and frame.missing() == []
-    shown = render_times_s(frame)
+    shown = render_times_s(open_frame(frame))
     np.testing.assert_allclose(shown, [0, 0.0128, 0.0256], atol=1e-7)
     for number, at_s in enumerate(shown):
         paths = frame_paths(frame.of_burst(number))

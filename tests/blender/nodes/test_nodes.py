@@ -206,8 +206,8 @@ def test_setup_emitter() -> None:
     assert sum(n.bl_idname == "ShaderNodeGroup" for n in light.node_tree.nodes) == 1
 
 
-def test_setup_emitter_wants_a_point_lamp() -> None:
-    with pytest.raises(SceneError, match="of type SUN; the radar's emitter is a point lamp"):
+def test_only_a_point_light_can_be_the_transmitter() -> None:
+    with pytest.raises(SceneError, match=r"of type SUN\. Only a Point light"):
         nodes.setup_emitter(bpy.data.lights.new("Sun", "SUN"))
     assert len(bpy.data.node_groups) == 0
 
@@ -278,17 +278,19 @@ def test_assigning_to_nothing_is_an_error() -> None:
     with pytest.raises(SceneError, match=r"Rig \(empty\) selected. Select one or more meshes"):
         nodes.assign_radar_material([empty], "metal")
     assert len(bpy.data.materials) == 0
-    with pytest.raises(ConfigError, match="no material preset 'kryptonite'; there are: metal"):
+    with pytest.raises(
+        ConfigError, match=r"no material preset 'kryptonite'\. Choose one of: metal"
+    ):
         nodes.assign_radar_material([rh.add_plate(1.0)], "kryptonite")
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0.5, 0.0), "Index of refraction n is 0.5; expected a number from 1 up"),
+        ((0.5, 0.0), "Index of refraction n is 0.5. Enter a number of at least 1"),
         ((float("nan"), 0.0), "Index of refraction n is nan"),
         ((1.5, -0.1), "Extinction coefficient kappa is -0.1"),
-        ((1.5, 0.0, 1.5), "Specularity is 1.5; expected a number from 0 to 1"),
+        ((1.5, 0.0, 1.5), "Specularity is 1.5. Enter a number from 0 to 1"),
         ((1.5, 0.0, 0.5, -1.0), "Roughness is -1.0"),
     ],
 )

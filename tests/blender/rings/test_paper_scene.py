@@ -69,7 +69,7 @@ def test_the_example_file_is_what_its_script_makes(demo: Path) -> None:
     """blend_examples/paper_scene.blend renders to the same run as the file made just now."""
     import bpy
 
-    from radarsim_addon.blender.settings import radar as properties
+    from radarsim_addon.blender import rig_settings as properties
 
     properties.register()
     try:
@@ -90,7 +90,7 @@ def test_the_example_file_is_what_its_script_makes(demo: Path) -> None:
 
 def contents(bpy: Any, path: Path) -> tuple[Any, dict[str, tuple[float, ...]]]:
     """Settings and places of everything in a file of the paper's scene."""
-    from radarsim_addon.blender.settings import radar as properties
+    from radarsim_addon.blender import rig_settings as properties
 
     bpy.ops.wm.open_mainfile(filepath=str(path), use_scripts=False)
     scene = bpy.context.scene

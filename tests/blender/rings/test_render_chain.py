@@ -130,7 +130,7 @@ def test_dihedral_doubles_bounce(tmp_path: Path) -> None:
     rs.add_plate(10.0, size=6.0)
     rs.add_plate(10.0, size=6.0).rotation_euler = (0, 0, math.radians(80.0))
     rs.run(tmp_path / "one", rings=1, ring_step_m=40.0, samples=64)
-    rs.run(tmp_path / "two", rings=1, ring_step_m=40.0, samples=64, max_bounces=1)
+    rs.run(tmp_path / "two", rings=1, ring_step_m=40.0, samples=64, max_reflections=2)
     one, two = rs.images(tmp_path / "one")[0], rs.images(tmp_path / "two")[0]
     assert two["B"].sum() > one["B"].sum() * 1.001
     lit = two["B"] > 0

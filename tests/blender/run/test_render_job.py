@@ -117,7 +117,7 @@ def test_leftovers_of_a_killed_run_are_removed(plate: Any, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     "change",
-    [{"seed": 1}, {"samples": 2}, {"ring_step_m": 5.0}, {"width_px": 40}, {"max_bounces": 1}],
+    [{"seed": 1}, {"samples": 2}, {"ring_step_m": 5.0}, {"width_px": 40}, {"max_reflections": 2}],
 )
 def test_another_run_is_refused_and_kept(
     plate: Any, tmp_path: Path, change: dict[str, Any]

@@ -12,8 +12,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.blender.ui import panels
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import iter_path_chunks, open_run
@@ -23,12 +23,12 @@ from tests.blender import radar_scenes as rs
 @pytest.fixture
 def settings() -> Iterator[Any]:
     """A plate at 10 units, small and quick; the scene's radar settings."""
-    scene = rs.new_scene()
+    rs.new_scene()
     properties.register()
     rs.add_plate(10.0, 8.0)
-    found = scene.radarsim
+    found = rs.radar()
     found.width_px = found.height_px = 8
-    found.samples, found.snapshots, found.path_motion, found.path_replicates = 1, "1", "off", 1
+    found.samples, found.snapshots, found.motion, found.replicates = 1, "1", "off", 1
     yield found
     properties.unregister()
 
@@ -40,7 +40,7 @@ def lengths_units(folder: Path, settings: Any, kind: str, scale: float) -> np.nd
     # as Blender keeps it: 0 becomes the least that it takes
     kept = scene.unit_settings.scale_length
     settings.ring_step_m = 4 * kept
-    with make_job(scene, bpy.context.view_layer, folder, sampling_mode=kind) as job:
+    with make_job(scene, bpy.context.view_layer, folder, given={"sampling_mode": kind}) as job:
         for task in job.pending():
             job.start(task)
             job.render(task)
@@ -66,7 +66,9 @@ def test_a_scale_that_is_no_number_is_refused(tmp_path: Path, settings: Any, kin
     scene = bpy.context.scene
     scene.unit_settings.scale_length = math.nan
     with pytest.raises(ConfigError, match=r"Unit Scale of the scene is nan.*Scene > Units"):
-        make_job(scene, bpy.context.view_layer, tmp_path / "run", sampling_mode=kind).prepare()
+        make_job(
+            scene, bpy.context.view_layer, tmp_path / "run", given={"sampling_mode": kind}
+        ).prepare()
     assert not (tmp_path / "run").exists()
 
 
@@ -89,7 +91,7 @@ class Drawn:
 
 def drawn_plan(settings: Any, kind: str) -> str:
     """What the panel says of the run."""
-    settings.sampling_mode = kind.upper()
+    settings.sampling_mode = kind
     context = SimpleNamespace(
         scene=bpy.context.scene,
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
@@ -100,7 +102,7 @@ def drawn_plan(settings: Any, kind: str) -> str:
     if kind == "rings":
         panels._draw_plan(context, layout)
     else:
-        panels._draw_path_plan(context, layout, settings)
+        panels._draw_path_plan(context, layout)
     return " ".join(layout.lines)
 
 

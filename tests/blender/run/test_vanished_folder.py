@@ -10,8 +10,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.errors import OutputError
 from tests.blender import radar_scenes as rs
 
@@ -24,11 +24,11 @@ def scene() -> Iterator[Any]:
     found = rs.new_scene()
     properties.register()
     rs.add_plate(10.0, 8.0)
-    settings = found.radarsim
+    settings = rs.radar()
     settings.width_px = settings.height_px = 8
     settings.samples, settings.snapshots, settings.ring_step_m = 1, "1", 20.0
-    settings.path_motion, settings.path_replicates = "off", 1
-    settings.frame_mode, settings.frame_end = "RANGE", 2
+    settings.motion, settings.replicates = "off", 1
+    settings.frame_mode, settings.frame_end = "range", 2
     yield found
     properties.unregister()
 
@@ -40,7 +40,7 @@ def test_a_run_whose_folder_goes_says_so(tmp_path: Path, scene: Any, kind: str, 
     folder = tmp_path / "run"
     with (
         pytest.raises(OutputError, match=GONE),
-        make_job(scene, bpy.context.view_layer, folder, sampling_mode=kind) as job,
+        make_job(scene, bpy.context.view_layer, folder, given={"sampling_mode": kind}) as job,
     ):
         for task in job.pending():
             for step in ("start", "render", "finish"):
@@ -61,7 +61,7 @@ def test_what_is_left_of_it_is_told(
     folder = tmp_path / "run"
     with (
         pytest.raises(OutputError, match=message),
-        make_job(scene, bpy.context.view_layer, folder, sampling_mode=kind) as job,
+        make_job(scene, bpy.context.view_layer, folder, given={"sampling_mode": kind}) as job,
     ):
         for task in job.pending():
             job.start(task)

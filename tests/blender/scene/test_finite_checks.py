@@ -73,8 +73,8 @@ def lens(value: float) -> None:
 @pytest.mark.parametrize(
     ("spoil", "value", "names", "advice"),
     [
-        (location, NAN, ["'Plate'", "nan"], "key frames"),
-        (location, INF, ["'Plate'"], "key frames"),
+        (location, NAN, ["'Plate'", "nan"], "keyframes"),
+        (location, INF, ["'Plate'"], "keyframes"),
         (vertex, NAN, ["'Plate'", "1 of its 4 vertices", "nan"], "modifiers"),
         (vertex, INF, ["'Plate'", "1 of its 4 vertices"], "modifiers"),
         (instanced_vertex, NAN, ["'Holder/Plate'"], "modifiers"),
@@ -179,6 +179,6 @@ def test_what_is_no_number_within_a_burst_alone_is_named_with_its_frame(
 def test_the_second_pass_is_looked_at_before_the_first(tmp_path: Path) -> None:
     rs.new_scene()
     within_burst(rs.add_plate(10.0), "location", NAN, 0)
-    with pytest.raises(SceneError, match="'Plate' is not a number"):
+    with pytest.raises(SceneError, match="transform of 'Plate' is not finite"):
         rs.run(tmp_path / "run", snapshots=2, snapshot_interval_s=1.5 / 24)
     assert not (tmp_path / "run").exists()

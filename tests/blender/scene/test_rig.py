@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.scene import rig, rigid_pose
-from radarsim_addon.blender.scene.poses import frustum
+from radarsim_addon.blender.scene.projections import frame_edges
 from radarsim_addon.errors import SceneError
 from tests.blender import radar_scenes as rs
 
@@ -45,7 +45,7 @@ def test_set_up_looks_level_along_y() -> None:
     np.testing.assert_allclose(axes[:, 1], (0, 0, 1), atol=1e-7)
 
 
-def test_set_up_keeps_a_camera_and_refuses_a_second_radar() -> None:
+def test_set_up_keeps_a_camera_and_adds_a_second_radar() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     own = bpy.data.objects.new("Own", bpy.data.cameras.new("Own"))
@@ -54,15 +54,21 @@ def test_set_up_keeps_a_camera_and_refuses_a_second_radar() -> None:
     rig.setup_rig(scene)
     assert scene.camera == own
     assert rig.find_rig(scene).camera.name == "Radar Receiver"
-    count = len(bpy.data.objects)
-    with pytest.raises(SceneError, match="has a radar emitter already"):
-        rig.setup_rig(scene)
-    assert len(bpy.data.objects) == count
+    second = rig.setup_rig(scene)
+    assert [radar.name for radar in rig.radars(scene)] == ["Radar", second.name]
+    with pytest.raises(SceneError, match="2 transmitters"):
+        rig.active_radar(scene)
+    found = rig.find_rig(scene, **rig.antennas_of(scene, second))
+    assert found.camera.parent == found.emitter.parent == second
+    bpy.data.objects.remove(found.emitter)
+    assert rig.active_radar(scene).name == "Radar"
+    with pytest.raises(SceneError, match="has no transmitter"):
+        rig.antennas_of(scene, second)
 
 
 def test_no_emitter(tmp_path: Path) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    with pytest.raises(SceneError, match=r"no radar emitter.*Set Up Radar"):
+    with pytest.raises(SceneError, match=r"no transmitter.*Set Up Radar"):
         rs.run(tmp_path)
 
 
@@ -71,7 +77,7 @@ def test_a_plain_lamp_is_no_emitter() -> None:
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     scene.collection.objects.link(lamp)
     assert rig.find_rig(scene).emitter.name == "Radar Emitter"
-    with pytest.raises(SceneError, match="'Lamp' is not an emitter"):
+    with pytest.raises(SceneError, match="'Lamp' is not a transmitter"):
         rig.find_rig(scene, emitter=lamp)
 
 
@@ -87,7 +93,7 @@ def test_several_emitters_need_a_choice() -> None:
     first = bpy.data.objects["Radar Emitter"]
     second = first.copy()
     scene.collection.objects.link(second)
-    with pytest.raises(SceneError, match="2 radar emitters"):
+    with pytest.raises(SceneError, match="2 transmitters"):
         rig.find_rig(scene)
     assert rig.find_rig(scene, emitter=second).emitter == second
     first.hide_render = True
@@ -136,7 +142,7 @@ def test_frustum_is_blenders(size: tuple[int, int], fit: str) -> None:
     scene.render.resolution_x, scene.render.resolution_y = size
     corners = np.array([tuple(c) for c in camera.view_frame(scene=scene)])
     tangents = corners[:, :2] / -corners[:, 2:]
-    left, right, bottom, top = frustum(camera, *size)
+    left, right, bottom, top = frame_edges(camera, *size, 1.0)
     low, high = tangents.min(axis=0), tangents.max(axis=0)
     np.testing.assert_allclose((left, bottom), low, atol=1e-6)
     np.testing.assert_allclose((right, top), high, atol=1e-6)

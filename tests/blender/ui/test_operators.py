@@ -11,8 +11,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.blender.ui import interactive, panels, pictures, results
 from radarsim_addon.blender.ui.interactive import InteractiveRender
 from radarsim_addon.errors import ConfigError, FrameFileError, OutputError
@@ -26,8 +26,8 @@ def scene(addon: Any) -> Any:
     """The add-on registered, and a radar before a plate."""
     made = rs.new_scene()
     rs.add_plate(10.0)
-    settings = made.radarsim
-    settings.sampling_mode = "RINGS"
+    settings = rs.radar()
+    settings.sampling_mode = "rings"
     settings.ring_step_m, settings.samples = 4.0, 1
     settings.width_px = settings.height_px = 32
     return made
@@ -37,7 +37,7 @@ def registered() -> set[str]:
     """All that the add-on shows to Blender."""
     found = {name for name in dir(bpy.types) if "radarsim" in name.lower()}
     found |= {f"ops.{name}" for name in dir(bpy.ops.radarsim)}
-    for owner in (bpy.types.Scene, bpy.types.WindowManager):
+    for owner in (bpy.types.Object, bpy.types.WindowManager):
         if hasattr(owner, "radarsim"):
             found.add(f"{owner.__name__}.radarsim")
     return found
@@ -49,7 +49,7 @@ def test_registering_twice_and_unregistering(bpy: Any) -> None:
     before = registered()
     radarsim_addon.register()
     once = registered()
-    assert {"Scene.radarsim", "WindowManager.radarsim", "ops.render_frames"} <= once
+    assert {"Object.radarsim", "WindowManager.radarsim", "ops.render_frames"} <= once
     assert "RADARSIM_PT_render" in once
     radarsim_addon.register()
     assert registered() == once
@@ -71,18 +71,18 @@ def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -
     assert all(item.__doc__ and item.bl_label for item in operator_classes)
     assert all(item.bl_category == "Radar" for item in panel_classes)
     groups = (
-        properties.RadarSettings,
-        properties.RadarProgress,
-        properties.RadarAntennaSettings,
+        bpy.types.Object.bl_rna.properties["radarsim"].fixed_type,
+        bpy.types.WindowManager.bl_rna.properties["radarsim"].fixed_type,
+        bpy.types.Object.bl_rna.properties["radarsim"].fixed_type.properties["receiver"].fixed_type,
     )
     for group in groups:
-        for prop in group.bl_rna.properties:
+        for prop in group.properties:
             if prop.identifier not in ("rna_type", "name"):
                 assert prop.description, prop.identifier
 
 
 def test_settings_are_what_was_typed(scene: Any) -> None:
-    settings = scene.radarsim
+    settings = rs.radar()
     settings.carrier_ghz, settings.bandwidth_mhz = 77.1, 153.3
     settings.chirp_duration_us, settings.sampling_rate_mhz = 12.3, 160.7
     settings.prf_hz, settings.snapshot_interval_ms = 1234.5, 7.1
@@ -96,8 +96,8 @@ def test_settings_are_what_was_typed(scene: Any) -> None:
 
 
 def test_defaults_are_the_paper(scene: Any) -> None:
-    scene.radarsim.property_unset("ring_step_m")
-    scene.radarsim.ring_mode = "COUNT"
+    view = properties.settings(bpy.data.objects["Radar"])
+    view.ring_step_m, view.rings = 250.0, 21
     found = properties.read_measurement(scene)
     assert (found.rings, found.ring_step_m, found.snapshots, found.snapshot_interval_s) == (
         21,
@@ -107,37 +107,39 @@ def test_defaults_are_the_paper(scene: Any) -> None:
     )
     assert found.waveform == rs.WAVEFORM
     assert found.burst == rs.BURST
-    scene.radarsim.sweep_by = "FM_RATE"
-    assert properties.read_measurement(scene).waveform.bandwidth_hz == 50e6
+    settings = rs.radar()
+    assert settings.fm_rate_mhz_per_us == pytest.approx(20.0)
+    settings.chirp_duration_us, settings.fm_rate_mhz_per_us = 2.3, 20.0
+    assert properties.read_measurement(scene).waveform.bandwidth_hz == 46e6
 
 
 def test_frames_from_the_settings(scene: Any) -> None:
-    settings = scene.radarsim
+    settings = rs.radar()
     scene.frame_set(5)
     assert properties.read_measurement(scene).frames == (5,)
-    settings.frame_mode = "RANGE"
+    settings.frame_mode = "range"
     settings.frame_start, settings.frame_end, settings.frame_step = 2, 7, 2
     assert properties.read_measurement(scene).frames == (2, 4, 6)
     settings.frame_end = 1
     with pytest.raises(ConfigError, match="Frames 2 to 1 are none"):
         properties.read_measurement(scene)
-    settings.frame_mode = "SCENE"
+    settings.frame_mode = "scene"
     scene.frame_start, scene.frame_end, scene.frame_step = 10, 12, 1
     assert properties.read_measurement(scene).frames == (10, 11, 12)
 
 
 def test_extinction_length(scene: Any) -> None:
-    settings = scene.radarsim
+    settings = rs.radar()
     assert properties.read_measurement(scene).extinction_length_m == 0.0
     settings.extinction_length_m = 525.0
     assert properties.read_measurement(scene).extinction_length_m == 525.0
-    settings.extinction = "WAVELENGTH"
+    settings.extinction = "wavelength"
     assert properties.read_measurement(scene).extinction_length_m == 299792458 / 5.3e9
 
 
 def test_command_line_overrides_the_settings_in_float64(scene: Any) -> None:
     found = properties.read_measurement(
-        scene, carrier_ghz=76.123456789, ring_count=3, snapshots=1, frames=(1, 2), prf_hz=None
+        scene, carrier_hz=76.123456789e9, rings=3, snapshots=1, frames=(1, 2)
     )
     assert found.waveform.carrier_hz == 76.123456789e9
     assert (found.rings, found.snapshots, found.frames, found.burst.prf_hz) == (
@@ -146,22 +148,22 @@ def test_command_line_overrides_the_settings_in_float64(scene: Any) -> None:
         (1, 2),
         1000.0,
     )
-    with pytest.raises(ConfigError, match="Number of rings is 0"):
-        properties.read_measurement(scene, ring_count=0)
+    with pytest.raises(ConfigError, match="Number of rings is -1"):
+        properties.read_measurement(scene, rings=-1)
 
 
 def test_unsaved_file_has_no_relative_folder(scene: Any) -> None:
     with pytest.raises(OutputError, match="never saved"):
-        properties.output_folder(scene)
-    scene.radarsim.output_dir = " "
+        properties.output_folder(bpy.data.objects["Radar"])
+    rs.radar().output_folder = " "
     with pytest.raises(OutputError, match="No output folder"):
-        properties.output_folder(scene)
+        properties.output_folder(bpy.data.objects["Radar"])
 
 
 def test_render_and_process_operators(
     scene: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    scene.radarsim.output_dir = str(tmp_path)
+    rs.radar().output_folder = str(tmp_path)
     assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
     assert "6/6 renders, 100 %" in capfd.readouterr().out
     assert len(list(tmp_path.rglob("ring_*.exr"))) == 6
@@ -179,19 +181,17 @@ def test_render_and_process_operators(
 
 def test_operators_report_named_errors(scene: Any, tmp_path: Path) -> None:
     """In the background an error report is raised as RuntimeError with its text."""
-    scene.radarsim.output_dir = str(tmp_path / "none" / "run")
+    rs.radar().output_folder = str(tmp_path / "none" / "run")
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.radarsim.render_frames()
-    with pytest.raises(RuntimeError, match="holds no run"):
+    with pytest.raises(RuntimeError, match="contains no run"):
         bpy.ops.radarsim.process_last_run()
     with pytest.raises(RuntimeError, match="does not exist yet"):
         bpy.ops.radarsim.open_output()
-    scene.radarsim.output_dir = str(tmp_path)
-    scene.radarsim.ring_step_m = 0.0
-    with pytest.raises(RuntimeError, match=r"Ring step is 0\.0 m"):
+    rs.radar().output_folder = str(tmp_path)
+    rs.radar().snapshot_interval_ms = 0.0
+    with pytest.raises(RuntimeError, match=r"Snapshot interval is 0\.0 s"):
         bpy.ops.radarsim.render_frames()
-    with pytest.raises(RuntimeError, match="has a radar emitter already"):
-        bpy.ops.radarsim.setup_rig()
 
 
 def test_set_up_and_assign_operators(addon: Any) -> None:
@@ -202,8 +202,7 @@ def test_set_up_and_assign_operators(addon: Any) -> None:
     assert tuple(empty.location) == (1, 2, 3)
     assert bpy.context.selected_objects == [empty]
     bpy.ops.mesh.primitive_cube_add()
-    bpy.context.scene.radarsim.preset = "metal"
-    assert bpy.ops.radarsim.assign_material() == {"FINISHED"}
+    assert bpy.ops.radarsim.assign_material(preset="metal") == {"FINISHED"}
     assert panels.echoes(bpy.context.object)
 
 
@@ -297,7 +296,7 @@ def test_a_render_that_vanishes_is_named(
     monkeypatch.setattr(interactive, "_PATIENCE_TICKS", 3)
     assert not interactive_run.tick()
     interactive_run._ended = ""
-    with pytest.raises(interactive.RenderError, match="without saying why"):
+    with pytest.raises(interactive.RenderError, match="without a message"):
         for _ in range(10):
             interactive_run.tick()
 

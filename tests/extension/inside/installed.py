@@ -81,12 +81,11 @@ def main(archive: str, out: str) -> dict[str, Any]:
     found["enabled_traces"] = traces()
 
     plate_scene()
-    settings = bpy.context.scene.radarsim
-    settings.output_dir = out
-    settings.frame_mode = "CURRENT"
-    settings.sampling_mode = "RINGS"
-    settings.ring_mode = "COUNT"
-    settings.ring_count = 3
+    settings = bpy.data.objects["Radar"].radarsim
+    settings.output_folder = out
+    settings.frame_mode = "current"
+    settings.sampling_mode = "rings"
+    settings.rings = 3
     settings.ring_step_m = 5.0
     settings.width_px = settings.height_px = 8
     settings.samples = 1

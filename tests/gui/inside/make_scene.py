@@ -20,7 +20,7 @@ plate = bpy.context.object
 bpy.ops.radarsim.assign_material()
 bpy.ops.radarsim.setup_rig()
 next(item for item in bpy.data.objects if item.type == "EMPTY").location = (0.0, 0.0, 0.0)
-settings = bpy.context.scene.radarsim
+settings = bpy.data.objects["Radar"].radarsim
 settings.width_px = settings.height_px = 8
 settings.samples = 1
 bpy.ops.wm.save_as_mainfile(filepath=str(folder / "plate é.blend"))

@@ -106,12 +106,11 @@ def script(robot: Any) -> Any:
     yield 1.5
 
     # 4. Numbers, and a first run.
-    settings = scene.radarsim
-    settings.output_dir = str(FOLDER / "run one")
-    settings.frame_mode = "CURRENT"
-    settings.sampling_mode = "RINGS"
-    settings.ring_mode = "COUNT"
-    settings.ring_count = RINGS
+    settings = bpy.data.objects["Radar"].radarsim
+    settings.output_folder = str(FOLDER / "run one")
+    settings.frame_mode = "current"
+    settings.sampling_mode = "rings"
+    settings.rings = RINGS
     settings.ring_step_m = 5.0
     settings.width_px = settings.height_px = 128
     settings.samples = 4
@@ -149,7 +148,7 @@ def script(robot: Any) -> Any:
 
     # 5. A second run, stopped by Esc.
     second = FOLDER / "run zwei é"
-    settings.output_dir = str(second)
+    settings.output_folder = str(second)
     yield 0.3
     before = snapshot_module.snapshot(scene)
     yield from robot.click_until(
@@ -183,7 +182,7 @@ def script(robot: Any) -> Any:
 
     # Esc at any moment of a render, not only at one that Blender's own render job hears.
     def start(folder: Path) -> None:
-        settings.output_dir = str(folder)
+        settings.output_folder = str(folder)
         region = next(r for r in robot.view.regions if r.type == "WINDOW")
         with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
             bpy.ops.radarsim.render_frames("INVOKE_DEFAULT")
@@ -201,7 +200,7 @@ def script(robot: Any) -> Any:
 
     # 7. The other acquisition, stopped, then to its end, and back.
     stopped_paths = FOLDER / "run paths stopped"
-    settings.sampling_mode = "PATHS"
+    settings.sampling_mode = "paths"
     settings.width_px = settings.height_px = 1024
     before = snapshot_module.snapshot(scene)
     start(stopped_paths)
@@ -215,7 +214,7 @@ def script(robot: Any) -> Any:
     }
     settings.width_px = settings.height_px = 128
     third = FOLDER / "run paths"
-    settings.output_dir = str(third)
+    settings.output_folder = str(third)
     robot.view.tag_redraw()
     yield 1.0
     before = snapshot_module.snapshot(scene)
@@ -229,14 +228,14 @@ def script(robot: Any) -> Any:
         "files": files(third),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
-    settings.sampling_mode = "RINGS"
-    settings.output_dir = str(second)
+    settings.sampling_mode = "rings"
+    settings.output_folder = str(second)
     yield 1.0
 
     # Antennas and a medium: what the panels say of them.
-    settings.use_system = True
-    settings.transmitter_antenna.kind = "gaussian"
-    settings.receiver_antenna.kind = "cosine"
+    settings.use_link_budget = True
+    settings.transmitter.kind = "gaussian"
+    settings.receiver.kind = "cosine"
     # The panel is closed until a user opens it: an open one takes its place.
     panel = bpy.types.RADARSIM_PT_system
     names = {"bl_idname": "RADARSIM_PT_system_open", "bl_options": set()}
@@ -267,7 +266,7 @@ def script(robot: Any) -> Any:
         yield 0.5
     robot.shot("07_material")
     yield 1.5
-    settings.use_system = False
+    settings.use_link_budget = False
     bpy.ops.radarsim.remove_patterns()
     bpy.utils.unregister_class(opened)
     bpy.utils.register_class(panel)

@@ -40,7 +40,7 @@ from radarsim_addon.signal.detection.cfar_thresholds import (
 )
 from radarsim_addon.signal.echoes import synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain, range_process
-from radarsim_addon.signal.products.detection_files import write_detections
+from radarsim_addon.signal.products import write_detections
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
@@ -54,7 +54,8 @@ def noise_map(
 ) -> RangeDopplerMap:
     """Thermal noise through the whole chain."""
     echoes = apply_receiver(
-        synthesizer_for(radar, range_limits_m).result(), Receiver(noise_figure_db=3.0, seed=seed)
+        synthesizer_for(radar, range_limits_m).result(),
+        Receiver(noise_figure_db=3.0, noise_seed=seed),
     ).echoes
     return range_doppler(range_process(echoes, window), window)
 

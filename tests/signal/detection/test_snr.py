@@ -11,7 +11,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.physics.radar_equation import monostatic_power_w
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget, predicted_snr
 from radarsim_addon.signal.echoes import Receiver, apply_receiver, synthesize
 from radarsim_addon.signal.maps import map_noise_gain, range_doppler, range_process
@@ -39,7 +39,7 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
         tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=1500.0, system=system
     )
     frame = open_run(folder).frame(1)
-    budget = FrameBudget(frame, radar, system)
+    budget = FrameBudget(open_frame(frame, radar=radar, link_budget=system))
     assert budget.system is not None
     echoes = synthesize(budget.apply(frame_paths(frame)), radar, range_limits_m=(0.0, 1500.0))
     gain_db = 2 * 10 * math.log10(16 * math.log(2) / math.radians(6) ** 2) - 2.5
@@ -54,7 +54,7 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
         receiver = Receiver(
             noise_figure_db=system.noise_figure_db,
             antenna_temperature_k=system.antenna_temperature_k,
-            seed=seed,
+            noise_seed=seed,
         )
         noisy = apply_receiver(echoes, receiver).echoes
         rd_map = range_doppler(range_process(noisy, window), window)

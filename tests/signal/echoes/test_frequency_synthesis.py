@@ -30,7 +30,7 @@ from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
 FMCW = FmcwWaveform(77e9, 1e9, 64, 5e6, adc_start_s=2e-6, idle_s=4e-6)
 STEPPED = SteppedWaveform(10e9, 2e6, 48, 50e-6)
-PMCW = PmcwWaveform(79e9, 1e-9, 6, repeats=3)
+PMCW = PmcwWaveform(79e9, 1e-9, 6, code_repeats=3)
 KINDS = pytest.mark.parametrize("waveform", [FMCW, STEPPED, PMCW], ids=lambda w: w.kind)
 needs_finufft = pytest.mark.skipif(not has_finufft(), reason="finufft is not installed")
 
@@ -81,8 +81,8 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
         paths,
         radar,
         range_limits_m=(0.0, 60.0),
-        synthesis=synthesis,
-        method=backend,
+        slow_time_transform=synthesis,
+        nufft_backend=backend,
         tolerance=1e-7,
     )
     # all codes of PMCW hold all frequencies at once: nothing moves within one
@@ -116,7 +116,9 @@ def test_direct_agrees_with_auto_for_curved_motion(waveform) -> None:
         known = dataclasses.replace(paths, motion=motion)
         range_limits_m = (0.0, 60.0)
         auto = synthesize(known, radar, range_limits_m=range_limits_m)
-        direct = synthesize(known, radar, range_limits_m=range_limits_m, synthesis="direct")
+        direct = synthesize(
+            known, radar, range_limits_m=range_limits_m, slow_time_transform="direct"
+        )
         assert relative(auto.samples, direct.samples) <= 1e-6
         assert auto.report is not None and direct.report is not None
         assert direct.report.backend == "direct" and direct.report.error_bound <= 1e-9
@@ -165,7 +167,7 @@ def test_stepped_frequency_over_a_whole_second(synthesis: str) -> None:
     radar = radar_of(SteppedWaveform(10e9, 10e6, 200, 5e-3), 2)
     ranges_m, rates_mps = [10.0, 4.0, 12.0], [30.0, -12.0, 0.01]
     paths = unit_paths(radar, ranges_m, rates_mps)
-    found = synthesize(paths, radar, range_limits_m=(0.0, 14.0), synthesis=synthesis)  # type: ignore[arg-type]
+    found = synthesize(paths, radar, range_limits_m=(0.0, 14.0), slow_time_transform=synthesis)  # type: ignore[arg-type]
     lengths = 2 * np.array(ranges_m), 2 * np.array(rates_mps)
     expected = truth(radar, lambda t: lengths[0] + lengths[1] * t, np.ones(3))
     assert relative(found.samples, expected) <= 1e-6

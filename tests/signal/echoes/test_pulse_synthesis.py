@@ -76,8 +76,8 @@ def test_transform_against_term_by_term(method: str) -> None:
     if method == "finufft":
         pytest.importorskip("finufft")
     paths = many_paths()
-    found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, method=method)  # type: ignore[arg-type]
-    expected = synthesize(paths, RADAR, range_limits_m=WINDOW_M, method="direct")
+    found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, nufft_backend=method)  # type: ignore[arg-type]
+    expected = synthesize(paths, RADAR, range_limits_m=WINDOW_M, nufft_backend="direct")
     scale = np.abs(expected.samples).max()
     assert np.abs(found.samples - expected.samples).max() < 1e-8 * scale
 
@@ -197,7 +197,7 @@ def radar_chirp(radar: Radar) -> int:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9, 1e-12])
 def test_tolerance_of_echoes(tolerance: float) -> None:
     paths = many_paths()
-    exact = synthesize(paths, RADAR, range_limits_m=WINDOW_M, synthesis="direct")
+    exact = synthesize(paths, RADAR, range_limits_m=WINDOW_M, slow_time_transform="direct")
     found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, tolerance=tolerance)
     error = np.linalg.norm(found.samples - exact.samples) / np.linalg.norm(exact.samples)
     assert error <= tolerance

@@ -45,7 +45,7 @@ KINDS: list[tuple[AnyWaveform, float]] = [
     (FmcwWaveform(77e9, 1e9, 512, 20e6), 25.6e-6),
     (FmcwWaveform(77e9, 1e9, 512, 20e6, real_adc=True), 12.8e-6),
     (SteppedWaveform(10e9, 2e6, 256, 10e-6), 2.56e-3),
-    (PmcwWaveform(79e9, 1e-9, 9, repeats=8), 8 * 511e-9),
+    (PmcwWaveform(79e9, 1e-9, 9, code_repeats=8), 8 * 511e-9),
 ]
 NAMES = ["lfm", "barker", "fmcw", "fmcw real", "stepped", "pmcw"]
 
@@ -69,12 +69,14 @@ def test_floor_of_the_map_is_ktf_over_the_integration_time(
 ) -> None:
     """k T0 F / (T M), worse by the loss of each window that is used."""
     pulses = 64
-    received = apply_receiver(empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, seed=3))
+    received = apply_receiver(
+        empty_echoes(waveform, pulses), Receiver(noise_figure_db=6.0, noise_seed=3)
+    )
     rd_map = range_doppler(range_process(received.echoes, window, 1), window)
     density = BOLTZMANN * 290 * 10**0.6
     assert received.noise_power_w == pytest.approx(density * waveform.sampling_rate_hz, rel=1e-9)
     # sampled at mid-share, a window over 64 pulses loses slightly more than the continuous one
-    windows = (rd_map.window == "hamming") + (rd_map.doppler_taper == "hamming")
+    windows = (rd_map.range_taper == "hamming") + (rd_map.doppler_taper == "hamming")
     expected = density / (integration_s * pulses) * 10 ** (windows * HAMMING_DB / 10)
     cells = rd_map.power.size / (1.36**windows)  # as many independent ones
     # 4 standard errors, and what the closed form leaves out: ripple of the chirp's spectrum
@@ -107,7 +109,7 @@ def test_target_in_noise_has_the_snr_of_the_radar_equation() -> None:
     echoes = synthesizer.result()
     ratios = []
     for seed in range(12):
-        received = apply_receiver(echoes, Receiver(noise_figure_db=3.0, seed=seed))
+        received = apply_receiver(echoes, Receiver(noise_figure_db=3.0, noise_seed=seed))
         power = range_doppler(range_process(received.echoes, "none", 1), "none").power
         column = round(range_m / LFM.sample_spacing_m)
         floor = np.median(power) / math.log(2)
@@ -123,7 +125,7 @@ def test_noise_is_the_seeds_and_off_unless_asked_for() -> None:
     echoes = empty_echoes(LFM, 2)
     assert apply_receiver(echoes).echoes is echoes
     first, again, other = (
-        apply_receiver(echoes, Receiver(noise_figure_db=0.0, seed=s)).echoes.samples
+        apply_receiver(echoes, Receiver(noise_figure_db=0.0, noise_seed=s)).echoes.samples
         for s in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
@@ -185,9 +187,9 @@ def test_a_real_adc_delivers_real_samples() -> None:
         ({"noise_figure_db": -1.0}, "Noise figure"),
         ({"adc_bits": 0}, "ADC bits"),
         ({"adc_bits": 40}, "ADC bits"),
-        ({"full_scale": 1.0}, "without a number of bits"),
-        ({"adc_bits": 8, "full_scale": 0.0}, "full scale is 0"),
-        ({"seed": -1}, "seed"),
+        ({"adc_full_scale": 1.0}, "without a number of bits"),
+        ({"adc_bits": 8, "adc_full_scale": 0.0}, "full scale is 0"),
+        ({"noise_seed": -1}, "Noise seed is -1"),
     ],
 )
 def test_receivers_that_do_not_fit(numbers: dict, message: str) -> None:
@@ -261,7 +263,7 @@ def test_phase_of_a_far_echo_has_the_closed_forms_spread(waveform: AnyWaveform) 
     range_limits_m = (2500.0, 3500.0)
     found = []
     for seed in range(6):
-        receiver = Receiver(phase_noise=noise, seed=seed)
+        receiver = Receiver(phase_noise=noise, noise_seed=seed)
         synthesizer = synthesizer_for(
             radar, range_limits_m, phase_noise=noise, phase_noise_seed=receiver.phase_noise_seed
         )

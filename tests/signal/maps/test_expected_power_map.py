@@ -17,7 +17,7 @@ from radarsim_addon.signal import (
     expected_power_profile,
     open_run,
 )
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.paths import PATH_DTYPE
 from radarsim_addon.signal.radar import AnyWaveform
@@ -59,9 +59,11 @@ def test_expected_power_folds_as_the_profile(
         tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=1000.0
     )
     frame = open_run(folder).frame(1)
-    found = expected_power(frame, radar, range_limits_m, window="none")
+    found = expected_power(
+        open_frame(frame, radar=radar, range_limits_m=range_limits_m), range_taper="none"
+    )
     truth = expected_power_profile(
-        frame_paths(frame), radar, range_limits_m=range_limits_m, window="none", oversample=2
+        frame_paths(frame), radar, range_limits_m=range_limits_m, range_taper="none", oversample=2
     )
     size = min(found.range_m.size, truth.range_m.size)
     np.testing.assert_allclose(found.range_m[:size], truth.range_m[:size])

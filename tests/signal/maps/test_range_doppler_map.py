@@ -194,6 +194,6 @@ def test_leading_edge_of_a_wide_face_is_at_the_face() -> None:
     radar = radar_of(1)
     paths = unit_paths(radar, list(np.arange(1000.0, 1200.0, 0.05)))
     for window in ("none", "hamming"):
-        profile = expected_power_profile(paths, radar, range_limits_m=WINDOW_M, window=window)
+        profile = expected_power_profile(paths, radar, range_limits_m=WINDOW_M, range_taper=window)
         edge = leading_edges(profile, 1, separation_m=300)[0]
         assert edge.range_m == pytest.approx(1000.0, abs=0.5)

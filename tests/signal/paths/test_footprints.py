@@ -19,6 +19,7 @@ from radarsim_addon.signal import (
     make_paths,
     open_run,
 )
+from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.maps import ExpectedPower, expected_power
 from radarsim_addon.signal.paths import (
     PATH_DTYPE,
@@ -73,7 +74,9 @@ def expected(folder: Path, rows: PathRows, camera: contract.ReceiverRecord) -> E
     pr.write_run(
         folder, rows, ["Ground"], camera, emitter, range_limits_m=1200.0, replicates=replicates
     )
-    return expected_power(open_run(folder).frame(1), RADAR, WINDOW_M)
+    return expected_power(
+        open_frame(open_run(folder).frame(1), radar=RADAR, range_limits_m=WINDOW_M)
+    )
 
 
 def relative(error: np.ndarray, truth: np.ndarray) -> float:
@@ -231,7 +234,10 @@ def test_range_rates_are_spread_over_doppler(tmp_path: Path) -> None:
     pr.write_run(
         folder, rows, ["Ground"], camera, emitter, range_limits_m=1200.0, replicates=SHIFTS
     )
-    found = expected_power(open_run(folder).frame(1), radar, WINDOW_M, doppler_taper="none")
+    found = expected_power(
+        open_frame(open_run(folder).frame(1), radar=radar, range_limits_m=WINDOW_M),
+        doppler_taper="none",
+    )
     assert found.map.sum(axis=0) == pytest.approx(found.profile, rel=0.35, abs=1e-9)
     strongest = found.doppler_hz[np.argmax(found.map.sum(axis=1))]
     expected_hz = 2 * 8.0 / RADAR.waveform.wavelength_m

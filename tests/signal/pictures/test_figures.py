@@ -33,7 +33,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, find_edges, target_count
 from radarsim_addon.signal.maps import expected_power_profile, range_process
-from radarsim_addon.signal.pictures import MapFile, animate_maps, decimals_for, fixed
+from radarsim_addon.signal.pictures import MapFile, animate_maps, common_scale, decimals_for, fixed
 from radarsim_addon.signal.pictures.cells import cell_axis, strongest
 from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
 from radarsim_addon.signal.pictures.numbers import frequency_unit, range_unit
@@ -354,8 +354,9 @@ def test_animation_has_one_scale(tmp_path: Path) -> None:
             path, doppler_hz=rd_map.doppler_hz, velocity_mps=rd_map.velocity_mps,
             range_m=rd_map.range_m, power=rd_map.power,
         )  # fmt: skip
-        maps.append(MapFile(path, number, 0.1 * number))
-    out = animate_maps(maps, tmp_path / "maps.gif", noise_power=noise_w, unit="dBW")
+        power = rd_map.power
+        maps.append(MapFile(path, number, 0.1 * number, power.max(), np.median(power), noise_w))
+    out = animate_maps(maps, tmp_path / "maps.gif", common_scale(maps, "dBW"))
     with image_module.open(out) as picture:
         assert picture.n_frames == 2
         frames = []

@@ -186,7 +186,7 @@ def test_without_matplotlib(folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_numpy_engine_gives_the_same_map(folder: Path) -> None:
     pytest.importorskip("finufft")
     maps = [
-        results(folder, ProcessOptions(products=False, plots=False, method=method))[0].rd_map
+        results(folder, ProcessOptions(products=False, plots=False, nufft_backend=method))[0].rd_map
         for method in ("finufft", "numpy")  # type: ignore[arg-type]
     ]
     scale = np.abs(maps[0].values).max()
@@ -199,7 +199,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
     picture = points(setup, [(r, c, 300.0, 0, 1.0) for r in range(64) for c in range(64)])
     folder = write_run(tmp_path / "run", setup, picture)
     run = open_run(folder)
-    options = ProcessOptions(plots=False, method="numpy")
+    options = ProcessOptions(plots=False, nufft_backend="numpy")
 
     def peak_bytes(frames: list[int]) -> int:
         tracemalloc.start()

@@ -3,12 +3,11 @@
 
 import dataclasses
 import json
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
-from radarsim_addon.blender.headless.command_line import chosen_acquisition
+from radarsim_addon.blender.plan import given_settings, parse_render_arguments
 from radarsim_addon.contract import AntennaRecord, RenderRecord, RunRecord
 from radarsim_addon.errors import ConfigError, FrameFileError
 from radarsim_addon.sidecar import read_record
@@ -78,12 +77,17 @@ def test_a_tolerance_is_named_as_it_was_given(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["process", str(folder), "--tolerance", "0"]) == 2
-    assert "Tolerance is 0; expected 1e-13 to 1e-2" in capsys.readouterr().err
+    assert (
+        "Tolerance is 0.0; expected a finite number from 1e-13 to 0.01" in capsys.readouterr().err
+    )
 
 
 def test_a_beamwidth_is_named_in_degrees() -> None:
     beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 1e9}
-    with pytest.raises(ConfigError, match=r"elevation_beamwidth_deg is 1e\+09.*180 degrees"):
+    with pytest.raises(
+        ConfigError,
+        match=r"elevation_beamwidth_deg: Elevation beamwidth is 1000000000\.0 deg.*at most 180 deg",
+    ):
         make_antenna(AntennaRecord("gaussian", beam), 0.05)
 
 
@@ -97,39 +101,43 @@ def test_what_goes_with_a_damaged_record(tmp_path: Path) -> None:
         read_record(file, RenderRecord)
 
 
-_NAMES = [
-    "sampling_mode",
-    "rings",
-    "auto_rings",
-    "ring_step",
-    "samples",
-    "bounces",
-    "max_reflections",
-    "replicates",
-    "refine_for",
-    "max_standard_error",
-    "time_limit",
-    "motion",
-    "motion_samples",
-    "visibility_updates",
-    "range_encoding",
-    "amplitude_channel",
-]
-
-
-def given(**values: object) -> Namespace:
-    return Namespace(**{**dict.fromkeys(_NAMES), "auto_rings": False, **values})
+def sampling_mode(*words: str) -> object:
+    return given_settings(parse_render_arguments(["a.blend", *words])).get("sampling_mode")
 
 
 def test_options_of_rings_and_paths_together_are_refused() -> None:
-    assert chosen_acquisition(given()) is None
-    assert chosen_acquisition(given(rings=3)) == "rings"
-    assert chosen_acquisition(given(auto_rings=True)) == "rings"
-    assert chosen_acquisition(given(max_standard_error=0.0)) == "paths"
-    assert (
-        chosen_acquisition(given(sampling_mode="paths", rings=3, max_standard_error=1.0)) == "paths"
-    )
+    assert sampling_mode() is None
+    assert sampling_mode("--rings", "3") == "rings"
+    assert sampling_mode("--auto-rings") == "rings"
+    assert sampling_mode("--max-standard-error", "0") == "paths"
+    both = ("--rings", "3", "--max-standard-error", "1")
+    assert sampling_mode("--sampling-mode", "paths", *both) == "paths"
     with pytest.raises(ConfigError, match="--max-standard-error is of paths, --rings of rings"):
-        chosen_acquisition(given(rings=3, max_standard_error=1.0))
+        sampling_mode(*both)
     with pytest.raises(ConfigError, match="--visibility-updates is of paths, --rings of rings"):
-        chosen_acquisition(given(rings=2, visibility_updates=2))
+        sampling_mode("--rings", "2", "--visibility-updates", "2")
+
+
+def test_options_of_0_1_are_accepted() -> None:
+    """In their own units: bounces beyond the first reflection, seconds between the snapshots."""
+    words = "--acquisition paths --delta-t 0.02 --order 3 --shifts 2 --error 5 --error-of objects"
+    words += " --budget 7 --code world --amplitude mean --renders-per-burst 2 --passes 1"
+    words += " --chirp-us 12.5 --sampling-mhz 160 --radar w.json"
+    assert given_settings(parse_render_arguments(["a.blend", *words.split()])) == {
+        "sampling_mode": "paths",
+        "snapshot_interval_s": 0.02,
+        "max_reflections": 3,
+        "replicates": 2,
+        "max_standard_error": 0.05,
+        "refine_for": "objects",
+        "time_limit_s": 7.0,
+        "range_encoding": "world",
+        "amplitude_channel": "mean",
+        "visibility_updates": 2,
+        "snapshots": 1,
+        "chirp_duration_s": 12.5e-6,
+        "sampling_rate_hz": 160e6,
+        "waveform_file": "w.json",
+    }
+    found = given_settings(parse_render_arguments(["a.blend", "--bounces", "0"]))
+    assert found == {"sampling_mode": "rings", "max_reflections": 1}

@@ -34,7 +34,7 @@ OTHERS = [
     FmcwWaveform(5.3e9, 50e6, 512, 1e6),
     FmcwWaveform(5.3e9, 50e6, 1024, 2e6, real_adc=True),
     SteppedWaveform(5.3e9, 100e3, 512, 1.5e-6),
-    PmcwWaveform(5.3e9, 20e-9, 9, repeats=8),
+    PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=8),
 ]
 
 
@@ -107,7 +107,7 @@ def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
         products=False, plots=False, cfar=Cfar(pfa=1e-7), receiver=Receiver(noise_figure_db=60.0)
     )
     result = result_of(far, noisy)
-    assert result.reception is not None and result.reception.noise_power_w > 0
+    assert result.received.noise_power_w > 0
     assert result.moving_targets == []
 
 
@@ -175,7 +175,7 @@ def test_sigmf_is_a_valid_recording(folder: Path, waveform: object) -> None:
 def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
     samples = []
     for seed in (1, 1, 2):
-        receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), seed=seed)
+        receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), noise_seed=seed)
         options = ProcessOptions(products=False, plots=False, receiver=receiver)
         samples.append(result_of(folder, options).echoes.samples)
     np.testing.assert_array_equal(samples[0], samples[1])
@@ -183,8 +183,8 @@ def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
 
 
 def test_what_does_not_fit_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ConfigError, match="noise of the system"):
-        result_of(folder, ProcessOptions(system_noise=True))
+    with pytest.raises(ConfigError, match="noise of the link budget"):
+        result_of(folder, ProcessOptions(thermal_noise=True))
     with pytest.raises(ConfigError, match="MTI canceller"):
         result_of(folder, ProcessOptions(mti=4))
     assert main(["process", str(folder), "--radar", "nowhere.json"]) == 1

@@ -33,5 +33,5 @@ def test_numbers_that_are_none(value: float) -> None:
     for place in range(4):
         numbers = [5.3e9, 50e6, 2.5e-6, 60e6]
         numbers[place] = value
-        with pytest.raises(ConfigError, match="expected a positive number"):
+        with pytest.raises(ConfigError, match="expected a finite number above 0"):
             Waveform(*numbers)

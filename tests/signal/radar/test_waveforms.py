@@ -131,7 +131,7 @@ def test_pmcw_sidelobes_are_minus_one_nth() -> None:
     carrier = np.exp(-4j * np.pi * 40 * cell_m / PMCW.wavelength_m)
     np.testing.assert_allclose(echoes.samples[0], code * carrier, atol=1e-6)
     profile = range_process(echoes, "hamming", 1)
-    assert profile.window == "none", "a code's sidelobes are its own"
+    assert profile.range_taper == "none", "a code's sidelobes are its own"
     assert profile.values.shape == (2, 254)
     values = profile.values[0] / carrier
     assert values[40] == pytest.approx(1, abs=1e-6)
@@ -139,7 +139,7 @@ def test_pmcw_sidelobes_are_minus_one_nth() -> None:
 
 
 def test_pmcw_loses_what_doppler_turns_during_the_repeats() -> None:
-    waveform = PmcwWaveform(79e9, 1e-9, 10, repeats=64)
+    waveform = PmcwWaveform(79e9, 1e-9, 10, code_repeats=64)
     radar = burst_of(waveform, 16)
     rate_mps = 0.35 * 2 * radar.max_unambiguous_velocity_mps
     echoes = synthesize(unit_paths(radar, [20.0], [rate_mps]), radar, range_limits_m=(0.0, 50.0))
@@ -156,7 +156,7 @@ def test_barker_pulse_has_sidelobes_of_one_thirteenth() -> None:
     range_m = 300.0
     echoes = synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(100.0, 500.0))
     profile = range_process(echoes, "hamming", 1)
-    assert profile.window == "none"
+    assert profile.range_taper == "none"
     # at lags of whole chips, on the samples: shift the path onto one
     range_m = 100.0 + 100 * cell_m
     profile = range_process(
@@ -201,7 +201,7 @@ def test_a_path_of_power_p_peaks_at_p(waveform: AnyWaveform, window: str) -> Non
     column = round(range_m / (waveform.sample_spacing_m / 2))
     assert np.abs(found.values[0, column]) ** 2 == pytest.approx(power, rel=1e-6)
     assert int(np.argmax(np.abs(found.values[0]))) == column
-    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, top_m), window=window)
+    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, top_m), range_taper=window)
     np.testing.assert_allclose(
         profile.power[:: 2], np.abs(found.values[0, : -(-profile.power.size // 2)]) ** 2,
         atol=2e-5 * power,

@@ -15,7 +15,7 @@ from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
 from radarsim_addon.sidecar import file_sha256, read_record, write_record
-from radarsim_addon.signal.decoding import frame_paths, single_vertex_m
+from radarsim_addon.signal.decoding import frame_paths, open_frame, single_vertex_m
 from radarsim_addon.signal.detection import (
     BudgetReport,
     FrameBudget,
@@ -25,8 +25,7 @@ from radarsim_addon.signal.detection import (
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
 from radarsim_addon.signal.paths import Paths, make_paths, path_power_w, write_table
 from radarsim_addon.signal.paths.table import open_table
-from radarsim_addon.signal.pipeline import main
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, make_system
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import Link
@@ -78,7 +77,7 @@ def test_system_scales_to_watts_and_cancels_the_lamp(tmp_path: Path) -> None:
     )  # fmt: skip
     run = open_run(one_plate(tmp_path / "run", system=system))
     frame = run.frame(1)
-    budget = FrameBudget(frame, run.radar, run.record.link_budget)
+    budget = FrameBudget(open_frame(frame))
     power = path_power_w(budget.apply(frame_paths(frame)), WAVELENGTH_M).sum()
     plain = path_power_w(frame_paths(frame), WAVELENGTH_M).sum()
     assert power / plain == pytest.approx(50 * 10**2 * 10 / 1e6 / 10**0.6, rel=1e-12)
@@ -101,7 +100,7 @@ def test_each_antenna_has_its_own_direction(tmp_path: Path) -> None:
         system=contract.LinkBudget(1e6, contract.AntennaRecord("gaussian", wide)),
     )  # fmt: skip
     run = open_run(folder)
-    budget = FrameBudget(run.frame(1), run.radar, run.record.link_budget)
+    budget = FrameBudget(open_frame(run.frame(1)))
     paths = budget.apply(frame_paths(run.frame(1)))
     assert paths.gain is not None
     peak = float(make_system(run.record.link_budget, WAVELENGTH_M).transmitter.gain((0, 0, -1.0)))
@@ -146,7 +145,7 @@ def test_rings_know_their_vertices(tmp_path: Path) -> None:
     beam = contract.AntennaRecord(
         "gaussian", {"azimuth_beamwidth_deg": 25.0, "elevation_beamwidth_deg": 25.0}
     )
-    budget = FrameBudget(frame, run.radar, contract.LinkBudget(3.0, receiver=beam))
+    budget = FrameBudget(open_frame(frame, link_budget=contract.LinkBudget(3.0, receiver=beam)))
     paths = budget.apply(frame_paths(frame))
     assert paths.geometry is not None
     receiver_m = budget.link.receiver_m
@@ -215,7 +214,7 @@ def test_summary_holds_watts_and_square_metres(tmp_path: Path) -> None:
     results = [e for e in process_run(folder, ProcessOptions(plots=False))
                if isinstance(e, FrameResult)]  # fmt: skip
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
-    budget = summary["budget"]
+    budget = summary["link_budget"]
     assert [echo["name"] for echo in budget["objects"]] == ["Near", "Far"]
     near, far = budget["objects"]
     assert near["rcs_m2"] == pytest.approx(4 * 0.3 * 16, rel=0.03)
@@ -243,7 +242,6 @@ def test_summary_holds_watts_and_square_metres(tmp_path: Path) -> None:
 
 def budget_of(folder: Path, options: ProcessOptions) -> BudgetReport:
     result = next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
-    assert result.budget is not None
     return result.budget
 
 
@@ -338,7 +336,7 @@ def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
 def test_a_receiver_gain_beside_a_system_is_refused(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     with pytest.raises(ConfigError, match="receiver gain of 10"):
-        list(process_run(folder, ProcessOptions(receiver_gain=10.0)))
+        list(process_run(folder, ProcessOptions(receive_antenna_gain_dbi=10.0)))
 
 
 def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
@@ -348,7 +346,7 @@ def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
     assert main(["process", str(folder), "--no-plots", "--system", str(file)]) == 0
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
     assert summary["options"]["amplitude_model"] == "paper"
-    assert summary["options"]["system"]["transmit_power_w"] == 1e6
+    assert summary["options"]["link_budget"]["transmit_power_w"] == 1e6
 
 
 def test_cross_sections_of_rings_are_refused_by_name(

@@ -14,13 +14,13 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.sidecar import read_record, write_record
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import PathRows, motion_of_rows
 from radarsim_addon.signal.paths.paths import Paths, path_power_w
 from radarsim_addon.signal.paths.table import open_table
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
@@ -273,15 +273,17 @@ def test_frames_know_the_roughness_of_their_objects(tmp_path: Path) -> None:
     _, _, folder = scene(tmp_path / "run", side_m=1.0, size_px=32)
     frame = open_run(folder).frame(1)
     radar = Radar(pr.WAVEFORM, pr.BURST)
-    rough = FrameSpeckle(frame, radar, 3).apply(frame_paths(frame))
+    rough = FrameSpeckle(open_frame(frame, radar=radar), 3).apply(frame_paths(frame))
     assert rough.phasors is not None
     assert not np.isnan(rough.phasors).any()
     item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=0.0)
     record = contract.GroundTruthRecord(1, 0.0, [item])
     write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, record)
-    smooth = FrameSpeckle(frame, radar, 3).apply(frame_paths(frame))
+    smooth = FrameSpeckle(open_frame(frame, radar=radar), 3).apply(frame_paths(frame))
     np.testing.assert_allclose(smooth.phasors, 1.0, atol=1e-12)
-    assert FrameSpeckle(frame, radar, None).apply(frame_paths(frame)).phasors is None
+    assert (
+        FrameSpeckle(open_frame(frame, radar=radar), None).apply(frame_paths(frame)).phasors is None
+    )
 
 
 def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, RadarFrame, Paths]:
@@ -314,10 +316,15 @@ def test_power_of_a_body_that_turns_is_the_sum_of_powers_at_every_pulse(tmp_path
     radar, frame, paths = turning_plate(tmp_path / "run", None)
     times_s = np.array([0.0, 0.05, 0.1])
     # From one end of a cell to the other the phase turns by more than a cycle.
-    made = FrameSpeckle(frame, radar, 0, cell_m=2.0)
+    made = FrameSpeckle(open_frame(frame, radar=radar), 0, cell_m=2.0)
     assert 2 * 2.0 * 0.03 / WAVELENGTH_M > 1
     found = [
-        np.abs(fields(FrameSpeckle(frame, radar, seed, cell_m=2.0).apply(paths), times_s)) ** 2
+        np.abs(
+            fields(
+                FrameSpeckle(open_frame(frame, radar=radar), seed, cell_m=2.0).apply(paths), times_s
+            )
+        )
+        ** 2
         for seed in range(150)
     ]
     mean = np.mean(found, axis=0) / path_power_w(paths, WAVELENGTH_M).sum()
@@ -330,7 +337,7 @@ def test_scatterers_that_move_are_where_they_were_at_the_frames_time(
     tmp_path: Path, rms_height_m: float | None
 ) -> None:
     radar, frame, paths = turning_plate(tmp_path / "run", rms_height_m)
-    made = FrameSpeckle(frame, radar, 5)
+    made = FrameSpeckle(open_frame(frame, radar=radar), 5)
     at_rest = made.apply(dataclasses.replace(paths, motion=None))
     moving = made.apply(paths)
     start = fields(moving, np.zeros(1))

@@ -13,10 +13,11 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
+from ...options import shortest_decimal
 from ...physics.material_model import Parameter
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
-from ..plan import shortest_decimal
+from .radar import carrier_hz
 
 MATERIAL_PROPERTY = "radarsim"
 
@@ -38,11 +39,6 @@ _MEDIA: tuple[tuple[str, str, str], ...] = (
     (TABLE, "Table", "A CSV file over frequency: frequency_ghz, eps_real, eps_imag (or n, k)"),
 )
 _NAMES = [item[0] for item in _MEDIA]
-
-
-def carrier_hz(scene: Any) -> float:
-    """The carrier that a scene's settings ask for."""
-    return shortest_decimal(scene.radarsim.carrier_ghz, 9)
 
 
 def _refresh(material: Any) -> None:

@@ -13,14 +13,14 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.scene import pattern_mesh
-from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.blender.ui import link_budget_panel as system_panel
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget, matching_objects, object_echoes
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.radar import make_system
@@ -42,21 +42,21 @@ GAUSSIAN = {"azimuth_beamwidth_deg": 9.0, "elevation_beamwidth_deg": 5.0}
 def scene(addon: Any) -> Any:
     made = rs.new_scene()
     rs.add_plate(10.0)
-    made.radarsim.width_px = made.radarsim.height_px = 16
+    rs.radar().width_px = rs.radar().height_px = 16
     return made
 
 
 def test_settings_reach_the_run(scene: Any, tmp_path: Path) -> None:
-    settings = scene.radarsim
-    settings.use_system = True
+    settings = rs.radar()
+    settings.use_link_budget = True
     settings.transmit_power_w = 0.1
     settings.noise_figure_db = 4.7
-    settings.transmitter_antenna.kind = "gaussian"
-    settings.transmitter_antenna.azimuth_beamwidth_deg = 9.0
-    settings.transmitter_antenna.elevation_beamwidth_deg = 5.0
-    settings.receiver_antenna.kind = "array"
-    settings.receiver_antenna.set_peak = True
-    settings.receiver_antenna.peak_gain_dbi = 8.5
+    settings.transmitter.kind = "gaussian"
+    settings.transmitter.azimuth_beamwidth_deg = 9.0
+    settings.transmitter.elevation_beamwidth_deg = 5.0
+    settings.receiver.kind = "array"
+    settings.receiver.use_peak_gain_dbi = True
+    settings.receiver.peak_gain_dbi = 8.5
     job = make_job(scene, scene.view_layers[0], tmp_path / "run")
     with job:
         pass
@@ -64,46 +64,46 @@ def test_settings_reach_the_run(scene: Any, tmp_path: Path) -> None:
     assert system is not None
     assert (system.transmit_power_w, system.noise_figure_db) == (0.1, 4.7)  # as typed
     assert system.transmitter == AntennaRecord("gaussian", GAUSSIAN)
-    assert system.receiver.parameters["gain_dbi"] == 8.5
+    assert system.receiver.parameters["peak_gain_dbi"] == 8.5
     assert make_system(system, WAVELENGTH_M).receiver.peak_gain == pytest.approx(10**0.85)
     # a power budget changes no render: the same run goes on without it
-    settings.use_system = False
+    settings.use_link_budget = False
     with make_job(scene, scene.view_layers[0], tmp_path / "run"):
         pass
     assert open_run(tmp_path / "run").record.link_budget is None
 
 
 def test_every_kind_of_antenna_can_be_set(scene: Any, tmp_path: Path) -> None:
-    settings = scene.radarsim
-    settings.use_system = True
+    settings = rs.radar()
+    settings.use_link_budget = True
     table = tmp_path / "cuts.csv"
     table.write_text(
         "cut,angle_deg,gain_db\nazimuth,-30,-20\nazimuth,0,12\nazimuth,30,-20\n"
         "elevation,-40,-20\nelevation,0,12\nelevation,40,-20\n"
     )
-    settings.receiver_antenna.file = str(table)
+    settings.receiver.file = str(table)
     for kind in pattern_kinds():
-        settings.receiver_antenna.kind = kind
+        settings.receiver.kind = kind
         system = system_panel.scene_system(scene)
         assert system is not None
         assert float(system.receiver.gain((0, 0, -1.0))) > 0
     assert "file" not in system.record.receiver.parameters  # the last one is the table
-    settings.receiver_antenna.file = str(tmp_path / "none.csv")
+    settings.receiver.file = str(tmp_path / "none.csv")
     with pytest.raises(ConfigError, match="does not exist"):
         system_panel.scene_system(scene)
 
 
 def pattern_kinds() -> list[str]:
-    kinds = bpy.types.Scene.bl_rna.properties["radarsim"].fixed_type.properties["receiver_antenna"]
+    kinds = bpy.types.Object.bl_rna.properties["radarsim"].fixed_type.properties["receiver"]
     return [item.identifier for item in kinds.fixed_type.properties["kind"].enum_items]
 
 
 def test_panel_says_what_a_square_metre_brings(scene: Any) -> None:
-    settings = scene.radarsim
-    settings.use_system = True
+    settings = rs.radar()
+    settings.use_link_budget = True
     settings.transmit_power_w = 1000.0
-    settings.transmitter_antenna.gain_dbi = 30.0
-    settings.receiver_antenna.gain_dbi = 30.0
+    settings.transmitter.gain_dbi = 30.0
+    settings.receiver.gain_dbi = 30.0
     radar = properties.read_measurement(scene).radar
     lines = system_panel.budget_lines(system_panel.scene_system(scene), radar)
     # 1e6 W EIRP, 1000, lambda^2 = 0.0032, (4 pi)^3 = 1984, R^4 = 1e12
@@ -118,9 +118,9 @@ def test_panel_says_what_a_square_metre_brings(scene: Any) -> None:
 def test_patterns_are_drawn_and_removed(scene: Any) -> None:
     with pytest.raises(RuntimeError, match="There are no antennas"):
         bpy.ops.radarsim.draw_patterns()
-    settings = scene.radarsim
-    settings.use_system = True
-    settings.transmitter_antenna.kind = "gaussian"
+    settings = rs.radar()
+    settings.use_link_budget = True
+    settings.transmitter.kind = "gaussian"
     before = {item.name for item in bpy.data.objects}
     for _ in range(2):  # the second time in place of the first
         assert bpy.ops.radarsim.draw_patterns(size=3.0) == {"FINISHED"}
@@ -167,8 +167,8 @@ def test_pattern_surface_is_the_gain(kind: str, parameters: dict[str, Any]) -> N
 
 
 def test_patterns_are_not_measured(scene: Any, tmp_path: Path) -> None:
-    settings = scene.radarsim
-    settings.use_system = True
+    settings = rs.radar()
+    settings.use_link_budget = True
     powers = []
     for number in range(2):
         if number:
@@ -259,7 +259,7 @@ def test_swept_beam_through_cycles(bpy: Any, tmp_path: Path) -> None:
         folder = tmp_path / f"run{number}"
         ph.run_paths(folder, width_px=64, height_px=64)
         run = open_run(folder)
-        budget = FrameBudget(run.frame(1), run.radar, record)
+        budget = FrameBudget(open_frame(run.frame(1), link_budget=record))
         paths = budget.apply(frame_paths(run.frame(1)))
         plain = path_power_w(frame_paths(run.frame(1)), WAVELENGTH_M).sum()
         levels.append(10 * math.log10(path_power_w(paths, WAVELENGTH_M).sum() / plain))
@@ -296,7 +296,7 @@ def test_runs_know_collections_and_roughness(bpy: Any, tmp_path: Path) -> None:
     assert (item.rms_height_m, item.correlation_length_m) == (0.0004, 0.004)
     assert matching_objects(frame, "Outer") == ["Plate"]
     radar = open_run(run.folder).radar
-    speckle = FrameSpeckle(frame, radar, 0)
+    speckle = FrameSpeckle(open_frame(frame, radar=radar), 0)
     assert "'Plate': the Kirchhoff model does not hold" in speckle.warnings[0]
     # k h = 0.044: nearly all of the power is coherent, 1 - (2 k h)^2
     factors = speckle.apply(frame_paths(frame)).phasors
@@ -325,14 +325,14 @@ def test_speckle_moves_with_an_animated_object(bpy: Any, tmp_path: Path) -> None
     found = []
     for number in (1, 10):
         frame = opened.frame(number)
-        paths = FrameSpeckle(frame, opened.radar, 0, 1.0).apply(frame_paths(frame))
+        paths = FrameSpeckle(open_frame(frame), 0, 1.0).apply(frame_paths(frame))
         assert paths.phasors is not None
         phase = np.exp(-2j * np.pi * paths.length_m / WAVELENGTH_M)
         found.append(np.sqrt(path_power_w(paths, WAVELENGTH_M)) * paths.phasors * phase)
     one, other = (np.sum(values) for values in found)
     # float32 poses in Blender: 1e-6 of 40 m are a thousandth of the wavelength
     assert abs(one - other) < 0.05 * abs(one)
-    seed = FrameSpeckle(opened.frame(1), opened.radar, 1, 1.0)
+    seed = FrameSpeckle(open_frame(opened.frame(1)), 1, 1.0)
     phasors = seed.apply(frame_paths(opened.frame(1))).phasors
     assert phasors is not None
     assert abs(np.vdot(phasors, found[0] / np.abs(found[0]))) < 0.2 * phasors.size

@@ -12,11 +12,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.settings import WAVEFORM_SETTINGS
-from radarsim_addon.blender.settings import radar as properties
 from radarsim_addon.blender.ui.results import ProcessingJob
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.options import declared
 from radarsim_addon.signal import (
     Burst,
     FmcwWaveform,
@@ -37,8 +37,8 @@ pytestmark = pytest.mark.blender
 def scene(addon: Any) -> Any:
     made = rs.new_scene()
     rs.add_plate(10.0)
-    settings = made.radarsim
-    settings.sampling_mode = "RINGS"
+    settings = rs.radar()
+    settings.sampling_mode = "rings"
     settings.ring_step_m, settings.samples = 4.0, 1
     settings.width_px = settings.height_px = 8
     settings.snapshots = "1"
@@ -46,7 +46,7 @@ def scene(addon: Any) -> Any:
 
 
 def test_each_kind_becomes_its_waveform(scene: Any) -> None:
-    settings = scene.radarsim
+    settings = rs.radar()
     settings.carrier_ghz = 77.1
     expected: dict[str, AnyWaveform] = {
         "fmcw": FmcwWaveform(77.1e9, 153.3e6, 128, 5.1e6, 1.5e-6, None, 7.1e-6, True),
@@ -57,31 +57,37 @@ def test_each_kind_becomes_its_waveform(scene: Any) -> None:
     settings.bandwidth_mhz, settings.adc_samples, settings.adc_rate_mhz = 153.3, 128, 5.1
     settings.adc_start_us, settings.idle_us, settings.real_adc = 1.5, 7.1, True
     settings.step_khz, settings.steps, settings.step_time_us = 500.3, 64, 2.1
-    settings.chip_ns, settings.code_degree, settings.code_repeats = 1.3, 9, 4
-    settings.barker_length = "7"
+    settings.chip_duration_ns, settings.code_degree, settings.code_repeats = 1.3, 9, 4
+    settings.code_length = "7"
     for kind, waveform in expected.items():
         settings.waveform_kind = kind
         assert properties.read_measurement(scene).waveform == waveform
-        assert all(hasattr(settings, name) for name in WAVEFORM_SETTINGS[kind])
-    with pytest.raises(ConfigError, match="LFM pulse"):
-        properties.read_measurement(scene, chirp_duration_us=3.0)
+        assert all(
+            hasattr(settings, item.shown_name)
+            for item in declared(type(waveform)).values()
+            if item.of.window
+        )
+    with pytest.raises(
+        ConfigError, match="--chirp-duration-us given, which a waveform of kind 'barker'"
+    ):
+        properties.read_measurement(scene, chirp_duration_s=3e-6)
 
 
 def test_a_radar_file_in_the_panel_and_on_the_command_line(scene: Any, tmp_path: Path) -> None:
     file = tmp_path / "radar é.json"
     waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
     file.write_text(json.dumps({"waveform": waveform_to_dict(waveform), "burst": {"pulses": 9}}))
-    found = properties.read_measurement(scene, radar_file=file)
+    found = properties.read_measurement(scene, waveform_file=file)
     assert found.radar == Radar(waveform, Burst(1 / waveform.duration_s, 9))
-    scene.radarsim.waveform_kind = "file"
-    with pytest.raises(ConfigError, match="No radar file"):
+    rs.radar().waveform_kind = "file"
+    with pytest.raises(ConfigError, match="No waveform file"):
         properties.read_measurement(scene)
-    scene.radarsim.radar_file = str(file)
+    rs.radar().waveform_file = str(file)
     assert properties.read_measurement(scene).radar == found.radar
 
 
 def test_an_fmcw_run_is_rendered_and_processed(scene: Any, tmp_path: Path) -> None:
-    settings = scene.radarsim
+    settings = rs.radar()
     settings.waveform_kind = "fmcw"
     settings.bandwidth_mhz, settings.adc_samples, settings.adc_rate_mhz = 100.0, 64, 1.0
     settings.pulses = 4

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``radarsim render``: measure the radar frames of a .blend file without a window."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal as signals
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import ConfigError, RadarSimError, SceneError
+from ...framewarnings import FrameWarnings
+from ...signal.pipeline import FrameResult, process_run
+from ...terminal_text import printable
+from ..plan import given_settings
+from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
+from ..scene import active_radar, radars
+from .console import ProgressLine, quiet_blender
+from .jobs import make_job
+
+#: Exit code after Ctrl-C, as in shells: 128 + SIGINT.
+INTERRUPTED = 130
+
+
+class StopRequest:
+    """Ctrl-C: the first one asks to stop after the running render, the second one stops at once.
+
+    Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
+    render and goes on.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        signals.signal(signals.SIGINT, self._on_signal)
+
+    def _on_signal(self, *_: Any) -> None:
+        if self.asked:
+            os._exit(INTERRUPTED)
+        self.asked = True
+        print("\nradarsim: stopping after this step (Ctrl-C again: at once)", file=sys.stderr)
+
+
+def run_and_leave(arguments: argparse.Namespace) -> None:
+    """Render, then end the process with the exit code of the command."""
+    try:
+        code = run(arguments, StopRequest())
+    except Exception:
+        traceback.print_exc()  # a defect; Blender would print it and quit with 0
+        code = 1
+    leave_blender(code)
+
+
+def run(arguments: argparse.Namespace, stop: StopRequest) -> int:
+    """Render, and process if asked for. Return the exit code."""
+    try:
+        measure(arguments, stop)
+    except RadarSimError as error:
+        return fail(f"{type(error).__name__}: {error}", error.exit_code)
+    except KeyboardInterrupt:
+        return fail("Interrupted; the same command resumes the run.", INTERRUPTED)
+    return 0
+
+
+def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
+    """Measure what the command line asks for.
+
+    Raises
+    ------
+    RadarSimError
+        What is wrong.
+    KeyboardInterrupt
+        Ctrl-C, after the running step.
+    """
+    # An enabled extension has registered its settings already, perhaps from another copy of the
+    # package; those hold the file's values, and only their names matter here.
+    if not hasattr(bpy.types.Object, RADAR_PROPERTY):
+        register()
+    given = given_settings(arguments)
+    with quiet_blender() as stream:
+        if arguments.blend is not None:
+            open_file(arguments.blend)
+        scene = find_scene(arguments.scene)
+        migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
+        radar = active_radar(scene) if arguments.rig is None else find_radar(scene, arguments.rig)
+        folder = arguments.out.absolute() if arguments.out else output_folder(radar)
+        job = make_job(
+            scene,
+            view_layer_of(scene),
+            folder,
+            radar=radar,
+            overwrite=arguments.overwrite,
+            given=given,
+            link_budget_file=arguments.link_budget,
+        )
+        job.file_just_opened = arguments.blend is not None
+        with job:
+            known = len(job.warnings)
+            print_warnings(job.warnings, stream)
+            progress = ProgressLine(stream, job.unit)
+            progress.show(job.done, job.total, None)
+            try:
+                for task in job.pending():
+                    if stop.asked:
+                        raise KeyboardInterrupt
+                    job.start(task)
+                    job.render(task)
+                    job.finish(task)
+                    progress.show(job.done, job.total, job.seconds_left)
+                progress.show(job.done, job.total, None)
+            finally:  # of the frames that are done, whatever ended the run
+                print_warnings(job.warnings[known:], stream)
+        if job.summary:
+            print(f"radarsim: {job.summary}", file=stream, flush=True)
+        print(f"radarsim: wrote {folder}", file=stream, flush=True)
+        if arguments.process:
+            process(folder, stream, stop)
+
+
+def print_warnings(warnings: list[str], stream: Any) -> None:
+    """One line each; a name in it must not steer the terminal."""
+    for warning in warnings:
+        print(f"radarsim: warning: {printable(warning)}", file=stream, flush=True)
+
+
+def process(folder: Path, stream: Any, stop: StopRequest) -> None:
+    """Run the companion module over the run's folder."""
+    warnings = FrameWarnings()
+    try:
+        for event in process_run(folder):
+            if stop.asked:
+                raise KeyboardInterrupt
+            if isinstance(event, FrameResult):
+                print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
+                warnings.add(event.frame, event.warnings)
+    finally:
+        print_warnings(warnings.lines(), stream)
+    print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
+
+
+def open_file(path: Path) -> None:
+    """Open a .blend file with its scripts disabled."""
+    if not path.is_file():
+        raise ConfigError(f"{path} does not exist. Give the .blend file to render.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise SceneError(
+            f"{path} cannot be opened: {str(error).strip()} "
+            "Give a .blend file that this version of Blender reads."
+        ) from error
+
+
+def find_scene(name: str | None) -> Any:
+    """The scene of that name, or the active one."""
+    if name is None:
+        return bpy.context.scene
+    if name not in bpy.data.scenes:
+        found = ", ".join(repr(scene.name) for scene in bpy.data.scenes)
+        raise SceneError(f"The file has no scene {name!r}; it has {found}.")
+    return bpy.data.scenes[name]
+
+
+def view_layer_of(scene: Any) -> Any:
+    """The view layer to measure: the active one of the active scene, else the first enabled one."""
+    if scene == bpy.context.scene:
+        return bpy.context.view_layer
+    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+
+
+def fail(message: str, code: int) -> int:
+    """Print a message on standard error and hand the exit code on."""
+    print(f"radarsim: {message}", file=sys.stderr, flush=True)
+    return code
+
+
+def find_radar(scene: Any, name: str) -> Any:
+    """Return the radar of that name.
+
+    Raises
+    ------
+    SceneError
+        The scene has no radar of that name.
+    """
+    found = {radar.name: radar for radar in radars(scene)}
+    if name not in found:
+        known = ", ".join(map(repr, found)) or "none"
+        raise SceneError(f"The scene has no radar {name!r}; it has {known}.")
+    return found[name]
+
+
+def leave_blender(code: int) -> None:
+    """Quit at once with this exit code; all files are written and closed.
+
+    sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
+    would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
+    registered or a driver that was refused.
+    """
+    session_folder = Path(sys.modules["bpy"].app.tempdir)
+    if session_folder.name.startswith("blender_"):
+        shutil.rmtree(session_folder, ignore_errors=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The interface for scripts: a radar, materials, a measurement, its results.
+
+::
+
+    from radarsim_addon import blender as radarsim
+
+    rig = radarsim.add_radar(location=(0, 0, 1.5), look_at=(0, 50, 1), preset="automotive_77ghz")
+    radarsim.settings(rig).pulses = 64
+    radarsim.assign_material(objects, radarsim.material("itu_concrete"))
+    run = radarsim.measure(rig, "run", frames=[1])
+    (result,) = radarsim.process(run)
+
+In the extension the first line is ``from bl_ext.user_default.radarsim import blender as radarsim``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+from mathutils import Vector
+
+from ...errors import ConfigError, SceneError
+from ...signal.pipeline import FrameResult, ProcessOptions, process_run
+from ...signal.runs import Run, open_run
+from ..materials import make_physical_material
+from ..nodes import assign_to
+from ..plan import preset_settings
+from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, register
+from ..rig_settings import settings as settings_of
+from ..scene import antennas_of, find_rig, setup_rig
+from .console import quiet_blender
+from .jobs import make_job
+
+#: Media of Recommendation ITU-R P.2040 may carry this prefix.
+_ITU = "itu_"
+
+
+def add_radar(
+    location: Sequence[float] = (0.0, 0.0, 0.0),
+    look_at: Sequence[float] | None = None,
+    *,
+    field_of_view_deg: float | None = None,
+    preset: str | None = None,
+    scene: Any = None,
+    **values: Any,
+) -> Any:
+    """Add a radar to a scene: an empty that carries a transmitter and a receiver.
+
+    Parameters
+    ----------
+    location : (3,)
+        Position of the radar [Blender units].
+    look_at : (3,), optional
+        Point that the boresight goes through [Blender units]; None: level, along the world's +Y.
+    field_of_view_deg
+        Full angle of the receiver's longer side [degrees]; None: that of a new camera.
+    preset
+        Settings to begin with: "paper" or "automotive_77ghz".
+    scene : bpy.types.Scene, optional
+        None: the current one.
+    **values
+        Settings by their names, in SI, after those of the preset; see :func:`settings`.
+
+    Returns
+    -------
+    bpy.types.Object
+        The empty. It can be moved, animated, parented and linked into other files.
+
+    Raises
+    ------
+    ConfigError
+        An unknown preset or setting, a value out of bounds, or a point to look at that is the
+        location itself.
+    """
+    _ensure_registered()
+    chosen = {**(preset_settings(preset) if preset else {}), **values}
+    scene = bpy.context.scene if scene is None else scene
+    rig = setup_rig(scene, tuple(location))
+    try:
+        view = settings(rig)
+        for name, value in chosen.items():
+            setattr(view, name, value)
+        if field_of_view_deg is not None:
+            if not 0 < field_of_view_deg < 180:
+                raise ConfigError(
+                    f"Field of view is {field_of_view_deg!r} degrees; expected more than 0 and "
+                    "less than 180."
+                )
+            found = find_rig(scene, **antennas_of(scene, rig), any_projection=True)
+            found.camera.data.angle = math.radians(field_of_view_deg)
+        if look_at is not None:
+            _look(rig, look_at)
+    except BaseException:
+        for item in (*rig.children, rig):
+            bpy.data.objects.remove(item)
+        raise
+    return rig
+
+
+def _look(rig: Any, target: Sequence[float]) -> None:
+    direction = Vector(target) - rig.location
+    if direction.length == 0:
+        raise ConfigError(
+            f"The radar is at {tuple(rig.location)} and looks at the same point; expected another."
+        )
+    # A camera looks along its -Z with +Y up: the empty does, too.
+    rig.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
+
+
+def settings(rig: Any) -> Settings:
+    """Return the settings of a radar by their names, in SI and float64.
+
+    Parameters
+    ----------
+    rig : bpy.types.Object
+        What :func:`add_radar` returned.
+
+    Returns
+    -------
+    Settings
+        ``settings(rig).carrier_hz = 77e9`` sets a value and checks it; 77e9 reads back as 77e9.
+        docs/settings.md lists all names.
+
+    Raises
+    ------
+    SceneError
+        The object is no radar.
+    """
+    _ensure_registered()
+    if rig is None or not hasattr(rig, RADAR_PROPERTY):
+        raise SceneError(f"{rig!r} is no radar; expected the object that add_radar returned.")
+    return settings_of(rig)
+
+
+def material(
+    medium: str | None = None,
+    *,
+    name: str | None = None,
+    n: float | None = None,
+    kappa: float = 0.0,
+    rms_height_m: float = 0.0,
+    correlation_length_m: float = 0.0,
+    rms_slope: float = 0.0,
+    sheet_thickness_m: float = 0.0,
+    **parameters: float,
+) -> Any:
+    """Make a radar material from a medium of the library or from a complex index.
+
+    Parameters
+    ----------
+    medium
+        Name of a medium, such as "concrete" or "itu_concrete"; its index follows the carrier.
+    name
+        Name of the material in Blender; None: that of the medium.
+    n, kappa
+        Complex index of refraction n + j kappa, in place of a medium; kappa is 0 or positive.
+    rms_height_m, correlation_length_m, rms_slope
+        Roughness of the surface [m, m, 1]; all 0: smooth.
+    sheet_thickness_m
+        More than 0: a thin pane, one face with interference [m].
+    **parameters
+        Parameters of the medium, such as ``temperature_c``.
+
+    Returns
+    -------
+    bpy.types.Material
+
+    Raises
+    ------
+    ConfigError
+        Neither or both of medium and n, an unknown medium or parameter, a number out of bounds.
+    """
+    if (medium is None) == (n is None):
+        raise ConfigError("A material needs a medium or n (with kappa), and not both.")
+    if medium is None:
+        medium, parameters = "index", {"n": float(n or 0.0), "k": float(kappa), **parameters}
+    known = medium.removeprefix(_ITU)
+    _ensure_registered()
+    return make_physical_material(
+        name or (f"Radar {known.replace('_', ' ')}"),
+        known,
+        carrier_hz=carrier_hz(bpy.context.scene),
+        rms_height_m=rms_height_m,
+        correlation_length_m=correlation_length_m,
+        rms_slope=rms_slope,
+        sheet_thickness_m=sheet_thickness_m,
+        **parameters,
+    )
+
+
+def assign_material(objects: Any, material: Any) -> list[Any]:
+    """Give objects a material, in all their material slots.
+
+    Parameters
+    ----------
+    objects : bpy.types.Object or iterable of them
+        Objects that cannot carry a material are passed over.
+    material : bpy.types.Material
+
+    Returns
+    -------
+    list of bpy.types.Object
+        The objects that have the material now.
+
+    Raises
+    ------
+    SceneError
+        None of the objects can carry a material.
+    """
+    return assign_to([objects] if isinstance(objects, bpy.types.Object) else objects, material)
+
+
+def measure(
+    rig: Any,
+    folder: str | Path,
+    *,
+    frames: Iterable[int] | None = None,
+    overwrite: bool = False,
+    progress: Callable[[float], None] | None = None,
+    scene: Any = None,
+    **values: Any,
+) -> Run:
+    """Render the radar frames into a run folder; no window is needed.
+
+    Parameters
+    ----------
+    rig : bpy.types.Object
+        The radar.
+    folder
+        Folder of the run; made if its parent exists. A run that was stopped resumes.
+    frames
+        Blender frames; None: those of the radar's settings.
+    overwrite
+        Remove the frames of another run from the folder.
+    progress
+        Called with the fraction that is done, 0 to 1, after each render.
+    scene : bpy.types.Scene, optional
+        None: the current one.
+    **values
+        Settings in place of the radar's own for this run, by their names, in SI.
+
+    Returns
+    -------
+    radarsim_addon.signal.Run
+        What :func:`radarsim_addon.signal.open_run` returns.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds. The scene and its settings are as they were.
+    """
+    scene = bpy.context.scene if scene is None else scene
+    if frames is not None:
+        values["frames"] = tuple(int(frame) for frame in frames)
+    unknown = [name for name in values if name != "frames" and name not in dir(settings(rig))]
+    if unknown:
+        getattr(settings(rig), unknown[0])  # raises, and names what comes near
+    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
+    path = Path(folder).absolute()
+    with quiet_blender():
+        job = make_job(scene, layer, path, radar=rig, overwrite=overwrite, given=values)
+        with job:
+            for task in job.pending():
+                job.start(task)
+                job.render(task)
+                job.finish(task)
+                if progress is not None:
+                    progress(job.fraction)
+            if progress is not None:  # a frame counts as done when the next one is asked for
+                progress(job.fraction)
+    return open_run(path)
+
+
+def process(
+    run: Run | str | Path,
+    options: ProcessOptions | None = None,
+    *,
+    out: str | Path | None = None,
+    frames: Sequence[int] | None = None,
+) -> list[FrameResult]:
+    """Process a run: echoes, profiles, maps, findings, and files where asked for.
+
+    Parameters
+    ----------
+    run
+        The run, or its folder.
+    options
+        How; None: the defaults.
+    out
+        Folder of the files; None: ``products`` in the run's folder.
+    frames
+        Radar frames; None: all.
+
+    Returns
+    -------
+    list of radarsim_addon.signal.FrameResult
+        One for each frame. For many frames use :func:`radarsim_addon.signal.process_run`, which
+        yields them one after the other.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds.
+    """
+    path = run.path if isinstance(run, Run) else run
+    events = process_run(path, options, out=out, frames=frames)
+    return [event for event in events if isinstance(event, FrameResult)]
+
+
+def _ensure_registered() -> None:
+    # The extension, where it is enabled, has registered the settings already.
+    if not hasattr(bpy.types.Object, RADAR_PROPERTY):
+        register()

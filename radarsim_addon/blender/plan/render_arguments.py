@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Options of ``radarsim render``, by the names of the settings. Does not import bpy."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigError
+from ...option_arguments import add_arguments, finite_number, given
+from ...options import Declared, declared, merged
+from ...signal.radar import WAVEFORM_KINDS, Burst
+from .measurement import Measurement, parse_frames
+from .path_options import PathOptions
+from .run_settings import RunSettings
+
+#: Settings that one sampling mode alone has.
+_RINGS = ("rings", "ring_step_m", "samples")
+_PATHS = tuple(
+    name for name, item in declared(PathOptions).items()
+    if item.of.window and name not in declared(Measurement)
+)  # fmt: skip
+_EXAMPLES = """examples:
+  radarsim render scene.blend --out run --process
+  radarsim render scene.blend --out run --frames 1:10 --max-standard-error 5
+  blender -b scene.blend -P scripts/render_radar.py -- --out run
+
+What is not given comes from the settings of the file's radar. The same command again resumes a run
+that was stopped. Scripts inside the .blend file are not run (under blender -b give
+--disable-autoexec, -Y, if your preferences allow them).
+
+exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C"""
+
+
+def render_settings() -> dict[str, Declared]:
+    """Return the settings that have options, in the order of the help."""
+    run = declared(RunSettings)
+    names = ("sampling_mode", "extinction", "waveform_kind", "waveform_file")
+    waveforms = [kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"]
+    others = merged(Measurement, PathOptions, Burst, *waveforms)
+    return {**{name: run[name] for name in names}, **others}
+
+
+def parse_render_arguments(
+    words: list[str], prog: str = "radarsim render", needs_blend: bool = True
+) -> argparse.Namespace:
+    """Parse the command line; argparse exits with 2 (bad) or 0 (--help).
+
+    Parameters
+    ----------
+    words
+        Words after the command.
+    prog
+        Name of the command in its help.
+    needs_blend
+        Whether a file must be named; else the open one is rendered.
+    """
+    parser = argparse.ArgumentParser(
+        prog=prog,
+        description="Measure the radar frames of a .blend file without a window.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "blend",
+        type=Path,
+        nargs=None if needs_blend else "?",
+        help=".blend file (under blender -b: the one that is open)",
+    )
+    parser.add_argument(
+        "--out",
+        type=_folder_name,
+        metavar="DIR",
+        help=declared(RunSettings)["output_folder"].of.help,
+    )
+    parser.add_argument("--scene", metavar="NAME", help="Render this scene; else the active one")
+    parser.add_argument(
+        "--rig", metavar="NAME", help="Measure with this radar; else the active one"
+    )
+    parser.add_argument("--frames", metavar="A:B[:STEP]", help="Set the frames, both ends included")
+    parser.add_argument("--resolution", metavar="WxH", help="Set the pixels, for example 640x360")
+    parser.add_argument(
+        "--link-budget",
+        "--system",
+        type=Path,
+        metavar="FILE",
+        help="Read the link budget (JSON); else the radar's own",
+    )
+    add_arguments(parser, render_settings())
+    parser.add_argument(
+        "--overwrite", action="store_true", help=declared(RunSettings)["overwrite"].of.help
+    )
+    parser.add_argument(
+        "--process", action="store_true", help="Process the run afterwards into DIR/products"
+    )
+    # Options of 0.1 in other units, or of one sampling mode.
+    hidden: dict[str, Any] = {"help": argparse.SUPPRESS}
+    parser.add_argument("--auto-rings", action="store_true", **hidden)
+    parser.add_argument(
+        "--delta-t", "--snapshot-interval", dest="delta_t", type=finite_number, **hidden
+    )
+    parser.add_argument("--order", type=int, **hidden)
+    parser.add_argument("--bounces", type=int, **hidden)
+    return parser.parse_args(words)
+
+
+def _folder_name(text: str) -> Path:
+    """A path that is not empty: an empty one would be the current folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the folder's name is empty")
+    return Path(text)
+
+
+def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return what was given in place of the radar's settings, by their names, in SI.
+
+    Raises
+    ------
+    ConfigError
+        Options that exclude one another.
+    """
+    values = given(arguments, render_settings())
+    if "rings" in values and arguments.auto_rings:
+        raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
+    if arguments.auto_rings:
+        values["rings"] = 0
+    if arguments.delta_t is not None:
+        values["snapshot_interval_s"] = arguments.delta_t
+    if arguments.frames is not None:
+        values["frames"] = parse_frames(arguments.frames)
+    if arguments.resolution is not None:
+        values["width_px"], values["height_px"] = parse_resolution(arguments.resolution)
+    mode = _sampling_mode(arguments, values)
+    if mode is not None:
+        values["sampling_mode"] = mode
+    for name, reflections in (("order", arguments.order), ("bounces", arguments.bounces)):
+        if reflections is not None:
+            values["max_reflections"] = reflections + (name == "bounces")
+    return values
+
+
+def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str | None:
+    """The mode that was named, or that the options belong to; None: the radar's own."""
+    if "sampling_mode" in values:
+        return str(values["sampling_mode"])
+    settings = render_settings()
+    of_rings = [settings[name].flag for name in _RINGS if name in values]
+    of_paths = [settings[name].flag for name in _PATHS if name in values]
+    of_rings += ["--bounces"] if arguments.bounces is not None else []
+    of_paths += ["--order"] if arguments.order is not None else []
+    if of_rings and of_paths:
+        raise ConfigError(
+            f"{of_paths[0]} is of paths, {of_rings[0]} of rings; expected options of one of them, "
+            "or --sampling-mode that says which."
+        )
+    return "rings" if of_rings else "paths" if of_paths else None
+
+
+def parse_resolution(text: str) -> tuple[int, int]:
+    """Return ``640x360`` as two numbers.
+
+    Raises
+    ------
+    ConfigError
+        The text is something else.
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")
+    return int(parts[0]), int(parts[1])

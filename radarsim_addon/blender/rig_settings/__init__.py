@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The user's settings in Blender: property groups made from the declared settings.
+
+In: the settings that dataclasses declare. Out: property groups on the radar rig, and
+:func:`settings`, which reads and sets them in SI and float64; checked records of the plan.
+"""
+
+from .groups import Settings
+from .material import MATERIAL_PROPERTY, choose_medium
+from .migration import migrate_file, migrate_scene
+from .radar import (
+    RADAR_PROPERTY,
+    RADAR_SETTINGS,
+    WAVEFORMS,
+    carrier_hz,
+    output_folder,
+    read_link_budget,
+    read_measurement,
+    read_path_options,
+    settings,
+)
+from .registration import PROGRESS_PROPERTY, register, unregister
+
+__all__ = [
+    "MATERIAL_PROPERTY",
+    "PROGRESS_PROPERTY",
+    "RADAR_PROPERTY",
+    "RADAR_SETTINGS",
+    "WAVEFORMS",
+    "Settings",
+    "carrier_hz",
+    "choose_medium",
+    "migrate_file",
+    "migrate_scene",
+    "output_folder",
+    "read_link_budget",
+    "read_measurement",
+    "read_path_options",
+    "register",
+    "settings",
+    "unregister",
+]

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a radar, kept by its rig as ``object.radarsim``.
+
+They are made from the dataclasses that declare them, and go along wherever the object goes: into
+copies, other scenes, other files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...contract import AntennaRecord, LinkBudget
+from ...errors import ConfigError, OutputError, SceneError
+from ...options import Declared, declared, merged, shortest_decimal
+from ...signal.radar import (
+    PATTERNS,
+    WAVEFORM_KINDS,
+    AnyWaveform,
+    Burst,
+    load_radar,
+    make_system,
+    read_system,
+    self_contained,
+)
+from ..materials import refresh_materials
+from ..plan import Measurement, PathOptions, RunSettings
+from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, is_transmitter
+from .groups import Settings, property_group, write
+
+RADAR_PROPERTY = "radarsim"
+#: Kinds of waveforms with settings; samples of an arbitrary one come from a file.
+WAVEFORMS = {name: kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"}
+RADAR_SETTINGS = merged(
+    RunSettings, Burst, *WAVEFORMS.values(), LinkBudget, Measurement, PathOptions
+)
+ANTENNA_SETTINGS = merged(AntennaRecord, *PATTERNS.values())
+_ALL: dict[str, Declared | Mapping[str, Declared]] = {
+    **RADAR_SETTINGS,
+    "transmitter": ANTENNA_SETTINGS,
+    "receiver": ANTENNA_SETTINGS,
+}
+
+
+def settings(radar: Any) -> Settings:
+    """Return the settings of a radar by their names, in SI and float64.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Raises
+    ------
+    ConfigError
+        The properties are not registered.
+    """
+    if not hasattr(radar, RADAR_PROPERTY):
+        raise ConfigError("Radars have no settings yet. Call radarsim_addon.register() first.")
+    return Settings(getattr(radar, RADAR_PROPERTY), _ALL)
+
+
+def carrier_hz(scene: Any) -> float:
+    """Return the carrier of a scene's active radar [Hz]; without a radar, that of a new one."""
+    with contextlib.suppress(SceneError):
+        return float(settings(active_radar(scene)).carrier_hz)
+    return float(RADAR_SETTINGS["carrier_hz"].initial)
+
+
+def refresh_for_carrier(_: Any, __: Any = None) -> None:
+    """Evaluate physical materials at the carrier of the active radar."""
+    # What cannot be evaluated there is told by the material's panel, and by the run.
+    refresh_materials(carrier_hz(bpy.context.scene))
+
+
+def _fm_rate(group: Any) -> float:
+    numbers = Settings(group, RADAR_SETTINGS)
+    return float(numbers.bandwidth_hz / numbers.chirp_duration_s * 1e-12)
+
+
+def _set_fm_rate(group: Any, value: float) -> None:
+    duration_us = RADAR_SETTINGS["chirp_duration_s"].to_shown(
+        Settings(group, RADAR_SETTINGS).chirp_duration_s
+    )
+    write(group, RADAR_SETTINGS["bandwidth_hz"], swept_hz(shortest_decimal(value), duration_us))
+
+
+def swept_hz(rate_mhz_per_us: float, duration_us: float) -> float:
+    """Return the bandwidth [Hz] of a chirp rate; MHz/us times us round less than Hz/s times s."""
+    return round(rate_mhz_per_us * duration_us * 1e6, 3)
+
+
+AntennaGroup = property_group("RadarAntennaSettings", ANTENNA_SETTINGS)
+RadarGroup = property_group(
+    "RadarSettings",
+    RADAR_SETTINGS,
+    {
+        "camera": bpy.props.PointerProperty(
+            name="Receiver",
+            type=bpy.types.Object,
+            poll=lambda _, item: item.type == "CAMERA",
+            description="Choose the camera that receives. Empty: the one on the rig, else the "
+            "scene's",
+        ),
+        "light": bpy.props.PointerProperty(
+            name="Transmitter",
+            type=bpy.types.Object,
+            poll=lambda _, item: is_transmitter(item),
+            description="Choose the Point light with the Ring Emitter. Empty: the one on the rig",
+        ),
+        "fm_rate_mhz_per_us": bpy.props.FloatProperty(
+            name="FM Rate [MHz/us]",
+            get=_fm_rate,
+            set=_set_fm_rate,
+            min=1e-6,
+            precision=4,
+            description="Set the bandwidth by the chirp rate K = B / T; 20 MHz/us are 20e12 Hz/s",
+        ),
+        "transmitter": bpy.props.PointerProperty(
+            type=AntennaGroup, name="Transmitter", description="Antenna of the transmitter"
+        ),
+        "receiver": bpy.props.PointerProperty(
+            type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
+        ),
+    },
+    {"carrier_hz": refresh_for_carrier},
+)
+
+
+def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement:
+    """Return the measurement that a radar's settings ask for, without its link budget.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    radar : bpy.types.Object
+        The rig; None: the scene's active one.
+    **given
+        Values in place of the radar's own, by the names of the settings, in SI; ``frames`` is a
+        tuple of frames.
+
+    Raises
+    ------
+    ConfigError
+        Values that do not fit together.
+    SceneError
+        No radar, or several of which none is chosen.
+    """
+    view = settings(active_radar(scene) if radar is None else radar)
+    burst = view.record(Burst, **_of(Burst, given))
+    waveform, burst = _radar(view, given, burst)
+    numbers = (
+        {"extinction_length_m": waveform.wavelength_m}
+        if given.get("extinction", view.extinction) == "wavelength"
+        else {}
+    )
+    numbers |= _of(Measurement, given)
+    frames = given.get("frames") or _frames(scene, view)
+    return view.record(Measurement, waveform=waveform, burst=burst, frames=frames, **numbers)
+
+
+def _of(kind: type[Any], given: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in given.items() if name in declared(kind)}
+
+
+def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWaveform, Burst]:
+    kind = "file" if "waveform_file" in given else given.get("waveform_kind", view.waveform_kind)
+    numbers = {
+        name: value
+        for name, value in given.items()
+        if any(name in declared(other) for other in WAVEFORMS.values())
+    }
+    strange = [name for name in numbers if kind == "file" or name not in declared(WAVEFORMS[kind])]
+    if strange:
+        flags = ", ".join(RADAR_SETTINGS[name].flag for name in strange)
+        raise ConfigError(
+            f"{flags} given, which a waveform of kind {kind!r} does not have. Leave it out, or "
+            "choose another waveform."
+        )
+    if kind != "file":
+        return view.record(WAVEFORMS[kind], **numbers), burst
+    file = str(given.get("waveform_file") or view.waveform_file)
+    if not file.strip():
+        raise ConfigError("No waveform file is chosen. Choose one in Radar > Waveform.")
+    found = load_radar(Path(bpy.path.abspath(file)), burst)
+    return found.waveform, found.burst
+
+
+def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
+    if view.frame_mode == "current":
+        return (scene.frame_current,)
+    if view.frame_mode == "scene":
+        return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    frames = range(view.frame_start, view.frame_end + 1, view.frame_step)
+    if not frames:
+        raise ConfigError(
+            f"Frames {view.frame_start} to {view.frame_end} are none; expected the last one not "
+            "before the first one."
+        )
+    return tuple(frames)
+
+
+def read_path_options(radar: Any, **given: Any) -> PathOptions:
+    """Return how paths are followed; values given are in place of the radar's own.
+
+    Raises
+    ------
+    ConfigError
+        Values that do not fit together.
+    """
+    return settings(radar).record(PathOptions, **_of(PathOptions, given))
+
+
+def antenna_record(view: Settings) -> AntennaRecord:
+    """Return one antenna's settings as a record, tables read in.
+
+    Raises
+    ------
+    ConfigError
+        The table cannot be read.
+    """
+    parameters = {
+        name: bpy.path.abspath(value) if name == "file" else value
+        for name in declared(PATTERNS[view.kind])
+        if (value := getattr(view, name)) is not None or name == "element_exponent"
+    }
+    return self_contained(AntennaRecord(view.kind, parameters))
+
+
+def read_link_budget(
+    radar: Any, wavelength_m: float, file: str | Path | None = None
+) -> LinkBudget | None:
+    """Return a radar's link budget, checked; None where none is used.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    wavelength_m
+        Of the carrier [m].
+    file
+        Link budget (JSON) in place of the radar's own.
+
+    Raises
+    ------
+    ConfigError
+        Values out of bounds, or a table or file that cannot be read.
+    """
+    view = settings(radar)
+    if file is not None:
+        record = read_system(file)
+    elif not view.use_link_budget:
+        return None
+    else:
+        antennas = {
+            name: antenna_record(getattr(view, name)) for name in ("transmitter", "receiver")
+        }
+        record = view.record(LinkBudget, **antennas)
+    make_system(record, wavelength_m)  # checks it
+    return record
+
+
+def output_folder(radar: Any) -> Path:
+    """Return the output folder as an absolute path.
+
+    Raises
+    ------
+    OutputError
+        None is set, or it is relative to a file that was never saved.
+    """
+    text = settings(radar).output_folder
+    if not text.strip():
+        raise OutputError("No output folder is set. Choose one in Radar > Render > Output.")
+    if text.startswith("//") and not bpy.data.filepath:
+        raise OutputError(
+            f"The output folder {text!r} is relative to the .blend file, which was never saved. "
+            "Save the file, or choose an absolute folder in Radar > Render > Output."
+        )
+    return Path(bpy.path.abspath(text))
+
+
+def active_radar_property() -> Any:
+    """Return the scene's property that says which radar is the active one."""
+    return bpy.props.PointerProperty(
+        name="Radar",
+        type=bpy.types.Object,
+        poll=lambda scene, item: (
+            item.name in scene.objects
+            and any(is_transmitter(child) for child in (item, *item.children))
+        ),
+        update=refresh_for_carrier,
+        description="Choose the radar that measures. Empty: the only one",
+    )
+
+
+__all__ = [
+    "ACTIVE_RADAR_PROPERTY",
+    "ANTENNA_SETTINGS",
+    "RADAR_PROPERTY",
+    "RADAR_SETTINGS",
+    "WAVEFORMS",
+    "AntennaGroup",
+    "RadarGroup",
+    "active_radar_property",
+    "antenna_record",
+    "carrier_hz",
+    "output_folder",
+    "read_link_budget",
+    "read_measurement",
+    "read_path_options",
+    "settings",
+    "swept_hz",
+]

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Registration of the settings with Blender, and of the handler that migrates older files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..scene import ACTIVE_RADAR_PROPERTY
+from .material import MATERIAL_PROPERTY, MaterialSettings
+from .migration import migrate_file
+from .radar import RADAR_PROPERTY, AntennaGroup, RadarGroup, active_radar_property
+
+PROGRESS_PROPERTY = "radarsim"
+
+
+class RadarProgress(bpy.types.PropertyGroup):
+    """What the panel shows of a running job; lives in the window manager, in no file."""
+
+    running: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
+    )
+    fraction: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Progress",
+        min=0.0,
+        max=1.0,
+        options={"SKIP_SAVE"},
+        description="Share of the job that is done",
+    )
+    text: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Status", options={"SKIP_SAVE"}, description="State of the last job"
+    )
+    warnings: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Warnings",
+        options={"SKIP_SAVE"},
+        description="Warnings of the last job, one a line",
+    )
+
+
+#: Property groups by the Blender type that they hang on.
+_GROUPS: tuple[tuple[Any, Any, str, str], ...] = (
+    (RadarGroup, bpy.types.Object, RADAR_PROPERTY, "Radar"),
+    (RadarProgress, bpy.types.WindowManager, PROGRESS_PROPERTY, "Radar progress"),
+    (MaterialSettings, bpy.types.Material, MATERIAL_PROPERTY, "Radar material"),
+)
+
+
+def register() -> None:
+    """Add ``radarsim`` to objects, materials, window manager; a second call changes nothing."""
+    if AntennaGroup.is_registered:
+        return
+    bpy.utils.register_class(AntennaGroup)
+    for group, owner, name, label in _GROUPS:
+        bpy.utils.register_class(group)
+        setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
+    setattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY, active_radar_property())
+    bpy.app.handlers.load_post.append(migrate_file)
+    if hasattr(bpy.data, "scenes"):  # not while Blender starts: it opens the file afterwards
+        migrate_file()
+
+
+def unregister() -> None:
+    """Remove them; a second call changes nothing."""
+    if not AntennaGroup.is_registered:
+        return
+    bpy.app.handlers.load_post.remove(migrate_file)
+    delattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY)
+    for group, owner, name, _ in reversed(_GROUPS):
+        delattr(owner, name)
+        bpy.utils.unregister_class(group)
+    bpy.utils.unregister_class(AntennaGroup)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Command-line options and reference tables, made from the settings that dataclasses declare."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING
+from typing import Any
+
+from .options import Declared, declared
+
+_TEXTS: dict[Any, str] = {True: "on", False: "off", None: "none", MISSING: ""}
+
+
+def finite_number(text: str) -> float:
+    """Return a number that is neither NaN nor infinite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def add_arguments(
+    parser: argparse._ActionsContainer,
+    settings: Mapping[str, Declared],
+    *names: str,
+    defaults: bool = False,
+) -> None:
+    """Add an option for each setting.
+
+    Values that are given are in SI, see :func:`given`. Former options are accepted and not shown.
+
+    Parameters
+    ----------
+    parser
+        Parser or group of arguments.
+    settings
+        By their names, from `declared` or `merged`.
+    *names
+        Those that are added, in the order of the help; none: all.
+    defaults
+        Whether the help tells the defaults: they hold where an option is left out.
+    """
+    for name in names or settings:
+        item = settings[name]
+        shown = item.of.help
+        if defaults and item.default is not MISSING:
+            shown += f" [{default_text(item)}]"
+        options = {"dest": name, "default": argparse.SUPPRESS, **_reading(item)}
+        # argparse takes % for a format
+        parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
+        if item.of.old_flags:
+            parser.add_argument(*item.of.old_flags, help=argparse.SUPPRESS, **options)
+
+
+def _reading(item: Declared) -> dict[str, Any]:
+    """How argparse reads the text of an option."""
+    if item.kind is bool:
+        return {"action": argparse.BooleanOptionalAction}
+    if item.of.choices:
+        return {"type": item.kind, "choices": item.values}
+    if item.of.parse is not None:
+        return {"type": item.of.parse, "metavar": item.of.metavar}
+    reader: Callable[[str], Any] = item.number or str
+    if item.number is float:
+
+        def reader(text: str) -> float:
+            return item.from_shown(finite_number(text))
+
+        reader.__name__ = "finite number"  # argparse names the type in its message
+    if item.number and item.kind is not item.number:
+        return {"type": _pair_reader(reader, item.of.metavar), "metavar": item.of.metavar}
+    unit = item.shown_unit.replace("%", "percent").upper()
+    letters = {float: unit or "X", int: "N"}.get(item.kind, item.of.path or "TEXT")
+    return {"type": reader, "metavar": item.of.metavar or letters}
+
+
+def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], Any]:
+    """Reader of two numbers, between them what is between those of the placeholder "A:B"."""
+
+    def pair(text: str) -> tuple[Any, Any]:
+        first, second = (reader(part) for part in text.split(metavar[1]))
+        return first, second
+
+    pair.__name__ = f"pair of numbers ({metavar})"
+    return pair
+
+
+def given(arguments: argparse.Namespace, settings: Iterable[str]) -> dict[str, Any]:
+    """Return the settings that were given on the command line by their names, in SI."""
+    return {name: getattr(arguments, name) for name in settings if hasattr(arguments, name)}
+
+
+def default_text(item: Declared) -> str:
+    """Return the default in the unit that is shown, as text; empty where a value must be given."""
+    value = item.default
+    if isinstance(value, bool) or value in (None, MISSING):
+        return _TEXTS[value]
+    if isinstance(value, float):
+        unit = f" {item.shown_unit}" if item.shown_unit else ""
+        return f"{item.to_shown(value):.12g}{unit}"
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
+    """Return a Markdown table of the settings of a dataclass.
+
+    Parameters
+    ----------
+    kind
+        Dataclass.
+    with_flags
+        Names of the settings that a command has options for.
+    """
+    flags = frozenset(with_flags)
+    rows = ["| setting | option | default | allowed | meaning |", "|---|---|---|---|---|"]
+    for name, item in declared(kind).items():
+        option = f"`{item.flag}`" if name in flags else ""
+        allowed = ", ".join(f"`{value}`" for value in item.values) or item.bounds.strip()
+        unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
+        default = (
+            "must be given" if item.default is MISSING else f"`{default_text(item) or 'none'}`"
+        )
+        rows.append(
+            f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"
+        )  # fmt: skip
+    return "\n".join(rows) + "\n"

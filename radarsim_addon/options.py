@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings: a dataclass field declares one, and everything that shows or reads it is made from it.
+
+A frozen dataclass declares its fields by :func:`setting`, in SI units and float64. From the
+declaration follow the check of its bounds (:func:`check_settings`), its key in JSON files
+(:mod:`.option_files`), its command-line option (:mod:`.option_arguments`), its
+field in Blender's window (:mod:`.blender.rig_settings`) and its row in the reference.
+
+A setting has one stem. The field ends with its SI unit (``carrier_hz``), the window and the command
+line with the unit that people use (``carrier_ghz``, ``--carrier-ghz``). Options leave plain
+metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step_m``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass
+from decimal import Decimal
+from typing import Any, Literal, TypeVar
+
+from .errors import ConfigError
+
+#: Unit that is shown -> SI unit, power of ten between them, ending of names.
+_SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
+    "GHz": ("Hz", 9, "ghz"),
+    "MHz": ("Hz", 6, "mhz"),
+    "kHz": ("Hz", 3, "khz"),
+    "ms": ("s", -3, "ms"),
+    "us": ("s", -6, "us"),
+    "ns": ("s", -9, "ns"),
+    "%": ("", -2, ""),
+}
+#: Endings of field names that an option leaves out.
+_SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
+_SMALL_WORDS = ("by", "for", "from", "of", "per")
+_KEY = "radarsim"
+Record = TypeVar("Record")
+_DECLARED: dict[Any, Mapping[str, Declared]] = {}
+
+Choices = tuple[tuple[str, str, str], ...]
+"""Values of a setting that is chosen from a list: value, label, tooltip."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a field declares beside its name, type and default.
+
+    Attributes
+    ----------
+    label
+        Name in the window, without unit; a noun in sentence case.
+    help
+        Tooltip and help of the option: verb first, no final full stop.
+    unit
+        SI unit of the value; "" for a number without one.
+    shown_in
+        Unit in the window and on the command line, where it is another one, such as "GHz".
+    minimum, maximum
+        Closed bounds, SI; None: none.
+    above
+        Open lower bound, SI; None: none.
+    soft_maximum
+        Where a slider of the window ends, SI; None: at the maximum.
+    choices
+        Allowed values of text or whole numbers, as text; empty: any. Files hold the position of
+        the value: add new ones at the end.
+    lists
+        Whether a list of numbers is allowed in place of a choice.
+    initial
+        Value in the window before anybody changes it, SI; None: the field's default.
+    on
+        Whether the window gives this value at first, where the default is None.
+    hint
+        What to do about a wrong value: one sentence at the end of the error.
+    old_flags
+        Former options of the same meaning and unit, still accepted.
+    flag
+        Option, where it cannot follow from the field's name.
+    metavar
+        Placeholder of the option's value in its help.
+    parse
+        Reads the option's text, for values that are no single number, text or choice.
+    digits
+        Decimals in the window.
+    path
+        "FILE" or "DIR": the text names a file or a folder.
+    window
+        Whether the window shows it.
+    """
+
+    label: str
+    help: str
+    unit: str = ""
+    shown_in: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    soft_maximum: float | None = None
+    choices: Choices = ()
+    lists: bool = False
+    initial: Any = None
+    on: bool = False
+    hint: str = ""
+    old_flags: tuple[str, ...] = ()
+    flag: str = ""
+    metavar: str = ""
+    parse: Callable[[str], Any] | None = None
+    digits: int = 4
+    path: Literal["", "FILE", "DIR"] = ""
+    window: bool = True
+
+    def __post_init__(self) -> None:
+        if self.shown_in:
+            object.__setattr__(self, "unit", _SHOWN_UNITS[self.shown_in][0])
+
+
+def setting(label: str, help: str, default: Any = MISSING, **declaration: Any) -> Any:
+    """Return a dataclass field that declares a setting.
+
+    Parameters
+    ----------
+    label, help
+        See :class:`Setting`.
+    default
+        Default in SI; left out: the field must be given.
+    **declaration
+        Further attributes of :class:`Setting`.
+    """
+    return dataclasses.field(default=default, metadata={_KEY: Setting(label, help, **declaration)})
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A setting with the name, type and default of its field.
+
+    Attributes
+    ----------
+    name
+        Field and JSON key.
+    kind
+        Type of a value: float, int, bool, str or another one.
+    optional
+        Whether None is a value.
+    default
+        Default of the field; ``dataclasses.MISSING``: none.
+    of
+        The declaration.
+    """
+
+    name: str
+    kind: Any
+    optional: bool
+    default: Any
+    of: Setting
+
+    @property
+    def exponent(self) -> int:
+        """Power of ten from the unit that is shown to SI."""
+        return _SHOWN_UNITS[self.of.shown_in][1] if self.of.shown_in else 0
+
+    @property
+    def shown_unit(self) -> str:
+        """Unit in the window and on the command line; "" for none."""
+        return self.of.shown_in or self.of.unit
+
+    @property
+    def shown_name(self) -> str:
+        """Name that ends with the unit that is shown, such as ``carrier_ghz``."""
+        if not self.exponent or not self.of.unit:
+            return self.name
+        return f"{self.name.rpartition('_')[0]}_{_SHOWN_UNITS[self.of.shown_in][2]}"
+
+    @property
+    def shown_label(self) -> str:
+        """Label in Blender's title case, with unit, such as "Chirp Duration [us]"."""
+        words = [
+            word.capitalize() if word.islower() and word not in _SMALL_WORDS else word
+            for word in self.of.label.split()
+        ]
+        return " ".join([*words, f"[{self.shown_unit}]"] if self.shown_unit else words)
+
+    @property
+    def flag(self) -> str:
+        """Option of the command line, such as ``--carrier-ghz``."""
+        stem = self.shown_name
+        for ending in () if self.exponent and self.of.unit else _SILENT_ENDINGS:
+            stem = stem.removesuffix(ending)
+        return self.of.flag or f"--{stem.replace('_', '-')}"
+
+    @property
+    def number(self) -> Any:
+        """int or float, also for a pair of them; None for what is no number."""
+        kind = self.kind
+        if typing.get_origin(kind) is tuple:
+            kind = typing.get_args(kind)[0]
+        return kind if kind in (int, float) else None
+
+    @property
+    def values(self) -> list[Any]:
+        """The values to choose from, of the setting's type; empty: any."""
+        return [self.kind(value) for value, _, _ in self.of.choices]
+
+    @property
+    def initial(self) -> Any:
+        """Value in the window before anybody changes it."""
+        return self.default if self.of.initial is None else self.of.initial
+
+    def from_shown(self, value: float) -> float:
+        """Return a number given in the shown unit in SI, to the last decimal digit."""
+        if not self.exponent or not math.isfinite(value):
+            return float(value)
+        return float(Decimal(repr(float(value))).scaleb(self.exponent))
+
+    def to_shown(self, value: float) -> float:
+        """Return a number given in SI in the shown unit, to the last decimal digit."""
+        return float(Decimal(repr(float(value))).scaleb(-self.exponent))
+
+    @property
+    def expected(self) -> str:
+        """What a value must be, for messages: "a whole number from 1 to 64"."""
+        of = self.of
+        if of.choices:
+            return f"one of {', '.join(map(repr, self.values))}"
+        if self.kind is bool:
+            return "true or false"
+        if self.kind is str:
+            return "text"
+        if self.number is None:
+            return of.metavar or "another value"
+        words = "whole number" if self.number is int else "finite number"
+        return (f"a {words}" if self.kind is self.number else f"two {words}s") + self.bounds
+
+    @property
+    def bounds(self) -> str:
+        """The bounds in words: " from 1 to 64", " above 0 Hz"; "" without any."""
+        of, unit = self.of, f" {self.of.unit}" if self.of.unit else ""
+        low, high = of.minimum, of.maximum
+        if of.above is not None:
+            upper = "" if high is None else f", at most {high:.12g}"
+            return f" above {of.above:.12g}{upper}{unit}"
+        if low is not None:
+            return f" from {low:.12g}{'' if high is None else f' to {high:.12g}'}{unit}"
+        return "" if high is None else f" of at most {high:.12g}{unit}"
+
+    def check(self, value: Any) -> None:
+        """Raise a ConfigError unless `value` (SI) has the type and is within the bounds."""
+        if value is None and self.optional:
+            return
+        if self._fits(value):
+            return
+        unit = f" {self.of.unit}" if self.of.unit and isinstance(value, int | float) else ""
+        hint = f" {self.of.hint}" if self.of.hint else ""
+        none = ", or none" if self.optional else ""
+        raise ConfigError(
+            f"{self.of.label} is {value!r:.60}{unit}; expected {self.expected}{none}.{hint}"
+        )
+
+    def _fits(self, value: Any) -> bool:
+        of = self.of
+        if of.choices:
+            listed = of.lists and isinstance(value, list | tuple)
+            return listed or (type(value) is self.kind and value in self.values)
+        if self.number is None:
+            return self.kind not in (bool, str) or isinstance(value, self.kind)
+        if self.kind is not self.number:
+            return isinstance(value, tuple) and len(value) == 2 and all(map(self._in_bounds, value))
+        return self._in_bounds(value)
+
+    def _in_bounds(self, value: Any) -> bool:
+        of = self.of
+        kinds = int if self.number is int else (int, float)
+        if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(value):
+            return False
+        return not (
+            (of.minimum is not None and value < of.minimum)
+            or (of.maximum is not None and value > of.maximum)
+            or (of.above is not None and value <= of.above)
+        )
+
+
+def declared(kind: Any) -> Mapping[str, Declared]:
+    """Return the settings of a dataclass by field name, in the order of the fields."""
+    if kind in _DECLARED:
+        return _DECLARED[kind]
+    hints = typing.get_type_hints(kind)
+    found = {}
+    for item in dataclasses.fields(kind):
+        if _KEY in item.metadata:
+            values, optional = value_type(hints[item.name])
+            found[item.name] = Declared(
+                item.name, values, optional, item.default, item.metadata[_KEY]
+            )
+    return _DECLARED.setdefault(kind, types.MappingProxyType(found))
+
+
+def value_type(hint: Any) -> tuple[Any, bool]:
+    """Return the type of the values that an annotation allows, and whether None is one."""
+    if typing.get_origin(hint) in (types.UnionType, typing.Union):
+        inner = [item for item in typing.get_args(hint) if item is not type(None)]
+        return value_type(inner[0])[0], len(inner) < len(typing.get_args(hint))
+    if typing.get_origin(hint) is Literal:
+        return str, False
+    return hint, False
+
+
+def check_settings(record: Any) -> None:
+    """Check the type and bounds of every setting of a dataclass instance.
+
+    Raises
+    ------
+    ConfigError
+        The first value that does not fit, what was expected, and what to do.
+    """
+    for name, item in declared(type(record)).items():
+        item.check(getattr(record, name))
+
+
+def documented(kind: type[Record]) -> type[Record]:
+    """Add the section "Parameters" to a dataclass's docstring, from its settings."""
+    lines = [""]
+    for name, item in declared(kind).items():
+        unit = f" [{item.of.unit}]" if item.of.unit else ""
+        lines += [name, f"    {item.of.label}{unit}. {item.of.help}."]
+    doc = (kind.__doc__ or "").rstrip()
+    title = "" if "Parameters\n" in doc else "\n\n    Parameters\n    ----------"
+    kind.__doc__ = doc + title + "\n    ".join(lines) + "\n"
+    return kind
+
+
+def choices_from(values: Iterable[str]) -> Choices:
+    """Return choices whose labels need no more words than the values themselves."""
+    return tuple((value, value.replace("-", " ").capitalize(), "") for value in values)
+
+
+def shortest_decimal(value: float, exponent: int = 0) -> float:
+    """Return the decimal number that was typed into a float32 field, times ``10**exponent``.
+
+    Blender's float properties are float32: 77 GHz as 77e9 would read back 76999999488. Seven
+    significant digits are what float32 keeps of any typed number.
+    """
+    if not math.isfinite(value):
+        return value
+    return float(Decimal(f"{value:.7g}").scaleb(exponent))
+
+
+def merged(*kinds: type[Any]) -> dict[str, Declared]:
+    """Return the settings of several dataclasses that the window shows; one name is one setting.
+
+    Raises
+    ------
+    TypeError
+        Two of the dataclasses declare the same name differently: a defect.
+    """
+    found: dict[str, Declared] = {}
+    for kind in kinds:
+        for name, item in declared(kind).items():
+            if item.of.window and found.setdefault(name, item) != item:
+                raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
+    return found

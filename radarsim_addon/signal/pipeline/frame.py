@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One radar frame: from its input to its result, without a file."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Generator
+
+from ..decoding import FrameInput, iter_path_chunks
+from ..detection import (
+    SLOWEST_CELLS,
+    BudgetReport,
+    Detections,
+    FrameBudget,
+    FrameStatistics,
+    Peak,
+    StatisticsSum,
+    detect_targets,
+    find_edges,
+    find_moving_targets,
+    received_recording,
+    statistics_warnings,
+)
+from ..echoes import (
+    Echoes,
+    ReceivedSignal,
+    apply_receiver,
+    interpolate_renders,
+    render_times_s,
+    synthesizer_for,
+)
+from ..maps import (
+    ExpectedPower,
+    ProfileAccumulator,
+    RangeDopplerMap,
+    RangeProfiles,
+    Recording,
+    dynamics_db,
+    expected_power,
+    map_noise_gain,
+    mti_cancel,
+    range_doppler,
+    range_process,
+)
+from ..paths import Paths
+from ..radar import find_suspicious_parameters
+from ..results import FrameResult
+from ..scattering import FrameSpeckle
+from .options import ResolvedOptions
+
+#: Carriers that differ by more than this are worth a word about materials.
+_CARRIER_SLACK = 0.01
+#: Slowest moving target, in Doppler cells, where echoes are blended over the burst: what is blended
+#: has sidelobes of its own beside 0 Hz.
+_SLOWEST_BLENDED_CELLS = 3.0
+
+
+def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameResult:
+    """Process one radar frame.
+
+    Pure: it writes and prints nothing and opens nothing but what the input holds. The same input
+    and options give the same bits on any number of the synthesis' own threads.
+
+    Parameters
+    ----------
+    frame_input
+        The frame, see :func:`.decoding.open_frame`. Its radar, link budget and range limits count.
+    options
+        How, see :meth:`.options.ProcessOptions.for_run`.
+
+    Returns
+    -------
+    FrameResult
+        Without files.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds, see :mod:`radarsim_addon.errors`.
+
+    Notes
+    -----
+    A BLAS library of several threads may round the noise of an ordered-statistic CFAR differently
+    in its last bits; echoes, profiles and maps do not depend on it.
+    """
+    steps = frame_steps(frame_input, options)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            result: FrameResult = end.value
+            return result
+
+
+def frame_steps(
+    frame_input: FrameInput, options: ResolvedOptions
+) -> Generator[str, None, FrameResult]:
+    """Process one radar frame step by step, as `process_frame`; yield what was done."""
+    number, radar = frame_input.frame.number, frame_input.radar
+    echo_sum = _EchoSum(frame_input, options)
+    statistics_sum = StatisticsSum(radar, options.receiver_gain)
+    profile_sum = ProfileAccumulator(
+        radar,
+        frame_input.range_limits_m,
+        range_taper=options.range_taper,
+        amplitude_model=options.amplitude_model,
+        receiver_gain=options.receiver_gain,
+        nufft_backend=options.nufft_backend,
+    )
+    # What is expected of a pixel is spread over all that it covers, where that is known.
+    spread = bool(frame_input.tables) and options.amplitude_model == "radar-equation"
+    chunks = iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps)
+    for ring, chunk in enumerate(chunks):
+        paths = echo_sum.add(chunk)
+        statistics_sum.add(paths)
+        if not spread:
+            profile_sum.add(paths)
+        if not frame_input.tables:
+            yield f"frame {number}: ring {ring + 1} of {frame_input.frame.rings}"
+    received = apply_receiver(_burst_echoes(echo_sum, frame_input, options), options.receiver)
+    compressed, rd_map = _compressed_and_map(received.echoes, options)
+    expected = _expected(frame_input, options, echo_sum, profile_sum) if spread else None
+    profile = profile_sum.result()
+    statistics = statistics_sum.result(received.echoes.outside)
+    report = echo_sum.budget.report(
+        statistics.power_w,
+        options.range_taper,
+        options.doppler_taper,
+        range_limits_m=frame_input.range_limits_m,
+        mti=options.mti,
+    )
+    recording = received_recording(received.echoes, rd_map, options.mti)
+    speckle = echo_sum.speckle
+    result = FrameResult(
+        source=frame_input,
+        options=options.record(),
+        statistics=statistics,
+        received=received,
+        compressed=compressed,
+        profile=profile,
+        rd_map=rd_map,
+        mti=options.mti,
+        edges=find_edges(profile),
+        moving_targets=_moving_targets(frame_input, options, received, rd_map, recording),
+        budget=report,
+        warnings=_warnings(frame_input, statistics, report, speckle, expected, received),
+        expected=expected,
+        speckle=speckle.report(),
+        detections=_detections(options, rd_map, recording),
+    )
+    yield f"frame {number}: echoes, map"
+    return result
+
+
+class _EchoSum:
+    """Echoes of one render of a burst: adds up paths with their amplitudes."""
+
+    def __init__(self, frame_input: FrameInput, options: ResolvedOptions) -> None:
+        echo_options, receiver = options.echo_options, options.receiver
+        self.budget = FrameBudget(frame_input)
+        self.speckle = FrameSpeckle(
+            frame_input, echo_options.speckle_seed, options.speckle_cell_size_m
+        )
+        self._synthesizer = synthesizer_for(
+            frame_input.radar,
+            frame_input.range_limits_m,
+            echo_options,
+            phase_noise=receiver.phase_noise,
+            phase_noise_seed=receiver.phase_noise_seed,
+        )
+
+    def add(self, paths: Paths) -> Paths:
+        """Add paths; return them with the gains of the antennas."""
+        paths = self.budget.apply(paths)
+        self._synthesizer.add(self.speckle.apply(paths))
+        return paths
+
+    def result(self) -> Echoes:
+        return self._synthesizer.result()
+
+
+def _burst_echoes(first: _EchoSum, frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
+    """Echoes of the whole burst, from the first render and those of later visibility updates."""
+    updates = len(frame_input.tables)
+    if updates < 2:
+        return first.result()
+    later = (_echoes_of(frame_input.of_update(n), options) for n in range(1, updates))
+    parts = itertools.chain([first.result()], later)
+    return interpolate_renders(parts, render_times_s(frame_input))
+
+
+def _echoes_of(frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
+    echo_sum = _EchoSum(frame_input, options)
+    for paths in iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps):
+        echo_sum.add(paths)
+    return echo_sum.result()
+
+
+def _compressed_and_map(
+    echoes: Echoes, options: ResolvedOptions
+) -> tuple[RangeProfiles, RangeDopplerMap]:
+    compressed = range_process(echoes, options.range_taper)
+    filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
+    return compressed, range_doppler(filtered, options.doppler_taper)
+
+
+def _expected(
+    frame_input: FrameInput,
+    options: ResolvedOptions,
+    echo_sum: _EchoSum,
+    profile_sum: ProfileAccumulator,
+) -> ExpectedPower:
+    """Expected power with its errors; the points of it make the profile."""
+    return expected_power(
+        frame_input,
+        range_taper=options.range_taper,
+        doppler_taper=options.doppler_taper,
+        receiver_gain=options.receiver_gain,
+        link=echo_sum.budget.link,
+        points_to=profile_sum.add,
+    )
+
+
+def _moving_targets(
+    frame_input: FrameInput,
+    options: ResolvedOptions,
+    received: ReceivedSignal,
+    rd_map: RangeDopplerMap,
+    recording: Recording,
+) -> list[Peak]:
+    radar, receiver = frame_input.radar, options.receiver
+    # rounding follows the strong echoes: from pulse to pulse it may add up in phase
+    noise_w = received.noise_power_w + received.rounding_power_w * radar.burst.pulses
+    blended = len(frame_input.tables) > 1
+    return find_moving_targets(
+        received.echoes,
+        rd_map,
+        options.mti,
+        tolerance=options.tolerance,
+        noise_power=noise_w * map_noise_gain(radar, options.range_taper, options.doppler_taper),
+        slowest_cells=_SLOWEST_BLENDED_CELLS if blended else SLOWEST_CELLS,
+        noisy_columns=receiver.phase_noise is not None or receiver.adc_bits is not None,
+        recording=recording,
+    )
+
+
+def _detections(
+    options: ResolvedOptions, rd_map: RangeDopplerMap, recording: Recording
+) -> Detections | None:
+    if options.cfar is None:
+        return None
+    dynamics = dynamics_db(options.tolerance)
+    return detect_targets(rd_map, options.cfar, dynamics, wide=recording.rd_map)
+
+
+def _warnings(
+    frame_input: FrameInput,
+    statistics: FrameStatistics,
+    budget: BudgetReport,
+    speckle: FrameSpeckle,
+    expected: ExpectedPower | None,
+    received: ReceivedSignal,
+) -> list[str]:
+    """What to know before trusting the frame, from every stage."""
+    scatterers = speckle.report()
+    return [
+        *statistics_warnings(statistics, frame_input.radar),
+        *budget.warnings,
+        *speckle.warnings,
+        *(expected.warnings if expected is not None else []),
+        *_accuracy_warnings(received.echoes),
+        *(scatterers.warnings if scatterers is not None else []),
+        *_radar_warnings(frame_input, statistics.power_w > 0),
+        *_receiver_warnings(received),
+    ]
+
+
+def _accuracy_warnings(echoes: Echoes) -> list[str]:
+    """Where the echoes may miss their tolerance."""
+    if echoes.report is None:
+        return []
+    texts = [echoes.report.accuracy_warning(), echoes.report.ramp_warning()]
+    return [text for text in texts if text]
+
+
+def _radar_warnings(frame_input: FrameInput, echoing: bool) -> list[str]:
+    radar, stop_m = frame_input.radar, frame_input.range_limits_m[1]
+    # A run without an echo ends where it begins: its window tells nothing of a scene.
+    found = find_suspicious_parameters(radar, stop_m if echoing else None)
+    own_hz, now_hz = frame_input.frame.run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
+    if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
+        found.append(
+            f"The carrier is {now_hz / 1e9:g} GHz, the run was rendered for {own_hz / 1e9:g} GHz: "
+            "materials are those of the latter. Render again where they depend on frequency."
+        )
+    if stop_m > radar.waveform.unambiguous_range_m * (1 + 1e-9):
+        found.append(
+            f"The range window reaches to {stop_m:g} m, the waveform to "
+            f"{radar.waveform.unambiguous_range_m:.6g} m: profile and map end there."
+        )
+    return found
+
+
+def _receiver_warnings(received: ReceivedSignal) -> list[str]:
+    if not received.clipped:
+        return []
+    samples = received.echoes.samples.size
+    text = f"The ADC clipped {received.clipped} values of I and Q of {samples} samples"
+    return [f"{text}. Raise its full scale, or let it be chosen."]

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a run is processed."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
+from ...errors import ConfigError
+from ...options import check_settings, choices_from, documented, setting
+from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
+from ..detection import Cfar
+from ..echoes import EchoOptions, Receiver, check_window
+from ..radar import WINDOW_NAMES, Radar, read_system
+from ..runs import RadarFrame, Run
+from ..spectrum import TOLERANCE, Backend, Method
+
+_TAPERS = choices_from(WINDOW_NAMES)
+
+
+def _seed_or_none(text: str) -> int | None:
+    return None if text == "none" else int(text)
+
+
+_seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the type
+
+
+@documented
+@dataclass(frozen=True)
+class ProcessOptions:
+    """How a run is processed.
+
+    Parameters
+    ----------
+    radar
+        Another waveform and burst than the run's own: nothing of the renders depends on them but
+        materials on the carrier.
+    receiver
+        Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
+    cfar
+        Detector, see :class:`.detection.Cfar`; None: no detections.
+    """
+
+    amplitude_model: AmplitudeModel | None = setting(
+        default=None, **AMPLITUDE_MODEL, old_flags=("--weighting",)
+    )
+    receive_antenna_gain_dbi: float = setting(
+        "Receive antenna gain", "Set the gain of the receive antenna of a run without link budget",
+        0.0, unit="dBi", old_flags=("--receiver-gain-db",),
+    )  # fmt: skip
+    range_taper: str = setting(
+        "Range taper", "Choose the window over the band", "hamming", choices=_TAPERS,
+        old_flags=("--window",),
+    )  # fmt: skip
+    doppler_taper: str = setting(
+        "Doppler taper", "Choose the window over the pulses", "hamming", choices=_TAPERS,
+        old_flags=("--doppler-window",),
+    )  # fmt: skip
+    range_limits_m: tuple[float, float] | None = setting(
+        "Range limits", "Set the one-way ranges of the profile. None: those of the run", None,
+        unit="m", metavar="A:B", old_flags=("--range",),
+    )  # fmt: skip
+    max_range_rate_mps: float = setting(
+        "Max range rate", "Set the limit of a believable range rate between the snapshots",
+        MAX_RANGE_RATE_MPS, unit="m/s", minimum=0.0, old_flags=("--max-speed",),
+    )  # fmt: skip
+    nufft_backend: Backend = setting(
+        "NUFFT backend", "Choose the library of the non-uniform FFT", "auto",
+        choices=choices_from(get_args(Backend)), old_flags=("--method",),
+    )  # fmt: skip
+    tolerance: float = setting(
+        "Tolerance", "Set the relative error of the echoes' spectrum", TOLERANCE,
+        minimum=1e-13, maximum=1e-2,
+    )  # fmt: skip
+    slow_time_transform: Method = setting(
+        "Slow-time transform", "Choose the transform of moving paths", "auto",
+        choices=choices_from(get_args(Method)), old_flags=("--synthesis",),
+    )  # fmt: skip
+    speckle_seed: int | None = setting(
+        "Speckle seed", "Set the seed of the random phases of rough scatterers. none: no phases", 0,
+        parse=_seed_or_none, metavar="N",
+    )  # fmt: skip
+    speckle_cell_size_m: float | None = setting(
+        "Speckle cell size", "Set the size of a scatterer's cell. None: by the pixels' footprints",
+        None, unit="m", above=0.0, old_flags=("--speckle-cell",),
+    )  # fmt: skip
+    products: bool = setting("Products", "Write the four EXR products", True)
+    plots: bool | None = setting(
+        "Plots", "Draw pictures. None: where matplotlib is installed", None
+    )
+    animate: bool | None = setting(
+        "Animate", "Write a GIF of all frames' maps. None: with several frames", None
+    )
+    link_budget: LinkBudget | None = setting(
+        "Link budget", "Read the link budget (JSON, see docs/system.md). None: the run's own", None,
+        parse=read_system, metavar="FILE", old_flags=("--system",),
+    )  # fmt: skip
+    radar: Radar | None = None
+    receiver: Receiver = dataclasses.field(default_factory=Receiver)
+    thermal_noise: bool = setting(
+        "Thermal noise", "Add the thermal noise of the link budget", False, old_flags=("--noise",)
+    )
+    mti: int = setting(
+        "MTI canceller", "Cancel stationary echoes over 2 or 3 pulses. 0: none", 0,
+        choices=(("0", "None", ""), ("2", "Two Pulses", ""), ("3", "Three Pulses", "")),
+    )  # fmt: skip
+    cfar: Cfar | None = None
+    hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
+    sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
+
+    @property
+    def receiver_gain(self) -> float:
+        """G_r, linear, for runs without a link budget."""
+        return float(10 ** (self.receive_antenna_gain_dbi / 10))
+
+    def for_run(self, run: Run) -> ResolvedOptions:
+        """Settle what the run decides.
+
+        Parameters
+        ----------
+        run
+            The run that is to be processed.
+
+        Returns
+        -------
+        ResolvedOptions
+            These options with the run's radar and link budget, where none are given.
+
+        Raises
+        ------
+        ConfigError
+            A receiver gain and a link budget, which has one already; thermal noise without a link
+            budget; an unknown canceller; a tolerance or range limits that cannot be.
+        """
+        check_settings(self)
+        link_budget = self.link_budget or run.record.link_budget
+        if link_budget is not None and self.receive_antenna_gain_dbi != 0:
+            raise ConfigError(
+                f"A receiver gain of {self.receive_antenna_gain_dbi:g} dBi is given, and a link "
+                "budget, whose receiver antenna has one. Set gain_dbi there, or leave the receiver "
+                "gain out."
+            )
+        settled = {
+            "amplitude_model": self.amplitude_model
+            or (link_budget or LinkBudget()).amplitude_model,
+            "link_budget": link_budget,
+            "radar": self.radar or run.radar,
+            "receiver": self._receiver(link_budget),
+            "limits_m": check_window(self.range_limits_m or run.range_limits_m),
+        }
+        return ResolvedOptions(**(vars(self) | settled))
+
+    def _receiver(self, link_budget: LinkBudget | None) -> Receiver:
+        if not self.thermal_noise:
+            return self.receiver
+        if link_budget is None:
+            raise ConfigError(
+                "The noise of the link budget is asked for, and the run has none. Give a noise "
+                "figure, or a link budget."
+            )
+        return dataclasses.replace(
+            self.receiver,
+            noise_figure_db=link_budget.noise_figure_db,
+            antenna_temperature_k=link_budget.antenna_temperature_k,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedOptions(ProcessOptions):
+    """Options for a run, with nothing left open; made by :meth:`ProcessOptions.for_run`.
+
+    Attributes
+    ----------
+    amplitude_model, radar
+        As in `ProcessOptions`, never None.
+    limits_m
+        One-way ranges (start, stop) of all frames [m].
+    """
+
+    amplitude_model: AmplitudeModel
+    radar: Radar
+    limits_m: tuple[float, float]
+
+    @property
+    def echo_options(self) -> EchoOptions:
+        """How echoes are formed; only powers in watts get random phases."""
+        watts = self.amplitude_model == "radar-equation"
+        return EchoOptions(
+            amplitude_model=self.amplitude_model,
+            receiver_gain=self.receiver_gain,
+            nufft_backend=self.nufft_backend,
+            tolerance=self.tolerance,
+            slow_time_transform=self.slow_time_transform,
+            speckle_seed=self.speckle_seed if watts else None,
+        )
+
+    @property
+    def writers(self) -> tuple[str, ...]:
+        """Names of the writers of result files, pictures apart."""
+        wanted = {"hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products}
+        return ("npz", "json", "csv", *(name for name, wish in wanted.items() if wish))
+
+    def open(self, frame: RadarFrame) -> FrameInput:
+        """Open a frame with the radar, link budget and range limits of these options.
+
+        Raises
+        ------
+        FrameFileError, SchemaError
+            As :func:`.decoding.open_frame`.
+        """
+        return open_frame(
+            frame, radar=self.radar, link_budget=self.link_budget, range_limits_m=self.limits_m
+        )
+
+    def record(self) -> dict[str, Any]:
+        """Return the options as plain JSON, without the radar, which has a record of its own."""
+        given = {
+            field.name: getattr(self, field.name) for field in dataclasses.fields(ProcessOptions)
+        }
+        return dataclasses.asdict(ProcessOptions(**(given | {"radar": None})))

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that was computed of one radar frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..decoding import FrameInput
+from ..detection import BudgetReport, Detections, FrameStatistics, LeadingEdge, Peak
+from ..echoes import Echoes, ReceivedSignal
+from ..maps import (
+    ExpectedPower,
+    PowerProfile,
+    RangeDopplerMap,
+    RangeProfiles,
+    map_noise_gain,
+    range_noise_gain,
+)
+from ..scattering import SpeckleReport
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """All that was computed of one radar frame.
+
+    Attributes
+    ----------
+    source
+        The input that it was computed from.
+    options
+        How it was computed, as plain JSON: a record for files, to be read by people.
+    statistics
+        What the paths add up to.
+    received
+        What the receiver made of the echoes: samples as recorded, noise, quantisation.
+    compressed
+        Range profiles of all pulses.
+    profile
+        Expected power against range, without speckle and noise.
+    rd_map
+        Range-Doppler map.
+    mti
+        Pulses of the canceller before the map; 0: none.
+    edges
+        Leading edges in the profile.
+    moving_targets
+        Peaks of the map that move, the foremost first.
+    budget
+        Received power, noise, and the objects that echo.
+    warnings
+        What to know before trusting the frame, in whole sentences.
+    expected
+        Expected power with standard errors; sampling mode "paths" with watts alone, whose sub-pixel
+        replicates give the errors.
+    speckle
+        What the scatterers of the surfaces are like; None without any.
+    detections
+        Targets that CFAR found; None where it was not asked for.
+    files
+        Files that hold the result, once they are written.
+    """
+
+    source: FrameInput
+    options: Mapping[str, Any]
+    statistics: FrameStatistics
+    received: ReceivedSignal
+    compressed: RangeProfiles
+    profile: PowerProfile
+    rd_map: RangeDopplerMap
+    mti: int
+    edges: list[LeadingEdge]
+    moving_targets: list[Peak]
+    budget: BudgetReport
+    warnings: list[str]
+    expected: ExpectedPower | None = None
+    speckle: SpeckleReport | None = None
+    detections: Detections | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def frame(self) -> int:
+        """Number of the frame in Blender."""
+        return self.source.frame.number
+
+    @property
+    def time_s(self) -> float:
+        """Scene time of the frame [s]."""
+        return self.source.frame.time_s
+
+    @property
+    def echoes(self) -> Echoes:
+        """Samples as the receiver recorded them."""
+        return self.received.echoes
+
+    @property
+    def profile_noise_power(self) -> float:
+        """Mean noise of a cell of the profile, thermal and of the ADC [W]; 0 without."""
+        gain = range_noise_gain(self.compressed.radar, self.compressed.range_taper)
+        return self.received.floor_power_w * gain
+
+    @property
+    def map_noise_power(self) -> float:
+        """Mean noise of a cell of the map, thermal and of the ADC [W]; 0 without."""
+        taper = self.rd_map.range_taper, self.rd_map.doppler_taper
+        return self.received.floor_power_w * map_noise_gain(self.rd_map.radar, *taper)

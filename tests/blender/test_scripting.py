@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The interface for scripts, as the documentation shows it."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy")
+
+import bpy
+
+from radarsim_addon import blender as radarsim
+from radarsim_addon import signal
+from radarsim_addon.errors import ConfigError, SceneError
+from tests.blender import radar_scenes as rs
+
+QUIET = signal.ProcessOptions(plots=False)
+
+
+@pytest.fixture
+def empty() -> Any:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.context.scene
+
+
+def wall(y: float) -> Any:
+    return rs.add_plate(y, preset=None)
+
+
+def test_a_radar_measures_a_wall(empty: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar(
+        location=(0, 0, 1.5),
+        look_at=(0, 50, 1.5),
+        field_of_view_deg=40,
+        preset="automotive_77ghz",
+        pulses=8,
+        width_px=24,
+        height_px=24,
+    )
+    target = wall(20.0)
+    target.location.z = 1.5
+    metal = radarsim.material(name="Plate", n=1e4, kappa=1e4, rms_slope=0.2)
+    assert radarsim.assign_material(target, metal) == [target]
+    seen: list[float] = []
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1], progress=seen.append)
+    assert isinstance(run, signal.Run)
+    assert seen and seen[-1] == pytest.approx(1.0)
+    assert run.radar.waveform.carrier_hz == 77e9
+    assert (run.record.width_px, run.radar.burst.pulses) == (24, 8)
+    (result,) = radarsim.process(run, QUIET)
+    peak = result.profile.range_m[np.argmax(result.profile.power)]
+    assert peak == pytest.approx(20.0, abs=0.5)  # c / 2B
+    assert not list(tmp_path.rglob("*.png"))
+
+
+@pytest.mark.parametrize("value", [77e9, 5.3e9, 76.543_210_987e9, math.pi * 1e9])
+def test_settings_keep_float64(empty: Any, value: float) -> None:
+    rig = radarsim.add_radar()
+    radarsim.settings(rig).carrier_hz = value
+    assert radarsim.settings(rig).carrier_hz == value
+
+
+def test_two_radars_each_have_their_settings(empty: Any) -> None:
+    one, two = radarsim.add_radar(carrier_hz=5.3e9), radarsim.add_radar((5, 0, 0), carrier_hz=77e9)
+    assert radarsim.settings(one).carrier_hz == 5.3e9
+    assert radarsim.settings(two).carrier_hz == 77e9
+
+
+def test_a_radar_is_measured_whichever_is_active(empty: Any, tmp_path: Path) -> None:
+    size = {"width_px": 8, "height_px": 8, "replicates": 1}
+    near = radarsim.add_radar((0, 0, 0), **size)
+    far = radarsim.add_radar((0, -10, 0), **size)
+    radarsim.assign_material(wall(20.0), radarsim.material(n=1e4, kappa=1e4, rms_slope=0.2))
+    for rig, range_m in ((near, 20.0), (far, 30.0)):
+        run = radarsim.measure(rig, tmp_path / f"{range_m:g}", frames=[1])
+        paths = signal.frame_paths(run.frame(1))
+        assert paths.range_m.min() == pytest.approx(range_m, abs=0.05)
+
+
+def test_look_at(empty: Any) -> None:
+    rig = radarsim.add_radar((1.0, 2.0, 3.0), look_at=(4.0, 6.0, 3.0))
+    bpy.context.view_layer.update()
+    ahead = -np.array(rig.matrix_world.to_3x3())[:, 2]
+    np.testing.assert_allclose(ahead, [0.6, 0.8, 0.0], atol=1e-6)
+    up = np.array(rig.matrix_world.to_3x3())[:, 1]
+    np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: radarsim.add_radar(preset="x_band"), ConfigError, "automotive_77ghz"),
+        (lambda: radarsim.add_radar(carier_hz=77e9), ConfigError, "carrier_hz"),
+        (lambda: radarsim.add_radar(carrier_hz=-1.0), ConfigError, "arrier"),
+        (lambda: radarsim.add_radar(field_of_view_deg=200), ConfigError, "less than 180"),
+        (lambda: radarsim.add_radar((1, 1, 1), look_at=(1, 1, 1)), ConfigError, "same point"),
+        (lambda: radarsim.material(), ConfigError, "needs a medium or n"),
+        (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
+        (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
+        (lambda: radarsim.settings(None), SceneError, "add_radar"),
+        (lambda: radarsim.assign_material([], radarsim.material("metal")), SceneError, "No object"),
+    ],
+)
+def test_what_is_wrong_is_named_and_nothing_is_left(
+    empty: Any, call: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        call()
+    assert not bpy.data.objects
+
+
+def test_unknown_settings_of_a_measurement_are_refused(empty: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar()
+    with pytest.raises(ConfigError, match="width_px"):
+        radarsim.measure(rig, tmp_path / "run", widht_px=8)
+    assert not (tmp_path / "run").exists()
+
+
+def test_library_media_follow_the_carrier(empty: Any) -> None:
+    radarsim.add_radar(preset="automotive_77ghz")
+    assert radarsim.material("itu_concrete").name == "Radar concrete"
+
+
+def test_importing_the_interface_imports_no_bpy(root: Path) -> None:
+    code = (
+        "import sys\nfrom radarsim_addon import blender as radarsim\n"
+        "assert 'bpy' not in sys.modules\n"
+        "assert set(radarsim.__all__) <= {*dir(radarsim), *radarsim.__all__}\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
