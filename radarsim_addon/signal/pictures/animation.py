@@ -45,7 +45,20 @@ class MapFile:
 
 
 def map_file(result: FrameResult, folder: Path) -> MapFile:
-    """Describe the map that a result's writer "npz" wrote into a folder."""
+    """Describe the map that the writer "npz" wrote into a folder.
+
+    Parameters
+    ----------
+    result
+        Result of the frame.
+    folder
+        Folder of the results.
+
+    Returns
+    -------
+    MapFile
+        File, time and powers of the map.
+    """
     power = result.rd_map.power
     return MapFile(
         frame_file(folder, result.frame, "_map.npz"),
