@@ -45,19 +45,19 @@ class MapFile:
 
 
 def map_file(result: FrameResult, folder: Path) -> MapFile:
-    """Describe the map that the writer "npz" wrote into a folder.
+    """Describe the map that the writer "npz" wrote.
 
     Parameters
     ----------
     result
-        Result of the frame.
+        Result of a frame.
     folder
-        Folder of the results.
+        Where it was written.
 
     Returns
     -------
     MapFile
-        File, time and powers of the map.
+        Path of the map, and the numbers that set its colours.
     """
     power = result.rd_map.power
     return MapFile(
