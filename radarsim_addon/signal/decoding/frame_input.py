@@ -164,7 +164,23 @@ def open_frame(
 
 
 def as_input(frame: RadarFrame | FrameInput) -> FrameInput:
-    """Return an opened frame as it is, and open one that is not."""
+    """Return an opened frame as it is, and open one that is not.
+
+    Parameters
+    ----------
+    frame
+        Radar frame, or its input.
+
+    Returns
+    -------
+    FrameInput
+        With the run's own radar, link budget and range limits where it was not opened before.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        As :func:`open_frame`.
+    """
     return frame if isinstance(frame, FrameInput) else open_frame(frame)
 
 

@@ -139,9 +139,17 @@ def frame_paths(
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
     mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Paths:
-    """Return all paths of one radar frame.
+    """Return all paths of one radar frame in one table.
 
-    Parameters and exceptions are those of :func:`iter_path_chunks`.
+    Parameters
+    ----------
+    frame, max_range_rate_mps, mixed_tolerance
+        As for :func:`iter_path_chunks`.
+
+    Returns
+    -------
+    Paths
+        All paths, ring by ring or in the order of the table.
     """
     return Paths.join(
         iter_path_chunks(

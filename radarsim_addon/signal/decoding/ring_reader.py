@@ -22,7 +22,7 @@ class RingReader:
         self._frame, self._images = frame_input.frame, frame_input.images
         self._kept: dict[tuple[int, int], Decoded] = {}
         self._grids: dict[object, PixelGrid] = {}
-        self._antennas: tuple[ReceiverRecord, TransmitterRecord] | None = None
+        self._antennas = frame_input.receiver, frame_input.transmitter
         self._times_s: dict[int, float] = {}
 
     def get(self, ring: int, snapshot_index: int) -> Decoded:
@@ -49,7 +49,6 @@ class RingReader:
     @property
     def antennas(self) -> tuple[ReceiverRecord, TransmitterRecord]:
         """Receiver and transmitter at t."""
-        assert self._antennas is not None
         return self._antennas
 
     @property

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Constant false-alarm rate: thresholds from the cells around each cell of a map.
 
-Cell averaging and the ordered statistic; the factors on them are those of
-:mod:`.detection.cfar_thresholds`, for neighbouring cells of a map are not independent: windows and
-oversampling join them.
+Cell averaging and the ordered statistic; :mod:`.detection.cfar_thresholds` has their factors,
+because neighbouring cells of a map are not independent: tapers and oversampling correlate them.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from .cfar_thresholds import Calibration, noise_correlation
 
 CfarKind = Literal["ca", "os"]
 
-#: Training cells that the ordered statistic sorts, at most; evenly taken from the ring.
-_MOST_SORTED = 96
+#: Maximum number of training cells that the ordered statistic sorts, evenly taken from the ring.
+_MAX_SORTED = 96
 #: Cells sorted at a time: 64 MB.
 _BLOCK = 1 << 23
 
@@ -81,7 +80,7 @@ class CfarResult:
     noise
         Mean power of the surroundings, estimated from the training cells, (Doppler, ranges).
     cells
-        Training cells in the middle of the map, and how many independent ones they are worth.
+        Training cells in the middle of the map, and the equivalent number of independent ones.
     """
 
     threshold: Real
@@ -90,7 +89,7 @@ class CfarResult:
 
 
 def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Guard and training cells that fit into the map."""
+    """Return the guard and training cells that fit into the map."""
     half = (shape[0] - 1) // 2
     guard0 = min(cfar.guard[0], half)
     train0 = min(cfar.train[0], half - guard0)
@@ -98,15 +97,27 @@ def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[
     if 2 * guard1 + 1 >= shape[1] and train0 == 0:
         raise ConfigError(
             f"Map of {shape} cells (Doppler, range) has no training cells beyond the guard cells "
-            f"{cfar.guard}. Use fewer guard cells, more pulses or a longer range window."
+            f"{cfar.guard}. Use fewer guard cells, more pulses or wider range limits."
         )
     return (guard0, guard1), (train0, cfar.train[1])
 
 
 def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
-    """Thresholds of every cell of a map.
+    """Compute the threshold of every cell of a map.
 
-    Doppler wraps around; at the ends of the range window the training cells are on one side.
+    Doppler wraps around; at the range limits the training cells are on one side.
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    cfar
+        Detector.
+
+    Returns
+    -------
+    CfarResult
+        Thresholds and estimated noise.
 
     Raises
     ------
@@ -120,7 +131,7 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
     mask = (np.abs(rows) > guard[0]) | (np.abs(cols) > guard[1])
     if cfar.kind == "os":
         places = np.flatnonzero(mask)
-        taken = places[:: -(-places.size // _MOST_SORTED)]
+        taken = places[:: -(-places.size // _MAX_SORTED)]
         mask = np.zeros_like(mask)
         mask.flat[taken] = True
     rho = noise_correlation(rd_map, (2 * reach[0], 2 * reach[1]))
@@ -138,7 +149,7 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
 
 
 def _shifted_sum(values: Real, first: int, last: int, axis: int, wrap: bool) -> Real:
-    """sum_d values[i + d], d = first ... last, along an axis; zeros beyond the ends."""
+    """Return sum_d values[i + d], d = first ... last, along an axis; zeros beyond the ends."""
     total = np.zeros_like(values)
     size = values.shape[axis]
     moved, out = np.moveaxis(values, axis, 0), np.moveaxis(total, axis, 0)
@@ -151,9 +162,9 @@ def _shifted_sum(values: Real, first: int, last: int, axis: int, wrap: bool) -> 
 
 
 def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> tuple[Real, Real]:
-    """Sum over the training cells, and their number in each column.
+    """Return the sum over the training cells, and their number in each column.
 
-    Strip by strip: the difference of two boxes would lose the noise beside a strong echo.
+    Strip by strip: the difference of two boxes would lose the noise next to a strong echo.
     """
     reach = guard[0] + train[0], guard[1] + train[1]
     whole = _shifted_sum(power, -reach[1], reach[1], 1, False)
@@ -170,7 +181,7 @@ def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> t
 
 
 def _ordered(power: Real, mask: Mask, reach: tuple[int, int], rank: float) -> tuple[Real, Real]:
-    """Ordered statistic, and the number of training cells in each column."""
+    """Return the ordered statistic, and the number of training cells in each column."""
     rows, cols = (place - half for place, half in zip(np.nonzero(mask), reach, strict=True))
     size0, size1 = power.shape
     found, counts = np.empty_like(power), np.zeros(size1)

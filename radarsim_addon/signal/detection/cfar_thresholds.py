@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Thresholds of CFAR detectors for the correlated cells of a windowed, oversampled map.
+"""Thresholds of CFAR detectors for the correlated cells of a tapered, oversampled map.
 
 For exponential power (Gaussian noise, or speckle) of mean 1, a threshold alpha x and a statistic x
-of training cells that the tested cell does not correlate with, Pfa = E exp(-alpha x). For n
-independent cells
+of training cells uncorrelated with the tested cell, Pfa = E exp(-alpha x). For n independent cells
 
 - mean: Pfa = (1 + alpha / n)^-n (Richards, Fundamentals of Radar Signal Processing, 6.5);
 - k-th smallest: Pfa = prod_{i<k} (n - i) / (n - i + alpha) (Rohling, IEEE TAES 19, 608, 1983).
 
-Windows and oversampling join neighbouring cells. With the covariance C of the training cells, that
-of white noise in this map, the mean is a quadratic form of Gaussians and Pfa = 1 / det(1 + alpha C
-/ n) exactly (Turin, Biometrika 47, 199, 1960); for large rings the closed form above is taken, with
+Tapers and oversampling correlate neighbouring cells. With the covariance C of the training cells,
+that of white noise in this map, the mean is a quadratic form of Gaussians and Pfa = 1 / det(1 +
+alpha C / n) exactly (Turin, Biometrika 47, 199, 1960). Large rings use the closed form above with
 n^2 / sum |C_ij|^2 cells, which estimate the mean as well. The ordered statistic of correlated cells
-has no closed form: it is drawn with covariance C and a fixed seed. The closed form above is taken
-with the number of cells, and the scale, that have its mean and variance, and alpha corrected where
-the average of exp(-alpha x) over the draws says so, at 1e-4 or the Pfa asked for if that is higher;
-below 1e-4 the correction grows with the logarithm of Pfa.
+has no closed form: it is drawn with covariance C and a fixed seed. The closed form above uses the
+number of cells, and the scale, with the same mean and variance. alpha is then corrected by the
+average of exp(-alpha x) over the draws at 1e-4, or at the requested Pfa if that is higher; below
+1e-4 the correction grows with the logarithm of Pfa.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,36 +30,45 @@ from ...errors import ConfigError
 from ..maps import RangeDopplerMap, line_weights
 from ..radar import LineWaveform, matched_filter, replica_count, slow_time_window
 
-#: Training cells up to which the mean's Pfa is exact: eigenvalues of a matrix this large.
-_MOST_EXACT = 512
+#: Maximum number of training cells with an exact Pfa of the mean: eigenvalues of such a matrix.
+_MAX_EXACT = 512
 #: Draws of the ordered statistic: its mean to 0.1 %, its variance to 1 %.
 _DRAWS = 20000
-#: Least Pfa that so many draws tell, to some 2 %.
-_LEAST_DRAWN = 1e-4
-#: Eigenvalues of the covariance below this share of the largest are rounding.
+#: Smallest Pfa that so many draws determine, to some 2 %.
+_MIN_DRAWN = 1e-4
+#: Eigenvalues of the covariance below this fraction of the largest are rounding.
 _RANK = 1e-9
 
 
 def ca_factor(pfa: float, cells: float) -> float:
-    """alpha of cell averaging over independent cells: n (Pfa^(-1/n) - 1)."""
+    """Return alpha of cell averaging over independent cells: n (Pfa^(-1/n) - 1)."""
     return float(cells * math.expm1(-math.log(pfa) / cells))
 
 
 def ca_factor_exact(pfa: float, covariance: Complex) -> float:
-    """alpha of cell averaging over cells of a covariance (n, n) with ones on its diagonal."""
+    """Return alpha of cell averaging over cells of a covariance (n, n) with unit diagonal."""
     eigenvalues = np.maximum(np.linalg.eigvalsh(covariance), 0.0) / covariance.shape[0]
-    low, high = 0.0, 1.0
-    while np.log1p(high * eigenvalues).sum() < -math.log(pfa):
+
+    def enough(factor: float) -> bool:
+        return bool(np.log1p(factor * eigenvalues).sum() >= -math.log(pfa))
+
+    high = 1.0
+    while not enough(high):
         high *= 2
-    for _ in range(60):
+    return _bisect(enough, high, 60)
+
+
+def _bisect(enough: Callable[[float], bool], high: float, rounds: int) -> float:
+    """Least factor from 0 to `high` that is enough, to 2^-rounds of the interval."""
+    low = 0.0
+    for _ in range(rounds):
         middle = (low + high) / 2
-        enough = np.log1p(middle * eigenvalues).sum() >= -math.log(pfa)
-        low, high = (low, middle) if enough else (middle, high)
+        low, high = (low, middle) if enough(middle) else (middle, high)
     return (low + high) / 2
 
 
 def os_false_alarms(factor: float, cells: float, rank: float) -> float:
-    """Pfa of the ordered statistic: threshold factor x the (rank x cells)-th smallest."""
+    """Return Pfa of the ordered statistic: threshold factor x the (rank x cells)-th smallest."""
     k = rank * cells
     return math.exp(
         math.lgamma(cells + 1)
@@ -70,8 +79,8 @@ def os_false_alarms(factor: float, cells: float, rank: float) -> float:
 
 
 def os_factor(pfa: float, cells: float, rank: float) -> float:
-    """alpha of the ordered statistic, from its Pfa by bisection."""
-    low, high = 0.0, 1.0
+    """Return alpha of the ordered statistic, from its Pfa by bisection."""
+    high = 1.0
     while os_false_alarms(high, cells, rank) > pfa:
         high *= 2
         if high > 1e12:
@@ -79,16 +88,13 @@ def os_factor(pfa: float, cells: float, rank: float) -> float:
                 f"{cells:.3g} independent training cells cannot reach a false-alarm rate of "
                 f"{pfa:g}. Take more training cells, or a higher rate."
             )
-    for _ in range(80):
-        middle = (low + high) / 2
-        low, high = (middle, high) if os_false_alarms(middle, cells, rank) > pfa else (low, middle)
-    return (low + high) / 2
+    return _bisect(lambda factor: os_false_alarms(factor, cells, rank) <= pfa, high, 80)
 
 
 def os_moments(cells: float, rank: float) -> tuple[float, float]:
-    """Mean and variance of the ordered statistic of independent cells.
+    """Return mean and variance of the ordered statistic of independent cells.
 
-    First and second derivative of log Pfa(alpha) at 0, for E exp(-alpha x) generates moments.
+    First and second derivative of log Pfa(alpha) at 0, because E exp(-alpha x) generates moments.
     """
     step = 0.02
     up, down = (math.log(os_false_alarms(sign * step, cells, rank)) for sign in (1, -1))
@@ -96,7 +102,7 @@ def os_moments(cells: float, rank: float) -> tuple[float, float]:
 
 
 def os_equivalent(mean: float, variance: float, rank: float) -> tuple[float, float]:
-    """Independent cells, and the scale of their statistic, with this mean and variance."""
+    """Return independent cells, and the scale of their statistic, with this mean and variance."""
     low, high = 1.0, 1e6
     for _ in range(60):
         middle = math.sqrt(low * high)
@@ -107,7 +113,7 @@ def os_equivalent(mean: float, variance: float, rank: float) -> tuple[float, flo
 
 
 def drawn_statistic(covariance: Complex, k: int, seed: int = 0) -> Real:
-    """The k-th smallest power of cells with a covariance (n, n), drawn at random, (draws,)."""
+    """Draw the k-th smallest power of cells with a covariance (n, n) at random, (draws,)."""
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _RANK * values[-1]
     mixing = (vectors[:, kept] * np.sqrt(values[kept] / 2)).T
@@ -118,17 +124,13 @@ def drawn_statistic(covariance: Complex, k: int, seed: int = 0) -> Real:
 
 
 def drawn_factor(pfa: float, statistic: Real) -> float:
-    """alpha for which the average of exp(-alpha x) is Pfa."""
-    low, high = 0.0, -2 * math.log(pfa) / float(statistic.min())
-    for _ in range(50):
-        middle = (low + high) / 2
-        few = float(np.exp(-middle * statistic).mean()) <= pfa
-        low, high = (low, middle) if few else (middle, high)
-    return (low + high) / 2
+    """Return alpha for which the average of exp(-alpha x) is Pfa."""
+    high = -2 * math.log(pfa) / float(statistic.min())
+    return _bisect(lambda factor: float(np.exp(-factor * statistic).mean()) <= pfa, high, 50)
 
 
 def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[Complex, Complex]:
-    """rho of white noise in a map at lags of 0 ... (Doppler, range) cells."""
+    """Return rho of white noise in a map at lags of 0 ... (Doppler, range) cells."""
     radar = rd_map.radar
     waveform = radar.waveform
     pulses = rd_map.values.shape[0]
@@ -151,7 +153,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
 
 
 def covariance(mask: Mask, doppler: Complex, range_: Complex) -> Complex:
-    """Covariance of the cells of a mask (Doppler, range), from rho at lags of 0, 1 ... cells."""
+    """Return the covariance of the cells of a mask, from rho at lags of 0, 1 ... cells."""
 
     def at(rho: Complex, lag: NDArray[np.intp]) -> Complex:
         return np.where(lag < 0, np.conj(rho[np.abs(lag)]), rho[np.abs(lag)])
@@ -161,7 +163,7 @@ def covariance(mask: Mask, doppler: Complex, range_: Complex) -> Complex:
 
 
 def equivalent_cells(mask: Mask, doppler: Real, range_: Real) -> float:
-    """Independent cells whose mean is as exact as that of these training cells.
+    """Return the number of independent cells with a mean as exact as of these training cells.
 
     Parameters
     ----------
@@ -192,19 +194,19 @@ class Calibration:
     pfa
         False alarms per cell.
     rank
-        Of the ordered statistic, k / cells; None: cell averaging.
+        Rank of the ordered statistic, k / cells; None: cell averaging.
 
     Attributes
     ----------
     mean
-        Mean of the statistic, of cells of mean power 1.
+        Mean of the statistic for cells of mean power 1.
     independent
-        What the training cells are worth.
+        Equivalent number of independent training cells.
 
     Notes
     -----
-    Towards the ends of the range window the ring is cut, down to half of it: what its cells are
-    worth is interpolated between the two.
+    Towards the range limits the ring is cut, down to half of it: the equivalent number of cells is
+    interpolated between the two.
     """
 
     def __init__(
@@ -219,35 +221,35 @@ class Calibration:
         if 0 < half.sum() < mask.sum():
             ends.insert(0, (int(half.sum()), self._worth(half, correlation)))
         self._counts = [count for count, _ in ends]
-        self._shares = [worth[0] for _, worth in ends]
+        self._fractions = [worth[0] for _, worth in ends]
         self._scales = [worth[1] for _, worth in ends]
 
     def _worth(
         self, mask: Mask, correlation: tuple[Complex, Complex]
     ) -> tuple[float, float, float]:
-        """Independent cells per cell, a scale on their closed form, mean of the statistic."""
+        """Return independent cells per cell, scale of the closed form, mean of the statistic."""
         count = int(mask.sum())
         if self._rank is None:
             doppler, range_ = (np.abs(rho) ** 2 for rho in correlation)
             cells = max(equivalent_cells(mask, doppler, range_), 1.0)
             exact = plain = ca_factor(self._pfa, cells)
-            if count <= _MOST_EXACT:
+            if count <= _MAX_EXACT:
                 exact = ca_factor_exact(self._pfa, covariance(mask, *correlation))
             return cells / count, exact / plain, 1.0
         k = min(max(round(self._rank * count), 1), count)
         drawn = drawn_statistic(covariance(mask, *correlation), k)
         mean = float(drawn.mean())
         cells, scale = os_equivalent(mean, float(drawn.var()), k / count)
-        told = max(self._pfa, _LEAST_DRAWN)
-        excess = drawn_factor(told, drawn) * scale / os_factor(told, cells, k / count) - 1
-        excess *= math.log(self._pfa) / math.log(told)
+        pfa = max(self._pfa, _MIN_DRAWN)
+        excess = drawn_factor(pfa, drawn) * scale / os_factor(pfa, cells, k / count) - 1
+        excess *= math.log(self._pfa) / math.log(pfa)
         return cells / count, (1 + excess) / scale, mean
 
     def factor(self, count: int) -> float:
-        """alpha where so many of the training cells are there."""
-        share = float(np.interp(count, self._counts, self._shares))
+        """Return alpha for this number of available training cells."""
+        fraction = float(np.interp(count, self._counts, self._fractions))
         scale = float(np.interp(count, self._counts, self._scales))
         if self._rank is None:
-            return scale * ca_factor(self._pfa, max(count * share, 1.0))
+            return scale * ca_factor(self._pfa, max(count * fraction, 1.0))
         k = min(max(round(self._rank * count), 1), count)
-        return scale * os_factor(self._pfa, max(count * share, 2.0), k / count)
+        return scale * os_factor(self._pfa, max(count * fraction, 2.0), k / count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Targets that stand out of the noise of a map: CFAR, then interpolation between the cells."""
+"""Targets above the noise of a map: CFAR, then interpolation between the cells."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..echoes import Echoes
-from ..maps import RangeDopplerMap, Recording, point_response, power_to_db
+from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
 from .cfar import Cfar, CfarResult, cfar_threshold
 from .peaks import Peak, local_maxima, pulse_spectra, refine_peak
 
-#: Most targets that are interpolated; the strongest are kept.
+#: Maximum number of interpolated targets; the strongest are kept.
 MAX_DETECTIONS = 256
-#: Above this SNR a target's own sidelobes matter to its surroundings [dB]; so many targets have
-#: them taken out, the strongest, where one point holds this share of the peak's energy.
-_OWN_DB, _MOST_OWN, _FITS = 20.0, 32, 0.97
+#: Above this SNR a target's own sidelobes raise its surroundings [dB]. They are subtracted for so
+#: many targets, the strongest, if one point contains this fraction of the peak's energy.
+_OWN_DB, _MAX_OWN, _FITS = 20.0, 32, 0.97
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Detection:
     level_db
         10 log10 of the power at the interpolated peak.
     noise_db
-        10 log10 of the mean power around it, its own sidelobes taken out.
+        10 log10 of the mean power around it, without its own sidelobes.
     snr_db
-        Their difference: (signal + noise) over noise.
+        Difference of both: (signal + noise) over noise.
     row, col
         Cell of the map.
     """
@@ -55,15 +55,16 @@ class Detections:
     Attributes
     ----------
     targets
-        By falling SNR.
+        Detections by falling SNR.
     cells
-        Cells above the threshold.
+        Number of cells above the threshold.
     left_out
-        Peaks beyond `MAX_DETECTIONS`.
+        Number of peaks beyond `MAX_DETECTIONS`.
     cfar
         The detector.
     training_cells, independent_cells
-        Of one cell, and what they are worth, see :mod:`.detection.cfar`.
+        Training cells of one cell, and the equivalent number of independent ones, see
+        :mod:`.detection.cfar`.
     """
 
     targets: list[Detection]
@@ -81,7 +82,7 @@ def detect_targets(
     *,
     wide: RangeDopplerMap | None = None,
 ) -> Detections:
-    """Cells above their CFAR threshold that are peaks, interpolated.
+    """Find the peaks above the CFAR threshold of a map, interpolated.
 
     Parameters
     ----------
@@ -90,11 +91,16 @@ def detect_targets(
     cfar
         Detector; None: cell averaging at 1e-6.
     dynamics_db
-        What is further below the strongest cell is error of the synthesis, no echo [dB].
+        Levels further below the strongest cell are errors of the synthesis, no echoes [dB].
     wide
         The same map over more ranges (:func:`.detection.moving_targets.received_recording`), to
-        interpolate in: without it a peak within a cell of the window's end is off by up to half a
+        interpolate in: without it a peak within a cell of the range limits is off by up to half a
         cell and 1.1 dB.
+
+    Returns
+    -------
+    Detections
+        Targets by falling SNR.
 
     Notes
     -----
@@ -134,14 +140,15 @@ def _interpolate(
     cfar: Cfar,
     wide: RangeDopplerMap,
 ) -> list[Detection]:
+    if not chosen:
+        return []
     found: list[Detection] = []
-    spectrum = pulse_spectra(wide) if chosen else None
+    spectrum = pulse_spectra(wide)
     for number, (row, col) in enumerate(chosen):
-        assert spectrum is not None
         place = int(np.argmin(np.abs(wide.range_m - rd_map.range_m[col])))
         peak = refine_peak(wide, spectrum, row, place, 0.0)
         noise_db = float(power_to_db(result.noise[row, col]))
-        if number < _MOST_OWN and peak.level_db - noise_db > _OWN_DB:
+        if number < _MAX_OWN and peak.level_db - noise_db > _OWN_DB:
             rest = _noise_without(rd_map, peak, row, col, cfar)
             noise_db = min(noise_db, float(power_to_db(np.array(rest))))
         found.append(
@@ -160,7 +167,7 @@ def _interpolate(
 
 
 def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar: Cfar) -> float:
-    """Mean power of the training cells without the target's own response; inf: it is no point."""
+    """Return the mean power of the training cells without the target's response; inf: no point."""
     pulses, ranges = rd_map.values.shape
     range_limits_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
     nothing = np.zeros((1, 1), dtype=np.complex128)
@@ -174,19 +181,31 @@ def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar
     patch = rd_map.values[np.ix_(rows, cols)]
     own = response.doppler[rows] @ response.ranges[:, cols]
     middle = np.ix_(np.abs(apart) <= 1, np.abs(cols - col) <= 2)
-    norm, energy = (float(np.vdot(v[middle], v[middle]).real) for v in (own, patch))
-    product = complex(np.vdot(own[middle], patch[middle]))
-    if abs(product) ** 2 < _FITS * norm * energy:
+    amplitude, fraction = fit_point(own[middle], patch[middle])
+    if fraction < _FITS:
         return math.inf
     around = (np.abs(apart) > cfar.guard[0])[:, None] | (np.abs(cols - col) > cfar.guard[1])
-    rest = np.abs((patch - own * (product / norm))[around]) ** 2
+    rest = np.abs((patch - own * amplitude)[around]) ** 2
     if cfar.kind == "os":  # of exponential power
         return float(np.quantile(rest, cfar.rank)) / -math.log(1 - cfar.rank)
     return float(np.mean(rest))
 
 
 def target_count(count: int, left_out: int) -> str:
-    """How many targets, and that there were more, for people."""
+    """Return the number of targets, and of all if there were more, as text.
+
+    Parameters
+    ----------
+    count
+        Number of targets.
+    left_out
+        Number of further peaks.
+
+    Returns
+    -------
+    str
+        Such as "256 strongest of 300 targets".
+    """
     if left_out:
         return f"{count} strongest of {count + left_out} targets"
     return f"{count} target{'' if count == 1 else 's'}"

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Movers of a frame: echoes with Doppler that no other echo's response explains.
+"""Moving targets of a frame: echoes with Doppler that no other echo's response explains.
 
-A list of a map's peaks is no list of movers: a strong echo shows range and Doppler sidelobes, a
-short chirp its paired echoes, the response between unwindowed frequencies falls with one over the
-distance, and all that reaches in from beyond the range window too. So the list is made as CLEAN
-makes one (Hogbom, A&A Suppl. 15, 417, 1974; with the re-estimation of RELAX, Li and Stoica, IEEE
-TSP 44, 281, 1996), on a map that extends to where echoes are in the samples at all:
+The peaks of a map are not all targets: a strong echo has range and Doppler sidelobes, a short chirp
+has paired echoes, the response between untapered frequencies falls with one over the distance, and
+echoes beyond the range limits reach into the map. So the search works as CLEAN (Hogbom, A&A Suppl.
+15, 417, 1974; with the re-estimation of RELAX, Li and Stoica, IEEE TSP 44, 281, 1996), on a map
+over all ranges with echoes in the samples:
 
-1. what stands still is taken out, exactly: W(f) / W(0) of the 0 Hz row;
-2. the strongest peak that nothing explains is taken as an echo, its exact response
-   (:mod:`.maps.single_echo`) subtracted, and what stands still estimated again;
-3. a residual is explained where it is below a quarter of the envelope of what was subtracted
-   there, or not above what scatterers slower than 1.25 cells may show at that Doppler.
+1. stationary echoes are removed exactly: W(f) / W(0) of the 0 Hz row;
+2. the strongest unexplained peak is taken as an echo, its exact response
+   (:mod:`.maps.single_echo`) subtracted, and the stationary part estimated again;
+3. a residual is explained if it is below a quarter of the envelope of the subtracted responses, or
+   not above the response of scatterers slower than 1.25 cells at that Doppler.
 """
 
 from __future__ import annotations
@@ -33,27 +33,28 @@ from ..maps import (
     Recording,
     cut_range_m,
     dynamics_db,
+    fit_point,
     point_response,
 )
 from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
 from .peaks import Peak, local_maxima, peak_to_background_db, pulse_spectra, refine_peak
 
-#: Fewer pulses tell no mover from what stands still.
-_LEAST_PULSES = 16
-#: Least |Doppler| of a mover, cells of the burst: below, it is in the main lobe of the 0 Hz ridge.
+#: Fewer pulses do not separate moving from stationary targets.
+_MIN_PULSES = 16
+#: Smallest |Doppler| of a moving target [cells]: below, the main lobe of the 0 Hz ridge covers it.
 SLOWEST_CELLS = 1.5
-#: Fastest scatterer that counts to the ridge, in cells, and a margin on what it shows (amplitude).
+#: Fastest scatterer of the ridge [cells], and a margin on its response (amplitude).
 _RIDGE_CELLS, _RIDGE_MARGIN = 1.25, 1.2
-#: Share of an echo's envelope down to which its response is trusted (amplitude).
+#: Fraction of an echo's envelope down to which its response is trusted (amplitude).
 _TRUST = 0.25
-#: Least level of a mover over the mean noise of a cell, and over its surroundings [dB].
+#: Smallest level of a target over the mean noise of a cell, and over its surroundings [dB].
 _OVER_NOISE_DB, _OVER_AROUND_DB = 15.0, 10.0
 #: Cells (Doppler, range) around a target in which residuals are its own.
 _GUARD_CELLS = (4, 8)
-#: Echoes subtracted at most, and movers listed.
-_MOST_ECHOES, _MOST_MOVERS = 40, 5
-#: Least share of a peak's energy that its response holds, or else a folded Doppler is tried.
+#: Maximum number of subtracted echoes, and of listed targets.
+_MAX_ECHOES, _MAX_TARGETS = 40, 5
+#: Below this fraction of a peak's energy in its response, an ambiguous Doppler is tried.
 _FITS = 0.97
 #: Rounds of the fit of an echo that the end of the record cuts.
 _CUT_ROUNDS = 3
@@ -61,7 +62,7 @@ _CUT_ROUNDS = 3
 
 @dataclass(frozen=True)
 class _Target:
-    """A peak, with the echoes that were subtracted within the guard cells of it."""
+    """A peak, with the echoes that were subtracted within its guard cells."""
 
     row: int
     col: int
@@ -77,31 +78,21 @@ class _Fit:
     response
         The response.
     own
-        It, in the patch.
-    amplitude
-        Of least squares.
-    share
-        Of the patch's energy that it holds.
+        Its values in the patch.
+    amplitude, fraction
+        See :func:`.maps.single_echo.fit_point`.
     """
 
     response: PointResponse
     own: Complex
     amplitude: complex
-    share: float
-
-    @classmethod
-    def of(cls, response: PointResponse, own: Complex, patch: Complex) -> _Fit:
-        """By least squares."""
-        norm = max(float(np.vdot(own, own).real), 1e-300)
-        product = complex(np.vdot(own, patch))
-        energy = max(float(np.vdot(patch, patch).real), 1e-300)
-        return cls(response, own, product / norm, abs(product) ** 2 / (norm * energy))
+    fraction: float
 
 
 def heard_window_m(echoes: Echoes) -> tuple[float, float]:
-    """Ranges whose echoes are in the samples, wholly or in part [m].
+    """Return the ranges with echoes in the samples, complete or in part [m].
 
-    All of them where frequencies are sampled; of pulses a pulse's length more than the window.
+    All of them for sampled frequencies; for pulses a pulse's length more than the range limits.
     """
     waveform = echoes.radar.waveform
     if waveform.family == "line":
@@ -112,7 +103,22 @@ def heard_window_m(echoes: Echoes) -> tuple[float, float]:
 
 
 def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Recording:
-    """The map over all ranges that are heard."""
+    """Return the map over all ranges with echoes in the samples.
+
+    Parameters
+    ----------
+    echoes
+        Samples of the map.
+    rd_map
+        Range-Doppler map.
+    mti
+        Pulses of the canceller of the map, 0 for none.
+
+    Returns
+    -------
+    Recording
+        The extended map with the samples.
+    """
     return Recording.over(echoes, heard_window_m(echoes), rd_map, mti)
 
 
@@ -127,34 +133,35 @@ def find_moving_targets(
     noisy_columns: bool = False,
     recording: Recording | None = None,
 ) -> list[Peak]:
-    """Movers in the range window, strongest first, five at most.
+    """Find moving targets within the range limits.
 
     Parameters
     ----------
     echoes
-        What the map was made of.
+        Samples of the map.
     rd_map
         Range-Doppler map over ``echoes.range_limits_m``.
     mti
-        Pulses of the canceller that the map was made with, 0 for none.
+        Pulses of the canceller of the map, 0 for none.
     tolerance
-        That of the synthesis: what is 20 dB above its error is no rounding.
+        Tolerance of the synthesis: levels 20 dB above its error are no rounding.
     noise_power
-        Mean noise of a cell: what does not stand 15 dB above it is not told from noise.
+        Mean noise of a cell: a target is at least 15 dB above it.
     slowest_cells
-        Least |Doppler| of a mover, cells of 1 / (pulses x interval).
+        Smallest |Doppler| of a target, cells of 1 / (pulses x interval).
     noisy_columns
-        Whether strong echoes that stand still have noise of their own at all Dopplers (phase
-        noise): then a mover stands 15 dB above the median of its range cell.
+        Whether strong stationary echoes have noise of their own at all Dopplers (phase noise): then
+        a target is at least 15 dB above the median of its range cell.
     recording
-        From `received_recording`, where it is there already.
+        Result of `received_recording`; None: compute it.
 
     Returns
     -------
     list of Peak
-        Range in the middle of the burst; empty for fewer than 16 pulses.
+        At most five, strongest first. Range in the middle of the burst; empty for fewer than 16
+        pulses.
     """
-    if rd_map.values.shape[0] < _LEAST_PULSES:
+    if rd_map.values.shape[0] < _MIN_PULSES:
         return []
     recording = recording or received_recording(echoes, rd_map, mti)
     floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
@@ -171,11 +178,11 @@ def find_moving_targets(
             col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
             above_db = peak_to_background_db(rd_map.power, target.row, col)
             found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
-    return sorted(found, key=lambda peak: -peak.level_db)[:_MOST_MOVERS]
+    return sorted(found, key=lambda peak: -peak.level_db)[:_MAX_TARGETS]
 
 
 class _Search:
-    """State of the search: the residual map and the envelope of what was taken out of it."""
+    """State of the search: the residual map and the envelope of the subtracted responses."""
 
     def __init__(
         self,
@@ -206,10 +213,10 @@ class _Search:
             self._residual[i] -= self._still[i] * row
 
     def targets(self) -> list[_Target]:
-        """All targets, those beyond the window among them."""
+        """Return all targets, including those beyond the range limits."""
         found: list[_Target] = []
         refused = np.zeros(self._residual.shape, dtype=bool)
-        for _ in range(_MOST_ECHOES):
+        for _ in range(_MAX_ECHOES):
             place = self._strongest(found, refused)
             if place is None:
                 break
@@ -224,7 +231,7 @@ class _Search:
     def _strongest(
         self, found: list[_Target], refused: NDArray[np.bool_]
     ) -> tuple[int, int, _Target | None] | None:
-        """Cell of the strongest peak that nothing explains, and the target it belongs to."""
+        """Return the cell of the strongest unexplained peak, and the target it belongs to."""
         power = np.abs(self._residual) ** 2
         ridge = np.maximum(power[self._zero - 1], power[self._zero + 1])
         least = np.maximum(self._floor, (_TRUST * self._envelope) ** 2)
@@ -247,28 +254,29 @@ class _Search:
         return None
 
     def _take(self, row: int, col: int, new: bool) -> tuple[complex, PointResponse]:
-        """Subtract the echo that peaks near a cell; its amplitude and response."""
+        """Subtract the echo that peaks near a cell; return its amplitude and response."""
         range_m, cycles = self._place(row, col)
         rows = (row + np.arange(-2, 3)) % self._pulses
         cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
         start_m, stop_m = self._recording.echoes.range_limits_m
         cut = new and not start_m <= range_m <= stop_m and self._cuts
         if cut:
-            # cut by the end of the record: a broad peak, and sidelobes that hang on its place
+            # cut by the end of the record: a broad peak, and sidelobes that depend on its range
             range_m = cut_range_m(self._recording, self._residual[row], range_m)
             cols = np.arange(self._residual.shape[1])
         patch = self._residual[np.ix_(rows, cols)]
 
         def fit(at_m: float, at_cycles: float, folds: int) -> _Fit:
             response = point_response(self._recording, at_m, at_cycles, folds)
-            return _Fit.of(response, response.doppler[rows] @ response.ranges[:, cols], patch)
+            own = response.doppler[rows] @ response.ranges[:, cols]
+            return _Fit(response, own, *fit_point(own, patch))
 
         found, folded = fit(range_m, cycles, 0), 0
         for folds in (-1, 1, -2, 2) if new else ():
-            if found.share > _FITS:
+            if found.fraction > _FITS:
                 break
             other = fit(range_m, cycles, folds)
-            if other.share > found.share:
+            if other.fraction > found.fraction:
                 found, folded = other, folds
         if cut:
             found = self._settled(found, patch, range_m, cycles, lambda m, c: fit(m, c, folded))
@@ -285,9 +293,9 @@ class _Search:
         cycles: float,
         fit: Callable[[float, float], _Fit],
     ) -> _Fit:
-        """An echo that the end of the record cuts, by Gauss and Newton over range and Doppler.
+        """Fit an echo cut by the end of the record, by Gauss-Newton over range and Doppler.
 
-        The cut changes while it migrates, so its peak is off in both.
+        The cut changes while the echo migrates, so its peak is off in both.
         """
         step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
         step_cycles = 1 / (32 * self._pulses)
@@ -307,7 +315,7 @@ class _Search:
         return found
 
     def _place(self, row: int, col: int) -> tuple[float, float]:
-        """Range [m] and Doppler [cycles per pulse] of a peak, to some hundredths of a cell."""
+        """Return range [m] and Doppler [cycles per pulse] of a peak to hundredths of a cell."""
         pulses, range_m = self._pulses, self._recording.rd_map.range_m
         cols = np.clip(np.arange(col - 1, col + 2), 0, range_m.size - 1)
         trains = np.fft.ifft(np.fft.ifftshift(self._residual[:, cols], axes=0), axis=0)
@@ -320,7 +328,7 @@ class _Search:
         return float(range_m[col]) + step_m * _vertex(spectra[best]), float(cycles)
 
     def refined(self, target: _Target) -> Peak:
-        """A target's peak in the map without all other targets."""
+        """Return a target's peak in the map without all other targets."""
         values = self._residual.copy()
         for amplitude, response in target.echoes:
             values += response.echo(amplitude)
@@ -329,16 +337,16 @@ class _Search:
 
 
 def _line(weight: Real, cells: float) -> Complex:
-    """Row by row, what a map shows of an echo at a Doppler of so many cells; 1 at its place."""
+    """Return the map's response, row by row, to an echo at a Doppler in cells; 1 at its place."""
     pulse = np.arange(weight.size)
     train = weight / weight.sum() * np.exp(2j * np.pi * cells * pulse / weight.size)
     return np.asarray(np.fft.fftshift(np.fft.fft(train)))
 
 
 def _ridge_shape(weight: Real) -> Real:
-    """Most that one scatterer of the ridge shows in each row, over what it does next to 0 Hz.
+    """Return the largest response of a ridge scatterer per row, relative to that next to 0 Hz.
 
-    Of scatterers slower than `_RIDGE_CELLS`, after step 1 of the module.
+    Scatterers slower than `_RIDGE_CELLS`, after step 1 of the module.
     """
     zero, still = weight.size // 2, _line(weight, 0.0)
     shape = np.zeros(weight.size)
@@ -351,16 +359,16 @@ def _ridge_shape(weight: Real) -> Real:
 
 
 def _envelope(response: PointResponse, row: int, col: int) -> Real:
-    """Envelope of a response, without the nulls between its sidelobes, (Doppler, ranges)."""
+    """Return the envelope of a response without nulls between sidelobes, (Doppler, ranges)."""
     pulses, nodes = response.doppler.shape
     columns = response.ranges.shape[1]
     near = response.ranges[:, max(0, col - 4) : col + 5]
-    # between the rows, too: an echo on a row shows its zeros in all others
+    # also between the rows: an echo on a row has its zeros in all others
     trains = np.fft.ifft(np.fft.ifftshift(response.doppler, axes=0), axis=0)
     half = np.exp(-1j * np.pi * np.arange(pulses) / pulses)[:, None]
     between = np.fft.fftshift(np.fft.fft(trains * half, axis=0), axes=0)
     lines = np.maximum(np.abs(response.doppler @ near), np.abs(between @ near)).max(axis=1)
-    reach = 1 + math.ceil(nodes / 2)  # sidelobes in range of what migrates stand beside its row
+    reach = 1 + math.ceil(nodes / 2)  # range sidelobes of a migrating echo are next to its row
     doppler = np.max([np.roll(lines, k) for k in range(-reach, reach + 1)], axis=0)
     profile = np.pad(np.abs(response.ranges).max(axis=0), 2)
     ranges = np.max([profile[k : k + columns] for k in range(5)], axis=0)
@@ -373,7 +381,7 @@ def _envelope(response: PointResponse, row: int, col: int) -> Real:
 
 
 def _vertex(values: Real) -> float:
-    """Place of the maximum of a parabola through the logarithms of three values, -1/2 to 1/2."""
+    """Return the maximum of a parabola through the logarithms of three values, -1/2 to 1/2."""
     low, middle, high = np.log(np.maximum(values, 1e-300))
     bend = low - 2 * middle + high
     return float(np.clip((low - high) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0

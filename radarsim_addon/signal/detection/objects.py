@@ -5,10 +5,10 @@ The cross section inverts the radar equation path by path,
 
     sigma = sum_i P_i (4 pi)^3 R_t,i^2 R_r,i^2 / (EIRP G_r lambda^2),
 
-R_t,i from emitter to the path's last vertex, R_r,i from receiver to its first: monostatic and
-bistatic alike. Gains are those of the render (EIRP in all directions, G_r = 1), so antennas do not
-matter. It is the expected (speckle-averaged) cross section of what the receiver sees of an object,
-losses in walls before it included.
+R_t,i from transmitter to the path's last vertex, R_r,i from receiver to its first: monostatic and
+bistatic alike. Gains are those of the render (EIRP in all directions, G_r = 1), so antennas have no
+effect. It is the expected (speckle-averaged) cross section of the visible part of an object,
+including losses in walls before it.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from ..scattering import Link
 
 @dataclass(frozen=True)
 class ObjectEcho:
-    """What comes back from an object, or from several taken together.
+    """Echo of an object, or of a group of objects.
 
     Attributes
     ----------
     name
-        Of the object or group.
+        Name of the object or group.
     paths
-        Rows of the table, all shifts together.
+        Number of rows of the table, all replicates together.
     power_w, power_error_w
         Received power and its standard error [W], see :mod:`.paths.replicates`.
     rcs_m2, rcs_error_m2
@@ -49,7 +49,7 @@ class ObjectEcho:
     range_m
         One-way range, mean weighted by power [m].
     multi_object_power_w
-        Power of paths that touch other objects too (first or last vertex); not in `power_w` [W].
+        Power of paths that also touch other objects (first or last vertex); not in `power_w` [W].
     range_rate_mps
         Rate of the one-way range at t, mean weighted by power, receding positive [m/s].
     """
@@ -76,16 +76,16 @@ class ObjectEcho:
 
 
 def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
-    """Each row's share of the cross section of what it hit, (n,) [m^2]."""
+    """Return each row's contribution to the cross section of its object, (n,) [m^2]."""
     receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
     there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
     back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
-    # Without vertices the mean range has to do.
+    # Without vertices the mean range replaces them.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
     if record.receiver.kind == "orthographic":
-        back = np.ones_like(back)  # its pixels stand for areas: no 1/R^2 was in them
+        back = np.ones_like(back)  # its pixels are areas: they contain no 1/R^2
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
     return np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
@@ -94,7 +94,7 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
 def path_power_w(
     rows: PathRows, record: PathsRecord, carrier_hz: float, link: Link | None = None
 ) -> Real:
-    """Each row's received power at a carrier, with the gains of a system if there is one [W]."""
+    """Return each row's received power at a carrier [W], with the gains of a link budget."""
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
         power = power * link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
@@ -107,23 +107,28 @@ def object_echoes(
     link: Link | None = None,
     groups: Mapping[str, Sequence[str]] | None = None,
 ) -> list[ObjectEcho]:
-    """Power and cross section of every object that echoes, the strongest first.
+    """Compute power and cross section of every object with an echo.
 
     Parameters
     ----------
     frame
-        A radar frame of the acquisition "paths".
+        A radar frame with the sampling mode "paths".
     carrier_hz
         Carrier [Hz].
     link
-        System, for the powers.
+        Link budget, for the powers; None: EIRP of the render, G_r = 1.
     groups
-        Names of objects that are taken together, by the group's name; None: each by itself.
+        Names of objects that are taken together, by the group's name; None: each object separately.
+
+    Returns
+    -------
+    list of ObjectEcho
+        Strongest first.
 
     Raises
     ------
     ConfigError
-        The frame is of rings, whose paths do not know their objects.
+        The frame was measured by rings, whose paths have no objects.
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
@@ -152,7 +157,7 @@ def _membership(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> 
 
 
 class _Sums:
-    """Sums over tiles: the mean of the shifts, and the variance of that mean."""
+    """Sums over tiles: the mean of the replicates, and the variance of that mean."""
 
     def __init__(self, groups: int, replicates: int, camera: ReceiverRecord) -> None:
         self._shifts, self._camera = replicates, camera
@@ -165,7 +170,7 @@ class _Sums:
 
     def add_tile(self, rows: PathRows, power: Real, rcs: Real, member: NDArray[np.bool_]) -> None:
         last, first = rows["last_object"], rows["first_object"]
-        first = np.where(first == 0, last, first)  # where only the last vertex is known
+        first = np.where(first == 0, last, first)  # if only the last vertex is known
         for group in np.flatnonzero(member[:, np.unique([*last, *first])].any(axis=1)):
             touched_last, touched_first = member[group][last], member[group][first]
             mine = touched_last & touched_first
@@ -187,14 +192,16 @@ class _Sums:
                 self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
 
     def _add_lone(self, place: int, group: int, rows: PathRows, value: Real) -> None:
-        """One shift of a tile: its edges, and what neighbours differ by."""
+        """Add a tile of one replicate: its edges, and the differences between neighbours."""
         self._mean[place, group] += value.sum()
         label = np.ones(value.size, dtype=np.int64)
         self._variance[place, group] += lone_variances(rows, label, value, self._camera)[-1]
 
     def _least_relative(self, rows: PathRows, power: Real) -> float:
-        """Least relative variance of what these rows of a tile add up to, by edges along its grid
-        that the shifts may agree on."""
+        """Return the smallest relative variance of the sum of these rows of a tile.
+
+        It comes from edges along the grid of the tile, on which the replicates may agree.
+        """
         total = power.sum()
         if not total > 0:
             return 0.0
@@ -227,7 +234,7 @@ class _Sums:
 
 
 def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
-    """First and last row of each tile: rows of one tile stand together."""
+    """Return first and last row of each tile: rows of one tile are adjacent."""
     if table.size == 0:
         return []
     tile = np.asarray(table["tile"])
@@ -236,12 +243,24 @@ def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
 
 
 def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
-    """Objects of a frame by name, by the name of a collection, or by a pattern with * and ?.
+    """Return the objects of a frame by name, by the name of a collection, or by a pattern.
+
+    Parameters
+    ----------
+    frame
+        Radar frame with the sampling mode "paths".
+    pattern
+        Name, which may contain * and ?.
+
+    Returns
+    -------
+    list of str
+        Names of objects.
 
     Raises
     ------
     ConfigError
-        Nothing has that name.
+        No object or collection has that name.
     """
     frame_input = as_input(frame)
     record, scene = frame_input.table.record, frame_input.ground_truth
@@ -262,6 +281,6 @@ def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
         known = ", ".join(map(repr, [*record.objects, *sorted(collections)]))
         raise ConfigError(
             f"No object or collection of frame {record.frame} is called {pattern!r}; there are "
-            f"{known}. Names may hold * and ?."
+            f"{known}. Give one of these names; it may contain * and ?."
         )
     return found

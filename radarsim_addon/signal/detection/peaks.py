@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stands out: interpolated peaks of a map, leading edges of a profile."""
+"""Interpolated peaks of a map, and leading edges of a profile."""
 
 from __future__ import annotations
 
@@ -24,8 +24,16 @@ MAX_ABOVE_DB = 300.0
 class Peak:
     """A local maximum of a range-Doppler map, interpolated between its cells.
 
-    `velocity_mps` is the range rate (receding positive), `level_db` 10 log10 of the power at the
-    interpolated peak, `peak_to_background_db` that level over the median of what surrounds it.
+    Attributes
+    ----------
+    range_m
+        One-way range [m].
+    velocity_mps, doppler_hz
+        Range rate, receding positive [m/s], and Doppler [Hz].
+    level_db
+        10 log10 of the power at the interpolated peak.
+    peak_to_background_db
+        That level over the median of the surroundings [dB].
     """
 
     range_m: float
@@ -37,7 +45,17 @@ class Peak:
 
 @dataclass(frozen=True)
 class LeadingEdge:
-    """Where a profile first reaches half the power of a peak, coming from the radar."""
+    """Range where a profile first reaches half the power of a peak, coming from the radar.
+
+    Attributes
+    ----------
+    range_m, peak_range_m
+        One-way ranges of the edge and of the peak [m].
+    level_db
+        10 log10 of the power of the peak.
+    prominence_db
+        Height of the peak over the saddle to any higher one [dB].
+    """
 
     range_m: float
     peak_range_m: float
@@ -55,29 +73,34 @@ def find_peaks(
     guard: tuple[int, int] = (4, 8),
     reach: tuple[int, int] = (16, 64),
 ) -> list[Peak]:
-    """The strongest local maxima of a map, strongest first.
+    """Find the strongest local maxima of a map.
 
     Parameters
     ----------
     rd_map
         Range-Doppler map.
     count
-        How many at most.
+        Maximum number of peaks.
     min_speed_mps
-        Leave out cells with |range rate| below this: the stripe of what stands still.
+        Ignore cells with |range rate| below this, the stripe of stationary echoes [m/s].
     range_m
-        Look at these ranges only (start, stop).
+        Search these one-way ranges only (start, stop) [m]; None: all.
     min_above_db
-        Leave out peaks that stand less than this above their surroundings.
+        Ignore peaks less than this above their surroundings [dB].
     guard, reach
         Cells (Doppler, range) to each side. Within `guard` of a peak no other is taken; the
-        surroundings are what lies between `guard` and `reach`, see :func:`peak_to_background_db`.
+        surroundings are the cells between `guard` and `reach`, see :func:`peak_to_background_db`.
+
+    Returns
+    -------
+    list of Peak
+        Strongest first.
 
     Notes
     -----
-    The interpolation is trigonometric, so exact for one path away from the edges of the range
-    window: along Doppler from the pulses themselves, along range from the band-limited response.
-    From two rows off 0 Hz on, what stands still at the same range is estimated along.
+    The interpolation is trigonometric, so exact for one path away from the range limits:
+    along Doppler from the pulses themselves, along range from the band-limited response.
+    From two rows off 0 Hz on, the fit includes a stationary echo at the same range.
     """
     power = rd_map.power
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
@@ -102,9 +125,9 @@ def find_peaks(
 
 
 def local_maxima(power: Real) -> NDArray[np.bool_]:
-    """Cells not below any of their eight neighbours; Doppler wraps, range does not.
+    """Return the cells not below any of their eight neighbours; Doppler wraps, range does not.
 
-    Takes (pulses, ranges), any unit of power, and gives a mask of that shape.
+    Takes (pulses, ranges), any unit of power, and returns a mask of that shape.
     """
     padded = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
     padded = np.concatenate([padded[-1:], padded, padded[:1]])
@@ -124,10 +147,22 @@ def peak_to_background_db(
     guard: tuple[int, int] = (4, 8),
     reach: tuple[int, int] = (16, 64),
 ) -> float:
-    """Power of a cell over the median of its surroundings [dB], at most `MAX_ABOVE_DB`.
+    """Return the power of a cell over the median of its surroundings.
 
-    The surroundings are the cells within `reach` (Doppler, range) but not within `guard` of the
-    cell; Doppler wraps, range ends at the window. `power` is (pulses, ranges), in any linear unit.
+    Parameters
+    ----------
+    power
+        Map in any linear unit, (pulses, ranges).
+    row, col
+        The cell.
+    guard, reach
+        The surroundings are the cells within `reach` (Doppler, range) but not within `guard` of the
+        cell; Doppler wraps, range ends at the limits.
+
+    Returns
+    -------
+    float
+        Ratio [dB], at most `MAX_ABOVE_DB`.
 
     Raises
     ------
@@ -142,15 +177,15 @@ def peak_to_background_db(
     around = power[np.ix_(rows, cols)][outside]
     if around.size == 0:
         raise ConfigError(
-            f"Map of {power.shape} cells (Doppler, range) has nothing beyond guard cells {guard}; "
-            "use fewer guard cells, more pulses or a longer range window."
+            f"Map of {power.shape} cells (Doppler, range) has no cells beyond guard cells {guard}, "
+            "so a peak has no background. Use fewer guard cells, more pulses or wider range limits."
         )
     floor = power[row, col] * 10 ** (-MAX_ABOVE_DB / 10)
     return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
 
 
 def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
-    """Fourier coefficients over range of the windowed pulses that the map was made of.
+    """Return the Fourier coefficients over range of the map's tapered pulses.
 
     (pulses, ranges), in FFT order over range, in time order over the pulses.
     """
@@ -161,11 +196,11 @@ def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
 def refine_peak(
     rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, peak_to_background_db: float
 ) -> Peak:
-    """Maximum of the trigonometric interpolation next to a cell, one axis after the other.
+    """Return the maximum of the trigonometric interpolation near a cell, axis by axis.
 
-    Off 0 Hz an echo a e(f) is fitted together with one c that stands still at the same range:
-    least squares with the window w as weight, whose inner products are the map's own sums,
-    a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for windowed pulses x, W(f) = sum w e(-f).
+    Off 0 Hz an echo a e(f) is fitted together with a stationary one c at the same range:
+    least squares with the taper w as weight, whose inner products are the map's own sums,
+    a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for tapered pulses x, W(f) = sum w e(-f).
     """
     pulses, ranges = rd_map.values.shape
     wave = np.fft.fftfreq(ranges)
@@ -179,7 +214,7 @@ def refine_peak(
     best = 0.0
 
     def terms(x: float) -> Complex:
-        """What sums up windowed pulses to the square root of the energy at a Doppler."""
+        """Return weights that sum tapered pulses to the root of the energy at a Doppler."""
         turn = np.exp(-2j * np.pi * x * pulse)
         if not deflate:
             return np.asarray(turn)
@@ -215,7 +250,7 @@ def _climb(
     step: float,
     within: tuple[float, float] = (-math.inf, math.inf),
 ) -> tuple[float, float]:
-    """Maximum of |sum factors(x) terms| within `step` of `start`, and `within`: place and value.
+    """Return place and value of the maximum of |sum factors(x) terms| within `step` and `within`.
 
     The interpolation over range is periodic: beyond the last cell it climbs to the first.
     """
@@ -223,7 +258,7 @@ def _climb(
     def value(x: float) -> float:
         return float(abs(factors(x) @ terms))
 
-    # golden-section search: one maximum between two cells, and no derivative to go wrong
+    # golden-section search: one maximum between two cells, and no derivative needed
     ratio = (5**0.5 - 1) / 2
     low, high = max(start - step, within[0]), min(start + step, within[1])
     left, right = high - ratio * (high - low), low + ratio * (high - low)
@@ -250,34 +285,38 @@ def leading_edges(
     range_m: tuple[float, float] | None = None,
     min_prominence_db: float = 0.5,
 ) -> list[LeadingEdge]:
-    """Half-power leading edges of the strongest separated peaks of a profile.
+    """Find half-power leading edges of the strongest separated peaks of a profile.
 
     Parameters
     ----------
     profile
         Expected power against range.
     count
-        How many peaks at most.
+        Maximum number of peaks.
     separation_m
-        No second peak within this distance of a stronger one; default 20 range resolutions.
+        No second peak within this distance of a stronger one [m]; None: 20 range resolutions.
     by
-        "power" takes the highest peaks; "prominence" those that stand out most, in decibels, over
+        "power" takes the highest peaks; "prominence" those highest, in decibels, over
         the saddle to any higher one: faint far objects before near clutter.
     range_m
-        Look at these ranges only (start, stop).
+        Search these one-way ranges only (start, stop) [m]; None: all.
     min_prominence_db
-        Leave out peaks that stand out less than this: ripple on a flank.
+        Ignore peaks of lower prominence: ripple on a flank [dB].
 
     Returns
     -------
     list of LeadingEdge
         In the order of `by`. The edge is the last place before the peak where the power is half
-        the peak's, linearly interpolated. Peaks before which it never falls so low are left out.
+        the peak's, linearly interpolated. Peaks without such a place are omitted.
+
+    Raises
+    ------
+    ConfigError
+        `by` has another value.
     """
     power, axis_m = profile.power, profile.range_m
-    separation_m = (
-        20 * profile.radar.waveform.range_resolution_m if separation_m is None else separation_m
-    )
+    if separation_m is None:
+        separation_m = 20 * profile.radar.waveform.range_resolution_m
     inside = np.ones(axis_m.size, dtype=bool)
     if range_m is not None:
         inside = (axis_m >= range_m[0]) & (axis_m <= range_m[1])
@@ -295,7 +334,7 @@ def leading_edges(
         if prominence_db[index] < min_prominence_db:
             continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
-        # Where power does not fall to half before the peak, its edge is not in the window.
+        # If power does not fall to half before the peak, its edge is outside the range limits.
         rises = bool(np.any(power[:place] < power[place] / 2))
         if far and rises and len(edges) < count:
             edges.append(
@@ -314,12 +353,12 @@ def _half_power_before(power: Real, axis_m: Real, place: int) -> float:
     if below.size == 0:
         return float(axis_m[0])
     i = int(below[-1])
-    share = (power[place] / 2 - power[i]) / (power[i + 1] - power[i])
-    return float(axis_m[i] + share * (axis_m[i + 1] - axis_m[i]))
+    fraction = (power[place] / 2 - power[i]) / (power[i + 1] - power[i])
+    return float(axis_m[i] + fraction * (axis_m[i + 1] - axis_m[i]))
 
 
 def _prominence_db(level_db: Real, place: int) -> float:
-    """Height over the higher of the two saddles that lead to something higher."""
+    """Return the height over the higher of the two saddles that lead to a higher peak."""
     saddles = []
     for side in (level_db[:place][::-1], level_db[place + 1 :]):
         higher = np.flatnonzero(side > level_db[place])

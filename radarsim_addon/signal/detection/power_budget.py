@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The power budget as a stage of processing: gains on paths, objects with their RCS and SNR."""
+"""Link budget of a frame: gains on paths, objects with their cross section and SNR."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .objects import ObjectEcho, object_echoes
 
 #: Share of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
-#: Objects whose share of the strongest one's power is below this are rounding [dB].
+#: Objects below this level relative to the strongest one are rounding [dB].
 _LEAST_DB = -200.0
-#: What a canceller leaves of an echo, below which it is gone from the map [power].
+#: Power fraction of an echo after the canceller below which it is not in the map.
 _CANCELLED = 1e-20
 
 
 def compression_loss_db(radar: Radar, range_taper: str, doppler_taper: str) -> float:
-    """SNR that the windows over band and pulses cost against the matched filter [dB], 0 or more.
+    """Return the SNR loss of range and Doppler taper against the matched filter [dB], 0 or more.
 
-    Both from the noise that comes through: see :mod:`.maps.noise_floor`.
+    It follows from the noise gains, see :mod:`.maps.noise_floor`.
     """
     gain = map_noise_gain(radar, range_taper, doppler_taper)
     ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
@@ -38,9 +38,25 @@ def compression_loss_db(radar: Radar, range_taper: str, doppler_taper: str) -> f
 def predicted_snr(
     power_w: float, radar: Radar, system: RadarSystem, range_taper: str, doppler_taper: str
 ) -> SnrPrediction:
-    """What the map shows of a point target of this received power; see `predict_snr`.
+    """Predict the SNR of a point target in the map; see `predict_snr`.
 
-    The energy of the pulse as it is sampled: as many samples as carry its echo.
+    The energy of the pulse is that of the samples that carry its echo.
+
+    Parameters
+    ----------
+    power_w
+        Received power [W].
+    radar
+        Waveform and burst.
+    system
+        Link budget at the wavelength.
+    range_taper, doppler_taper
+        Range taper and Doppler taper by name.
+
+    Returns
+    -------
+    SnrPrediction
+        In dB.
     """
     pulse_s = coherent_samples(radar) / radar.waveform.sampling_rate_hz
     return predict_snr(
@@ -82,7 +98,7 @@ class BudgetReport:
     excluded_reason: dict[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
-        """For ``_summary.json``: powers in W and dBm, cross sections in m^2 and dBsm."""
+        """Return the record for ``_summary.json``: powers in W and dBm, RCS in m^2 and dBsm."""
         return {
             "received_w": self.received_w,
             "received_dbm": _dbm(self.received_w),
@@ -103,7 +119,7 @@ class BudgetReport:
         }
 
     def lines(self) -> list[str]:
-        """For people, one object a line."""
+        """Return text for people, one object per line."""
         found = []
         if self.noise_w is not None:
             found.append(
@@ -149,7 +165,7 @@ class FrameBudget:
             self.link = Link(self.system, frame_input.receiver, frame_input.transmitter)
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths with the system's gains."""
+        """Return the paths with the link budget's gains."""
         return paths if self.link is None else self.link.apply(paths)
 
     def report(
@@ -215,7 +231,18 @@ class FrameBudget:
 
 
 def projection_warnings(frame_input: FrameInput) -> list[str]:
-    """What to know of a frame's powers for the projection of its receiver."""
+    """Warn about a frame's powers for the projection of its receiver.
+
+    Parameters
+    ----------
+    frame_input
+        Frame with its tables.
+
+    Returns
+    -------
+    list of str
+        Warnings in complete sentences.
+    """
     if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []
     text = (
@@ -228,19 +255,19 @@ def projection_warnings(frame_input: FrameInput) -> list[str]:
 
 
 def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
-    """What a canceller leaves of the object's power, at its mean Doppler, over that of noise."""
+    """Return the power gain of a canceller at the object's mean Doppler, relative to noise."""
     if not mti:
         return 1.0
     doppler_hz = -2 * echo.range_rate_mps / radar.waveform.wavelength_m
-    # it shortens the burst too
-    share = (radar.burst.pulses - mti + 1) / radar.burst.pulses
-    return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * share
+    # the canceller also shortens the burst
+    fraction = (radar.burst.pulses - mti + 1) / radar.burst.pulses
+    return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * fraction
 
 
 def _absence(
     echo: ObjectEcho, radar: Radar, range_limits_m: tuple[float, float] | None
 ) -> str | None:
-    """Why an object is not in the map; None: it is."""
+    """Return the reason why an object is not in the map; None: it is."""
     waveform = radar.waveform
     range_m, cell_m = echo.range_m, waveform.range_resolution_m
     if isinstance(waveform, FmcwWaveform):
@@ -254,7 +281,7 @@ def _absence(
     if range_limits_m is None:
         return None
     start_m, stop_m = range_limits_m[0] - cell_m, range_limits_m[1] + cell_m
-    # where it is heard, folded: the farthest place that is not beyond the window
+    # the ambiguous range of the echo: the farthest one that is not beyond the limits
     orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
     shown_m = range_m - orders * fold_m if orders else range_m
     return None if start_m <= shown_m <= stop_m else "outside the window"
@@ -273,6 +300,6 @@ def _text(value: float | None) -> str:
 
 
 def _range_text(range_m: float) -> str:
-    """Two digits behind the point, more below a metre."""
+    """Return a range with two decimals, more below a metre."""
     digits = max(2, 2 - math.floor(math.log10(range_m))) if range_m > 0 else 2
     return f"{range_m:10.{min(digits, 9)}f}"

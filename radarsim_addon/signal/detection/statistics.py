@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the paths of a radar frame add up to, and what a user should know before trusting it."""
+"""Sums over the paths of a radar frame, and warnings about them."""
 
 from __future__ import annotations
 
@@ -32,11 +32,22 @@ _BEYOND = {
 
 @dataclass(frozen=True)
 class FrameStatistics:
-    """What the paths of one frame add up to.
+    """Sums over the paths of one frame.
 
-    `power_w` is the sum of the received powers, `mixed_power_fraction` the share of it in pixels
-    that mix several ranges, `beyond_unambiguous_range` and `beyond_max_velocity` count paths, and
-    `outside_range_limits` those that the range window leaves out (mean over the pulses).
+    Attributes
+    ----------
+    counts
+        Numbers of paths and of their flags.
+    power_w
+        Sum of the received powers [W].
+    mixed_power_fraction
+        Fraction of it in pixels that mix several ranges.
+    nearest_m, farthest_m
+        One-way ranges of the nearest and the farthest path [m]; None without paths.
+    beyond_unambiguous_range, beyond_max_velocity
+        Numbers of paths.
+    outside_range_limits
+        Number of paths that the range limits exclude (mean over the pulses).
     """
 
     counts: PathCounts
@@ -50,7 +61,15 @@ class FrameStatistics:
 
 
 class StatisticsSum:
-    """Adds up statistics while paths stream by."""
+    """Running statistics over chunks of paths.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+    receiver_gain
+        G_r, linear.
+    """
 
     def __init__(self, radar: Radar, receiver_gain: float) -> None:
         self._radar, self._gain = radar, receiver_gain
@@ -60,7 +79,7 @@ class StatisticsSum:
         self._nearest, self._farthest = np.inf, -np.inf
 
     def add(self, paths: Paths) -> None:
-        """Count these paths, too."""
+        """Add a chunk of paths."""
         self._counts += paths.counts
         if not len(paths):
             return
@@ -75,8 +94,18 @@ class StatisticsSum:
         self._fast += int(np.count_nonzero(speed > self._radar.max_unambiguous_velocity_mps))
 
     def result(self, outside: float) -> FrameStatistics:
-        """Of all paths added so far; `outside` as "
-        ":class:`.echoes.pulse_synthesis.Echoes` has it."""
+        """Return the statistics of all paths added so far.
+
+        Parameters
+        ----------
+        outside
+            Number of paths that the range limits exclude (mean over the pulses).
+
+        Returns
+        -------
+        FrameStatistics
+            The sums.
+        """
         some = self._counts.paths > 0
         return FrameStatistics(
             counts=self._counts,
@@ -93,7 +122,22 @@ class StatisticsSum:
 def frame_statistics(
     frame: RadarFrame | FrameInput, radar: Radar, receiver_gain: float = 1.0
 ) -> FrameStatistics:
-    """Statistics of one frame's paths, without forming echoes."""
+    """Compute the statistics of one frame's paths, without echoes.
+
+    Parameters
+    ----------
+    frame
+        Radar frame.
+    radar
+        Waveform and burst.
+    receiver_gain
+        G_r, linear.
+
+    Returns
+    -------
+    FrameStatistics
+        The sums.
+    """
     total = StatisticsSum(radar, receiver_gain)
     for part in iter_path_chunks(frame):
         total.add(part)

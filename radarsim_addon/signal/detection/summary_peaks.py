@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edges that a frame's summary names, and the dynamic range of its maps."""
+"""Leading edges that a frame's summary lists."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from ..paths import make_paths
 from ..radar import Radar
 from .peaks import LeadingEdge, leading_edges
 
-#: The same of a profile of expected power, whose convolution rounds at 1e-16 of its largest value
-#: times the root of its length [dB].
+#: Dynamic range of a profile of expected power: its convolution rounds at 1e-16 of the largest
+#: value times the square root of its length [dB].
 PROFILE_DYNAMICS_DB = 130.0
-#: What is no more than this above a stronger peak's response to one path is its sidelobe [dB].
+#: An edge up to this far above a stronger peak's response to one path is its sidelobe [dB].
 _SIDELOBE_DB = 6.0
 
 
 def _paired_reach_m(radar: Radar) -> float:
-    """How far from a strong echo its paired echoes may lie: a pulse's length."""
+    """Return how far from a strong echo its paired echoes may be: a pulse's length [m]."""
     if radar.waveform.family != "pulse":
         return 0.0
     return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
 
 
 def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
-    """Edges that stand out of what stronger peaks show of themselves at their range."""
+    """Return the edges that exceed the responses of stronger peaks at their range."""
     kept: list[LeadingEdge] = []
     range_limits_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
     step_m = float(profile.range_m[1] - profile.range_m[0]) if profile.range_m.size > 1 else 1.0
     sidelobes = np.zeros_like(profile.power)
     for edge in sorted(found, key=lambda item: -item.level_db):
         place = int(np.argmin(np.abs(profile.range_m - edge.peak_range_m)))
-        # their envelope: a peak of them is two cells wide
+        # the envelope of sidelobes: each is two cells wide
         reach = 2 * math.ceil(profile.radar.waveform.sample_spacing_m / step_m)
         near = sidelobes[max(0, place - reach) : place + reach + 1].max(initial=0.0)
         if 10 ** (edge.level_db / 10) <= near * 10 ** (_SIDELOBE_DB / 10):
@@ -55,12 +55,22 @@ def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[
 
 
 def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
-    """Leading edges, without the paired echoes of stronger ones.
+    """Find leading edges, without the paired echoes of stronger ones.
 
     A chirp of low time-bandwidth product has such echoes up to its own length away, some 38 dB
-    down whatever the window (the Fresnel ripple of its spectrum). Of waveforms that sample
-    frequencies, and of phase codes, the sidelobes of stronger peaks are no edges either; nor is
-    anything `PROFILE_DYNAMICS_DB` below the strongest, which is rounding.
+    down with any taper (the Fresnel ripple of its spectrum). For waveforms that sample
+    frequencies, and for phase codes, sidelobes of stronger peaks are excluded too. Levels more than
+    `PROFILE_DYNAMICS_DB` below the strongest are rounding.
+
+    Parameters
+    ----------
+    profile
+        Expected power against range.
+
+    Returns
+    -------
+    list of LeadingEdge
+        At most five, by falling prominence.
     """
     reach_m = _paired_reach_m(profile.radar)
     least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)

@@ -17,7 +17,7 @@ from .range_compression import (
     range_process,
 )
 from .range_doppler_map import RangeDopplerMap, level_unit, power_to_db, power_unit, range_doppler
-from .single_echo import PointResponse, Recording, cut_range_m, point_response
+from .single_echo import PointResponse, Recording, cut_range_m, fit_point, point_response
 
 __all__ = [
     "ExpectedPower",
@@ -32,6 +32,7 @@ __all__ = [
     "dynamics_db",
     "expected_power",
     "expected_power_profile",
+    "fit_point",
     "level_unit",
     "line_weights",
     "map_noise_gain",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Moving-target indication: cancellers that take out what stands still (Skolnik, 3.2)."""
+"""Moving-target indication: cancellers that remove stationary echoes (Skolnik, 3.2)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6
 
 
 def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
-    """Two- or three-pulse canceller over the pulses of a burst.
+    """Apply a two- or three-pulse canceller over the pulses of a burst.
 
     Parameters
     ----------
     compressed
-        Compressed pulses.
+        Range profiles of the pulses.
     pulses
         2 (single delay line) or 3 (double).
 
     Returns
     -------
-    Compressed
+    RangeProfiles
         With 1 or 2 pulses fewer. Echoes are weighted with :func:`mti_response` of their Doppler;
         white noise keeps its power on the average over Doppler.
 
@@ -36,8 +36,7 @@ def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
     ConfigError
         Another canceller, or too few pulses.
     """
-    if pulses not in _WEIGHTS:
-        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+    _check_pulses(pulses)
     count = compressed.values.shape[0] - pulses + 1
     if count < 1:
         raise ConfigError(
@@ -54,7 +53,7 @@ def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
 
 
 def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
-    """Power response of a canceller: 2 sin^2(x) and (8/3) sin^4(x), x = pi f_D / PRF.
+    """Return the power response of a canceller: 2 sin^2(x) and (8/3) sin^4(x), x = pi f_D / PRF.
 
     The textbook's 4 sin^2 and 16 sin^4, over the 2 and 6 by which the canceller raises noise.
 
@@ -67,12 +66,16 @@ def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
     prf_hz
         PRF [Hz].
 
-    Raises
-    ------
-    ConfigError
-        There is no canceller of that many pulses.
+    Returns
+    -------
+    ndarray
+        Power gain in the shape of `doppler_hz`.
     """
-    if pulses not in _WEIGHTS:
-        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+    _check_pulses(pulses)
     squared = np.sin(np.pi * np.asarray(doppler_hz, dtype=np.float64) / prf_hz) ** 2
     return np.asarray(2 * squared if pulses == 2 else 8 / 3 * squared**2)
+
+
+def _check_pulses(pulses: int) -> None:
+    if pulses not in _WEIGHTS:
+        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")

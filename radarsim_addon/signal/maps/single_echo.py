@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a range-Doppler map shows of one echo: the exact response of the waveform.
+"""Response of a range-Doppler map to one echo: the exact response of the waveform.
 
-Range sidelobes, paired echoes of a short chirp, the cut at the ends of the record, windows, range
-migration and the canceller are all in it, because a unit echo is synthesized and compressed as the
-scene's are. While the echo moves from r - d to r + d its profile is interpolated between Q ranges
+It contains range sidelobes, paired echoes of a short chirp, the cut at the ends of the record,
+tapers, range migration and the canceller, because a unit echo is synthesized and compressed like
+the scene's. While the echo moves from r - d to r + d its profile is interpolated between Q ranges
 (Chebyshev nodes, barycentric Lagrange; Trefethen, Approximation Theory and Practice, ch. 5), so
 that the response is a product (pulses, Q) x (Q, ranges).
 """
@@ -13,10 +13,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ..echoes import Echoes, EchoOptions, synthesizer_for
@@ -28,22 +26,22 @@ from .range_doppler_map import RangeDopplerMap, range_doppler
 
 #: Error of the interpolation over the migration, relative to the peak.
 _NODE_ERROR = 1e-4
-#: Most nodes: a migration of some ten range cells.
-_MOST_NODES = 24
-#: Nearest echo: delays below 0 are not heard [m].
+#: Maximum number of nodes: a migration of some ten range cells.
+_MAX_NODES = 24
+#: Nearest echo: delays below 0 are not received [m].
 _NEAREST_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A range-Doppler map with the samples that it was made of.
+    """A range-Doppler map with its samples.
 
     Attributes
     ----------
     echoes
-        The samples, with the window that was recorded.
+        The samples, with the range limits of the record.
     range_limits_m
-        Ranges of the map, maybe beyond that window [m].
+        Ranges of the map, possibly beyond those limits [m].
     rd_map
         The map.
     mti
@@ -62,13 +60,12 @@ class Recording:
     def over(
         cls, echoes: Echoes, range_limits_m: tuple[float, float], rd_map: RangeDopplerMap, mti: int
     ) -> Recording:
-        """A map over another range window [m], else made as `rd_map` was."""
+        """Return a map over other range limits [m], otherwise processed as `rd_map`."""
         found = range_process(
             dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.range_taper
         )
         strongest = float(np.max(np.abs(found.values), initial=0.0)) ** 2
-        found = mti_cancel(found, mti) if mti else found
-        wide = range_doppler(found, rd_map.doppler_taper)
+        wide = _map(found, mti, rd_map.doppler_taper)
         return cls(echoes, range_limits_m, wide, mti, strongest)
 
 
@@ -84,7 +81,7 @@ class PointResponse:
         (Q, ranges), complex.
     image
         Response to its image at negative beats and the opposite Doppler, which a real ADC adds
-        with the conjugate amplitude; else None.
+        with the conjugate amplitude; None for a complex ADC.
     """
 
     doppler: Complex
@@ -97,7 +94,7 @@ class PointResponse:
         return np.asarray(self.doppler @ self.ranges)
 
     def echo(self, amplitude: complex) -> Complex:
-        """What the map shows of an echo, (Doppler, ranges)."""
+        """Return the map's values of an echo, (Doppler, ranges)."""
         values = (amplitude * self.doppler) @ self.ranges
         if self.image is not None:
             values += (np.conj(amplitude) * self.image.doppler) @ self.image.ranges
@@ -107,19 +104,23 @@ class PointResponse:
 def point_response(
     recording: Recording, range_m: float, cycles: float, folds: int = 0
 ) -> PointResponse:
-    """Response to an echo that stands in the map at a range and a Doppler.
+    """Return the response to an echo at a range and a Doppler of the map.
 
     Parameters
     ----------
     recording
         The map and its samples.
     range_m
-        Where the echo stands in the middle of the burst, as the map has it [m].
+        One-way range of the echo in the middle of the burst, in the map [m].
     cycles
         Doppler, cycles per pulse.
     folds
-        Turns per pulse that the Doppler has folded: the echo migrates with what belongs to
-        cycles + folds.
+        Turns per pulse of the Doppler ambiguity: the echo migrates with cycles + folds.
+
+    Returns
+    -------
+    PointResponse
+        Factors of the response.
     """
     radar = recording.echoes.radar
     pulses, waveform = radar.burst.pulses, radar.waveform
@@ -127,37 +128,42 @@ def point_response(
     travel_m = -(cycles + folds) * waveform.wavelength_m / 2 * (pulses - 1) / 2
     turn = math.pi / 2 * abs(travel_m) / waveform.sample_spacing_m
     count, error = 1, 2 * turn
-    while error > _NODE_ERROR and count < _MOST_NODES:
+    while error > _NODE_ERROR and count < _MAX_NODES:
         count += 1
         error *= turn / count
     nodes = np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count))
-    shares = _lagrange(nodes, times / max(times[-1], 0.5))
+    weights = _lagrange(nodes, times / max(times[-1], 0.5))
     profiles = [_profiles(recording, range_m + travel_m * node) for node in nodes]
-    turns = np.exp(2j * np.pi * cycles * times)[:, None]
+    turns: Complex = np.exp(2j * np.pi * cycles * times)[:, None]
     response = PointResponse(
-        _doppler(recording, shares * turns), np.stack([own for own, _ in profiles])
+        _doppler(recording, weights * turns), np.stack([own for own, _ in profiles])
     )
     images = [image for _, image in profiles if image is not None]
     if not images:
         return response
-    image = PointResponse(_doppler(recording, shares * np.conj(turns)), np.stack(images))
+    image = PointResponse(_doppler(recording, weights * turns.conj()), np.stack(images))
     return dataclasses.replace(response, image=image)
 
 
 def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
-    """Where an echo beyond the window stands that shows such a line of the map, best fit.
+    """Return the range of an echo beyond the range limits that fits a line of the map best.
 
-    Of an echo that the end of the record cuts to a part of its pulse, the peak is not where it
-    stands, and may be at a sidelobe. All ranges on that side are tried, half a sample apart.
+    If the end of the record cuts an echo to a part of its pulse, the peak is not at its range and
+    may be at a sidelobe. All ranges on that side are tried, half a sample apart.
 
     Parameters
     ----------
     recording
         The map and its samples, of pulses.
     line
-        (ranges,) of the map, at the echo's Doppler.
+        Row of the map at the echo's Doppler, (ranges,).
     range_m
-        On that side of the window: where its peak is [m].
+        Range of its peak, on that side of the limits [m].
+
+    Returns
+    -------
+    float
+        One-way range [m].
     """
     echoes, (start_m, stop_m) = recording.echoes, recording.range_limits_m
     waveform, radar = echoes.radar.waveform, echoes.radar
@@ -166,46 +172,76 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     else:
         low_m, high_m = echoes.range_limits_m[1], stop_m
     count = max(2, math.ceil((high_m - low_m) / waveform.sample_spacing_m * 2))
-    # One pulse a range: an echo that moves on by a step from pulse to pulse.
+    # One pulse per range: an echo that moves by a step from pulse to pulse.
     radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
     step_m = (high_m - low_m) / (count - 1)
-    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(nufft_backend="direct"))
-    aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
-    synthesizer.add(make_paths(1 / aperture_m2, 2 * low_m, step_m * radar.burst.prf_hz))
-    echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+    echo = _unit_echo(recording, radar, low_m, step_m * radar.burst.prf_hz)
     tried = range_process(echo, recording.rd_map.range_taper).values[:, : line.size]
     energy = np.sum(np.abs(tried) ** 2, axis=1)
-    # What is left of a pulse below a thousandth of it tells nothing.
+    # Less than a thousandth of a pulse is no evidence.
     fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
     return low_m + step_m * int(np.argmax(fit))
 
 
-def _doppler(recording: Recording, trains: NDArray[Any]) -> Complex:
-    """Canceller, window and transform of the map, over pulse trains (pulses, Q)."""
+def fit_point(own: Complex, patch: Complex) -> tuple[complex, float]:
+    """Fit a response to a patch of a map by least squares.
+
+    Parameters
+    ----------
+    own, patch
+        Response and map in the same cells, of one shape.
+
+    Returns
+    -------
+    amplitude, fraction
+        Of the echo, and of the patch's energy that its response contains (0 to 1).
+    """
+    norm = max(float(np.vdot(own, own).real), 1e-300)
+    product = complex(np.vdot(own, patch))
+    energy = max(float(np.vdot(patch, patch).real), 1e-300)
+    return product / norm, abs(product) ** 2 / (norm * energy)
+
+
+def _unit_echo(
+    recording: Recording, radar: Radar, range_m: float, range_rate_mps: float = 0.0
+) -> Echoes:
+    """Echoes of one scatterer with amplitude 1 in the recording's receive window."""
+    aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
+    limits_m = recording.echoes.range_limits_m
+    synthesizer = synthesizer_for(radar, limits_m, EchoOptions(nufft_backend="direct"))
+    synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
+    return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+
+
+def _doppler(recording: Recording, trains: Complex) -> Complex:
+    """Apply canceller, taper and transform of the map to pulse trains (pulses, Q)."""
     radar, rd_map = recording.echoes.radar, recording.rd_map
     columns = np.arange(trains.shape[1], dtype=np.float64)
-    found = RangeProfiles(trains, columns, radar, rd_map.range_taper)
-    found = mti_cancel(found, recording.mti) if recording.mti else found
-    return range_doppler(found, rd_map.doppler_taper).values
+    profiles = RangeProfiles(trains, columns, radar, rd_map.range_taper)
+    return _map(profiles, recording.mti, rd_map.doppler_taper).values
+
+
+def _map(profiles: RangeProfiles, mti: int, doppler_taper: str) -> RangeDopplerMap:
+    return range_doppler(mti_cancel(profiles, mti) if mti else profiles, doppler_taper)
 
 
 def _lagrange(nodes: Real, places: Real) -> Real:
-    """Values at `places` of the polynomials that are 1 at one Chebyshev node, (places, nodes)."""
+    """Return the polynomials that are 1 at one Chebyshev node, (places, nodes), at `places`."""
     count = nodes.size
     weights = (-1.0) ** np.arange(count) * np.sin((2 * np.arange(count) + 1) * np.pi / (2 * count))
     apart = places[:, None] - nodes[None, :]
     hit = np.abs(apart) < 1e-14
     terms = weights / np.where(hit, 1.0, apart)
-    shares = terms / terms.sum(axis=1, keepdims=True)
+    values = terms / terms.sum(axis=1, keepdims=True)
     on_node = hit.any(axis=1)
-    shares[on_node] = hit[on_node]
-    return np.asarray(shares)
+    values[on_node] = hit[on_node]
+    return np.asarray(values)
 
 
 def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | None]:
-    """Profiles (ranges,) of a unit echo that stands still, and of its image in a real ADC.
+    """Return profiles (ranges,) of a stationary unit echo, and of its image in a real ADC.
 
-    Their carrier phases are taken out, so that they change slowly with range.
+    Their carrier phases are removed, so that they change slowly with range.
     """
     echoes, range_taper = recording.echoes, recording.rd_map.range_taper
     waveform = echoes.radar.waveform
@@ -213,10 +249,7 @@ def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | 
         waveform = dataclasses.replace(waveform, real_adc=False)  # what the image adds is its own
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
     range_m = max(range_m, _NEAREST_M)
-    aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
-    synthesizer = synthesizer_for(radar, echoes.range_limits_m, EchoOptions(nufft_backend="direct"))
-    synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m))
-    echo = dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+    echo = _unit_echo(recording, radar, range_m)
     columns = recording.rd_map.range_m.size
     carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
     own = range_process(echo, range_taper).values[0, :columns] * carrier

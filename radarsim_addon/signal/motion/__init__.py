@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where every body and path is at every moment of a burst.
+"""Poses of bodies and lengths of paths at every moment of a burst.
 
 In: sampled poses and the motion files of a run. Out: fits with an error bound, path lengths [m] and
 range rates [m/s] at any time [s].

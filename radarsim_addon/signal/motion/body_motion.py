@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion of a rigid (or stretched) body over a burst, as smooth functions in float64.
 
-A body's pose is x -> A(t) x + T(t). What paths need is where a point P of it, seen at the frame's
-time t = 0, is later:
+A body's pose is x -> A(t) x + T(t). Paths need the later position of a point P of it, given at the
+frame's time t = 0:
 
     P(t) = P + [T(t) - T(0)] + [F(t) - 1] (P - T(0)),      F(t) = A(t) A(0)^-1
 
-so P(0) = P exactly. Pieces of time hold Chebyshev series of T and of either a rotation vector
+so P(0) = P exactly. Segments of time hold Chebyshev series of T and of either a rotation vector
 (F = exp(phi) initial_orientation: a steady rotor is linear in it) or the nine numbers of F.
 """
 
@@ -21,7 +21,7 @@ from ...array_types import Real
 
 
 def cross_matrix(vectors: Real) -> Real:
-    """Matrices K with K x = v cross x, (..., 3, 3)."""
+    """Return matrices K with K x = v cross x, (..., 3, 3)."""
     matrix = np.zeros((*vectors.shape, 3))
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
@@ -31,14 +31,14 @@ def cross_matrix(vectors: Real) -> Real:
 
 
 def _sine_terms(angle: Real) -> tuple[Real, Real]:
-    """sin(a)/a and (1 - cos(a))/a^2, exact near 0."""
+    """Return sin(a)/a and (1 - cos(a))/a^2, exact near 0."""
     first = np.sinc(angle / np.pi)
     second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     return first, second
 
 
 def rotation_minus_one(vectors: Real) -> Real:
-    """exp(phi) - 1 of rotation vectors, (..., 3, 3), without cancellation (Rodrigues)."""
+    """Return exp(phi) - 1 of rotation vectors, (..., 3, 3), without cancellation (Rodrigues)."""
     first, second = _sine_terms(np.linalg.norm(vectors, axis=-1))
     k = cross_matrix(vectors)
     result: Real = first[..., None, None] * k + second[..., None, None] * (k @ k)
@@ -46,17 +46,17 @@ def rotation_minus_one(vectors: Real) -> Real:
 
 
 def rotation(vectors: Real) -> Real:
-    """exp(phi), (..., 3, 3)."""
+    """Return exp(phi), (..., 3, 3)."""
     return rotation_minus_one(vectors) + np.eye(3)
 
 
 def rotation_vector(matrices: Real) -> Real:
-    """log of rotations, (..., 3), of angle 0 to pi.
+    """Return the logarithm of rotations, (..., 3), of angle 0 to pi.
 
-    By the quaternion, which is sound at all angles.
+    Computed from the quaternion, which is accurate at all angles.
     """
     m = matrices.reshape(-1, 3, 3)
-    # Shepperd's method: of the four quaternion components take the largest first.
+    # Shepperd's method: compute the largest of the four quaternion components first.
     trace = np.trace(m, axis1=1, axis2=2)
     squares = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
     best = np.argmax(squares, axis=-1)
@@ -88,7 +88,7 @@ def rotation_vector(matrices: Real) -> Real:
 
 
 def left_jacobian(vectors: Real) -> Real:
-    """J with exp(phi + d) = exp(J d) exp(phi) to first order, (..., 3, 3)."""
+    """Return J with exp(phi + d) = exp(J d) exp(phi) to first order, (..., 3, 3)."""
     angle = np.linalg.norm(vectors, axis=-1)
     first, second = _sine_terms(angle)
     square = np.maximum(angle**2, 1e-300)
@@ -100,14 +100,16 @@ def left_jacobian(vectors: Real) -> Real:
 
 @dataclass(frozen=True)
 class Segment:
-    """Motion in start_s <= t < stop_s; x runs from -1 to 1 over it.
+    """Motion in start_s <= t < stop_s; x is -1 at its start and 1 at its end.
 
     Attributes
     ----------
+    start_s, stop_s
+        Limits [s].
     translation
         Chebyshev coefficients of c(t), (degrees, 3) [m]; T(t) = c(t) + G(t) rotation_centre.
     rotation_centre
-        The body's origin from the centre it turns about, (3,) [m]; 0 where there is none.
+        The body's origin relative to its centre of rotation, (3,) [m]; 0 without a centre.
     rotation
         Coefficients k >= 1 of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad];
         G(t) = exp(phi(t)) initial_orientation.
@@ -121,9 +123,9 @@ class Segment:
     start_s: float
     stop_s: float
     translation: Real
-    rotation_centre: Real
-    rotation: Real
-    initial_orientation: Real
+    rotation_centre: Real = field(default_factory=lambda: np.zeros(3))
+    rotation: Real = field(default_factory=lambda: np.empty((0, 3)))
+    initial_orientation: Real = field(default_factory=lambda: np.eye(3))
     linear: Real | None = None
 
     def _x(self, times_s: Real) -> Real:
@@ -156,7 +158,7 @@ class Segment:
         return centre
 
     def rates(self, time_s: float) -> tuple[Real, Real]:
-        """dT/dt (3,) and dG/dt (3, 3) at a time."""
+        """Return dT/dt (3,) and dG/dt (3, 3) at a time."""
         per_s = 2 / (self.stop_s - self.start_s)
         at = np.array([time_s])
         x = self._x(at)[0]
@@ -176,21 +178,21 @@ class Segment:
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Motion of one body over a burst; without segments it stands still.
+    """Motion of one body over a burst; without segments it is stationary.
 
     Attributes
     ----------
     pose
-        Pose at t = 0 as Blender gave it, (4, 4), translation in metres.
+        Pose at t = 0 from Blender, (4, 4), translation in metres.
     segments
-        One behind the other from t = 0 on.
+        Segments in order of time from t = 0.
     noise_m
-        rms of what the samples scatter about the fit, at the body's farthest point [m].
+        Rms scatter of the samples about the fit, at the body's farthest point [m].
     displacement_error_bound_m
         Bound of the error of a displacement, at the body's farthest point [m].
     epoch_offset_s
-        When the pose and all points are of; 0 but for further renders of a burst. Where the text
-        here says t = 0, it is this time.
+        Time of the pose and of all points [s]; 0 except for further renders of a burst. It replaces
+        t = 0 in all texts of this module.
     """
 
     pose: Real
@@ -202,17 +204,17 @@ class BodyMotion:
 
     @property
     def moving(self) -> bool:
-        """Whether it moves at all."""
+        """Whether the body moves."""
         return bool(self.segments)
 
     @property
     def _first(self) -> int:
-        """The segment that the reference lies in."""
+        """Index of the segment that contains the epoch."""
         starts = [segment.start_s for segment in self.segments[1:]]
         return int(np.searchsorted(starts, self.epoch_offset_s, side="right"))
 
     def _origin_and_inverse(self) -> tuple[Real, Real]:
-        """T(0) of the fit, and the inverse of its G(0)."""
+        """Return T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
             at, segment = np.array([self.epoch_offset_s]), self.segments[self._first]
             self._start.append(segment.origin(at)[0])
@@ -221,11 +223,11 @@ class BodyMotion:
 
     @property
     def origin_m(self) -> Real:
-        """Where the fit has the origin at t = 0, (3,) [m]."""
+        """Origin of the fit at t = 0, (3,) [m]."""
         return self._origin_and_inverse()[0] if self.segments else self.pose[:3, 3]
 
     def change(self, times_s: Real) -> tuple[Real, Real]:
-        """F(t) - 1, (times, 3, 3), and T(t) - T(0), (times, 3) [m]."""
+        """Return F(t) - 1, (times, 3, 3), and T(t) - T(0), (times, 3) [m]."""
         times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         turned = np.zeros((times_s.size, 3, 3))
         moved = np.zeros((times_s.size, 3))
@@ -246,14 +248,14 @@ class BodyMotion:
         return turned, moved
 
     def rates(self) -> tuple[Real, Real]:
-        """d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
+        """Return d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
         if not self.segments:
             return np.zeros((3, 3)), np.zeros(3)
         moved, turned = self.segments[self._first].rates(self.epoch_offset_s)
         return turned @ self._origin_and_inverse()[1], moved
 
     def displacement(self, points_m: Real, times_s: Real) -> Real:
-        """P(t) - P of points on the body at t = 0, (points, times, 3) [m]."""
+        """Return P(t) - P of points on the body at t = 0, (points, times, 3) [m]."""
         turned, moved = self.change(times_s)
         arms = points_m - self.origin_m
         # (points, 3) x (3, times * 3): one matrix product
@@ -262,7 +264,7 @@ class BodyMotion:
         return result
 
     def velocity(self, points_m: Real) -> Real:
-        """Velocity at t = 0 of points on the body, (points, 3) [m/s]."""
+        """Return the velocity at t = 0 of points on the body, (points, 3) [m/s]."""
         turned, moved = self.rates()
         result: Real = (points_m - self.origin_m) @ turned.T + moved
         return result

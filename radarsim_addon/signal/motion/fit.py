@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fits of sampled poses: low-degree series over a burst, that average float32 rounding down.
+"""Fits of sampled poses: low-degree series over a burst, which average float32 rounding.
 
 Blender's matrices are float32. At 100 m from the world's origin that is 2 um rms, 7e-3 rad of
-two-way phase at 77 GHz; a fit of p numbers to N samples brings it down by about 2 sqrt(p/N). The
-degree is the one of the least Bayesian information criterion (Schwarz 1978): higher ones fit the
-rounding, lower ones miss motion. Where one series does not fit (a keyframe's corner) the burst is
-split if, by the same criterion, two fit better.
+two-way phase at 77 GHz; a fit of p numbers to N samples reduces it by about 2 sqrt(p/N). The
+degree minimises the Bayesian information criterion (Schwarz 1978): higher ones fit the
+rounding, lower ones miss motion. If one series does not fit (a keyframe's corner), the burst is
+split if two fit better by the same criterion.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from .series_fit import (
     spread_of,
 )
 
-#: How far relative axes may be from orthonormal; float32 poses are within 1e-6.
+#: Largest deviation of relative axes from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-5
-#: Turn [rad] from which the centre of rotation is looked for.
+#: Rotation from which the centre of rotation is fitted [rad].
 _TURN_WITH_CENTRE = 0.3
 
 
@@ -46,7 +46,7 @@ class _Samples:
         self.axes = axes
         try:
             relative = axes @ np.linalg.inv(axes[0])
-        except np.linalg.LinAlgError:  # scaled to nothing: it has no surface either
+        except np.linalg.LinAlgError:  # scaled to zero: it has no surface either
             relative = np.broadcast_to(np.eye(3), axes.shape).copy()
         gap = np.abs(relative @ relative.transpose(0, 2, 1) - np.eye(3)).max()
         self.rigid = bool(gap < _RIGID_WITHIN)
@@ -63,28 +63,12 @@ class _Samples:
             flat = self.relative[rows].reshape(-1, 9)
             axes = fit_series(times_s, flat, start_s, stop_s, self.floor_turn)
             move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
-            segment = Segment(
-                start_s,
-                stop_s,
-                move.coefficients,
-                np.zeros(3),
-                np.empty((0, 3)),
-                np.eye(3),
-                axes.coefficients,
-            )
-            return FittedSegment(
-                segment,
-                axes.criterion + move.criterion,
-                move.residual,
-                axes.residual,
-                move.spread,
-                axes.spread,
-                move.slow,
-                axes.slow,
-            )
+            segment = Segment(start_s, stop_s, move.coefficients, linear=axes.coefficients)
+            return FittedSegment(segment, move, axes)
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
         spread = spread_of(design_matrix(times_s, start_s, stop_s, len(turn))) if len(turn) else 0.0
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
+        turning = Series(turn, criterion, residual, spread, slow)
         bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
@@ -92,29 +76,20 @@ class _Samples:
         if len(turn) and np.linalg.norm(bare.vector(times_s), axis=-1).max() > _TURN_WITH_CENTRE:
             move, pivot = self._fit_centre(rows, start_s, stop_s, turned, move)
         segment = Segment(start_s, stop_s, move.coefficients, pivot, turn, reference)
-        return FittedSegment(
-            segment,
-            criterion + move.criterion,
-            move.residual,
-            residual,
-            move.spread,
-            spread,
-            move.slow,
-            slow,
-        )
+        return FittedSegment(segment, move, turning)
 
     def _fit_turn(
         self, rows: slice, start_s: float, stop_s: float
     ) -> tuple[Real, Real, float, Real]:
-        """Gauss-Newton fit of phi(t) and of the reference, by degrees."""
+        """Fit phi(t) and the initial orientation by Gauss-Newton, degree by degree."""
         times_s, poses = self.times_s[rows], self.relative[rows]
         count = 3 * len(times_s)
         reference = poses[0]
-        # Sums of small turns are the rotation vector for a fixed axis, and near it else.
+        # Sums of small rotations are the rotation vector for a fixed axis, and near it otherwise.
         steps = rotation_vector(poses[1:] @ poses[:-1].transpose(0, 2, 1))
         summed = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-        best: tuple[Real, Real, float, Real] | None = None
-        worse = 0
+        fits: list[tuple[Real, Real, float, Real]] = []
+        best = 0
         for degree in degrees_for(len(times_s)):
             design = design_matrix(times_s, start_s, stop_s, degree)[:, 1:]
             basis = design - np.where(np.arange(1, degree + 1) % 2, -1.0, 1.0)
@@ -132,7 +107,7 @@ class _Samples:
                 system = np.concatenate(
                     [blocks.reshape(count, 3 * degree), exact.reshape(count, 3)], axis=1
                 )
-                # Chebyshev columns are near orthogonal: normal equations do
+                # Chebyshev columns are near orthogonal: normal equations suffice
                 normal, right = system.T @ system, system.T @ residual.ravel()
                 step = np.linalg.lstsq(normal, right, rcond=1e-13)[0]
                 turn = turn + step[:-3].reshape(degree, 3)
@@ -143,19 +118,16 @@ class _Samples:
             criterion = criterion_of(
                 float(np.sum(residual**2)), count, 3 * (degree + 1), self.floor_turn
             )
-            if best is None or criterion < best[2]:
-                best, worse = (turn, fitted, criterion, residual), 0
-            else:
-                worse += 1
-                if worse > 2:
-                    break
-        assert best is not None
-        return best
+            fits.append((turn, fitted, criterion, residual))
+            best = best if fits[best][2] <= criterion else degree
+            if degree - best > 2:
+                break
+        return fits[best]
 
     def _fit_centre(
         self, rows: slice, start_s: float, stop_s: float, turned: Real, plain: Series
     ) -> tuple[Series, Real]:
-        """T(t) = c(t) + G(t) pivot where that takes fewer numbers than a series of T."""
+        """Fit T(t) = c(t) + G(t) pivot if that takes fewer numbers than a series of T."""
         times_s, origins = self.times_s[rows], self.origins[rows]
         count = origins.size
         offset = origins[0]
@@ -167,7 +139,7 @@ class _Samples:
             design = design_matrix(times_s, start_s, stop_s, degree)
             series = np.einsum("nk,ij->nikj", design, np.eye(3)).reshape(count, -1)
             system = np.concatenate([series, columns], axis=1)
-            # least norm: along the axis the pivot cannot be told from the centre
+            # least norm: along the axis the pivot is not distinguishable from the centre
             solved = np.linalg.lstsq(system, (origins - offset).ravel(), rcond=1e-9)[0]
             residual = ((origins - offset).ravel() - system @ solved).reshape(-1, 3)
             criterion = criterion_of(
@@ -193,7 +165,7 @@ def fit_body(
     corners_s: Sequence[float] = (),
     reference: int = 0,
 ) -> BodyMotion:
-    """Motion of one body from its poses.
+    """Fit the motion of one body to its poses.
 
     Parameters
     ----------
@@ -202,15 +174,20 @@ def fit_body(
     poses
         float32 poses in float64, translation in metres, (samples, 4, 4).
     span_s
-        Length of the burst [s].
+        Duration of the burst [s].
     reach_m
         Largest distance of the body's surface from its origin [m].
     unit_m
         Metres per Blender unit, in which translations were rounded.
     corners_s
-        Times at which motion may have corners (whole frames, where keyframes are).
+        Times at which motion may have corners (whole frames, where keyframes are) [s].
     reference
-        The sample from which displacements count.
+        Index of the sample at which displacements are 0.
+
+    Returns
+    -------
+    BodyMotion
+        The fit with its noise and error bound.
     """
     pose, at_s = poses[reference], float(times_s[reference])
     if len(times_s) < 2 or np.array_equal(poses, np.broadcast_to(pose, poses.shape)):
@@ -226,14 +203,14 @@ def fit_body(
     still = len(fitted) == 1 and _stands_still(fitted[0].segment)
     noise, bound = quality_of(fitted, reach_m, still)
     if not still and noise < 0.8 * floor_m:
-        # steps of the rounding that go with the samples: a bias that no scatter tells of
+        # steps of the rounding that follow the samples: a bias without scatter
         bound += 10 * floor_m if any(len(part.segment.translation) > 1 for part in fitted) else 0.0
     if still:
         return BodyMotion(pose, (), noise, bound, at_s)
     return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, at_s)
 
 
-#: Vertices that decide on degree and segments of all.
+#: Number of vertices that determine degree and segments of all.
 _DECIDING = 400
 
 
@@ -244,23 +221,23 @@ def fit_vertices(
     *,
     corners_s: Sequence[float] = (),
 ) -> tuple[VertexSeries, float, float]:
-    """Series of vertices of a mesh that deforms.
+    """Fit series to the vertices of a mesh that deforms.
 
     Parameters
     ----------
     times_s
         Ascending from 0, (samples,) [s].
     positions
-        In the body's own axes, (samples, vertices, 3) [m].
+        Positions in the body's own axes, (samples, vertices, 3) [m].
     span_s, corners_s
-        As `fit_body`.
+        As for `fit_body`.
 
     Returns
     -------
     series
         One degree and the same segments for all vertices.
     noise_m, displacement_error_bound_m
-        As of `BodyMotion`.
+        As for `BodyMotion`.
     """
     count, vertices = positions.shape[:2]
     floor_m = _rounding(positions)
@@ -272,43 +249,41 @@ def fit_vertices(
     def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
         start_s = float(times_s[first])
         found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m)
-        segment = Segment(
-            start_s, stop_s, found.coefficients, np.zeros(3), np.empty((0, 3)), np.eye(3)
-        )
-        nothing = np.zeros((1, 3))
-        return FittedSegment(
-            segment,
-            found.criterion,
-            found.residual,
-            nothing,
-            found.spread,
-            0.0,
-            found.slow,
-            0.0,
-        )
+        no_turn = Series(np.zeros((0, 3)), 0.0, np.zeros((1, 3)), 0.0, 0.0)
+        return FittedSegment(Segment(start_s, stop_s, found.coefficients), found, no_turn)
 
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
     fitted = split_segments(fit, times_s, 0, count, span_s, marks, 0)
-    degrees = max(len(part.segment.translation) for part in fitted)
-    series = np.zeros((len(fitted), degrees, vertices, 3))
-    for number, part in enumerate(fitted):
-        segment, own = part.segment, len(part.segment.translation)
-        first = int(np.searchsorted(times_s, segment.start_s))
+    noise, bound = quality_of(fitted, 0.0, False)
+    segments = [part.segment for part in fitted]
+    edges_s = np.array([segment.start_s for segment in segments] + [span_s])
+    return VertexSeries(edges_s, _vertex_series(times_s, positions, segments)), noise, bound
+
+
+def _vertex_series(
+    times_s: Real, positions: NDArray[np.float32], segments: Sequence[Segment]
+) -> Real:
+    """Return the coefficients of all vertices with the degrees of the segments."""
+    count, vertices = positions.shape[:2]
+    degrees = max(len(segment.translation) for segment in segments)
+    series = np.zeros((len(segments), degrees, vertices, 3))
+    starts = [int(np.searchsorted(times_s, segment.start_s)) for segment in segments]
+    for number, segment in enumerate(segments):
+        own = len(segment.translation)
+        first = starts[number]
         stop = count
-        if number + 1 < len(fitted):
+        if number + 1 < len(segments):
             stop = int(np.searchsorted(times_s, segment.stop_s))
         design = design_matrix(times_s[first:stop], segment.start_s, segment.stop_s, own - 1)
         solver = np.linalg.pinv(design)
         for begin in range(0, vertices, 4096):
             part_m = positions[first:stop, begin : begin + 4096].astype(np.float64)
             series[number, :own, begin : begin + 4096] = np.tensordot(solver, part_m, axes=1)
-    noise, bound = quality_of(fitted, 0.0, False)
-    edges = np.array([part.segment.start_s for part in fitted] + [span_s])
-    return VertexSeries(edges, series), noise, bound
+    return series
 
 
 def _rounding(values: NDArray[Any]) -> float:
-    """A share of the rounding of float32 numbers, below which nothing is fitted."""
+    """Return a tenth of the rounding of float32 numbers, below which nothing is fitted."""
     largest = np.float32(np.abs(values).max(initial=0.0))
     return 0.1 * float(np.spacing(max(largest, np.float32(1e-30))))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fitted segments of a burst: split where two fit better than one, and how well they are known."""
+"""Fitted segments of a burst: split where two fit better than one, with noise and error bound."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 
 from ...array_types import Real
 from .body_motion import Segment
+from .series_fit import Series
 
-#: Fewest samples that a segment of its own may have.
+#: Minimum number of samples of a segment.
 _LEAST_SAMPLES = 6
 _MAX_DEPTH = 7
-#: How much better two segments must be than one, in units of the criterion.
+#: Minimum gain of two segments over one, in units of the criterion.
 _SPLIT_GAIN = 20.0
 #: Standard deviations in a bound.
 _SIGMAS = 3.0
@@ -22,17 +23,16 @@ _SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class FittedSegment:
-    """A segment of motion, what it leaves over and how well it is known; see
-    :mod:`.motion.series_fit`."""
+    """A segment of motion, with the series of its translation and rotation."""
 
     segment: Segment
-    criterion: float
-    move_residual: Real  # (samples, 3) m
-    turn_residual: Real  # (samples, 3) rad, or (samples, 9)
-    move_spread: float
-    turn_spread: float
-    move_slow: float
-    turn_slow: float
+    move: Series
+    turn: Series
+
+    @property
+    def criterion(self) -> float:
+        """Sum of the criteria of both series."""
+        return self.turn.criterion + self.move.criterion
 
 
 def split_segments(
@@ -44,7 +44,7 @@ def split_segments(
     marks: list[int],
     depth: int,
 ) -> list[FittedSegment]:
-    """One segment, or several where those fit better."""
+    """Return one segment, or several if those fit better."""
     whole = fit(first, stop, stop_s)
     if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
         return [whole]
@@ -55,53 +55,39 @@ def split_segments(
     if len(candidates) > 8:
         candidates = candidates[:: len(candidates) // 8]
     candidates.append((first + stop) // 2)
-    best: tuple[float, int] | None = None
-    for at in dict.fromkeys(candidates):
-        total = sum(
-            part.criterion
-            for part in (
-                fit(first, at, float(times_s[at])),
-                fit(at, stop, stop_s),
-            )
-        )
-        if best is None or total < best[0]:
-            best = (total, at)
-    assert best is not None
-    at = best[1]
-    at_s = float(times_s[at])
-    parts = split_segments(fit, times_s, first, at, at_s, marks, depth + 1) + split_segments(
-        fit, times_s, at, stop, stop_s, marks, depth + 1
-    )
+
+    def criterion_with(at: int) -> float:
+        return fit(first, at, float(times_s[at])).criterion + fit(at, stop, stop_s).criterion
+
+    at = min(dict.fromkeys(candidates), key=criterion_with)
+    parts = [
+        *split_segments(fit, times_s, first, at, float(times_s[at]), marks, depth + 1),
+        *split_segments(fit, times_s, at, stop, stop_s, marks, depth + 1),
+    ]
     if sum(part.criterion for part in parts) + _SPLIT_GAIN < whole.criterion:
         return parts
     return [whole]
 
 
 def _is_noise(fitted: FittedSegment) -> bool:
-    """Whether what is left over looks like rounding: no slow part, no peaks."""
-    for residual, slow in (
-        (fitted.move_residual, fitted.move_slow),
-        (fitted.turn_residual, fitted.turn_slow),
-    ):
-        scatter = float(np.sqrt(np.mean(residual**2)))
-        if slow > 2 * scatter or np.abs(residual).max() > 8 * scatter:
+    """Whether the residual looks like rounding: no slow part, no peaks."""
+    for series in (fitted.move, fitted.turn):
+        scatter = series.scatter
+        if series.slow > 2 * scatter or np.abs(series.residual).max() > 8 * scatter:
             return False
     return True
 
 
 def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> tuple[float, float]:
-    """rms noise and bound of a displacement at the body's farthest point [m]."""
+    """Return rms noise and bound of a displacement at the body's farthest point [m]."""
     noise = bound = 0.0
     for part in fitted:
-        move = float(np.sqrt(np.mean(part.move_residual**2)))
-        turn = float(np.sqrt(np.mean(part.turn_residual**2))) * reach_m
-        noise = max(noise, float(np.hypot(move, turn)))
+        move, turn = part.move, part.turn
+        noise = max(noise, float(np.hypot(move.scatter, turn.scatter * reach_m)))
         if still:
-            # it may move by what its rounding hides
-            here = np.abs(part.move_residual).max() + reach_m * np.abs(part.turn_residual).max()
+            # it may move by less than its rounding
+            here = np.abs(move.residual).max() + reach_m * np.abs(turn.residual).max()
         else:
-            here = _SIGMAS * np.hypot(
-                part.move_slow * part.move_spread, part.turn_slow * reach_m * part.turn_spread
-            )
+            here = _SIGMAS * np.hypot(move.slow * move.spread, turn.slow * reach_m * turn.spread)
         bound = max(bound, float(here))
     return noise, bound

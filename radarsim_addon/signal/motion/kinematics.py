@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lengths of paths over a burst from the motion of what they touch: one render serves all pulses.
+"""Lengths of paths over a burst from the motion of their vertices: one render for all pulses.
 
-A path of one reflection is |P - C| + |P - T| long, of two |P1 - C| + |P1 - P2| + |P2 - T|, with
-vertices that are carried along by their bodies and antennas C and T that may move as well. Only
+A path of one reflection has the length |P - C| + |P - T|, one of two |P1 - C| + |P1 - P2| +
+|P2 - T|, with vertices that move with their bodies and antennas C and T that may also move. Only
 *changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and added to the length
-in the table: when the table was rendered it is that length exactly, and optical delays in walls
-stay. That is the frame's time t = 0, or a later one for further renders of a burst.
+in the table: at the time of the render it is that length exactly, and optical delays in walls
+are kept. That is the frame's time t = 0, or a later one for further renders of a burst.
 
-With three reflections and more the first and the last vertex are known, those between are not. The
-legs at both ends are exact then, and the way from first to last vertex is taken to change as the
-straight line between them does: exact where all vertices move as one body does (a corner
-reflector), an approximation else. Paths without known vertices are taken to stand still.
+With three or more reflections the first and the last vertex are known, those between are not. The
+legs at both ends are then exact. The path from first to last vertex changes like the straight line
+between them: exact if all vertices move as one body (a corner reflector), an approximation
+otherwise. Paths without known vertices are taken as stationary.
 """
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +26,16 @@ from numpy.typing import NDArray
 from ...array_types import Int32, Real
 from ...errors import ConfigError
 from .body_motion import BodyMotion
-from .motion_file import FrameMotion
+from .motion_file import FrameMotion, VertexSeries
 from .path_motion import Rows
 
-#: Rows times times that are computed at once: 12 MB for each array of vectors.
+#: Rows times moments computed at once: 12 MB for each array of vectors.
 _BLOCK = 1 << 19
 
 
 @dataclass(frozen=True)
 class KinematicMotion:
-    """`PathMotion` of rows of a table.
+    """Motion of rows of a path table, a `PathMotion`.
 
     Attributes
     ----------
@@ -63,7 +64,7 @@ class KinematicMotion:
 
     @functools.cached_property
     def known(self) -> NDArray[np.bool_]:
-        """Rows whose first and last vertex are known, (n,)."""
+        """Rows with known first and last vertex, (n,)."""
         return np.asarray(
             np.isfinite(self.first_scatterer_m).all(axis=-1)
             & np.isfinite(self.last_scatterer_m).all(axis=-1)
@@ -80,13 +81,13 @@ class KinematicMotion:
 
     @functools.cached_property
     def approximated(self) -> NDArray[np.bool_]:
-        """Moving rows whose middle is unknown and not known to move along, (n,)."""
+        """Moving rows with unknown middle vertices that may move differently, (n,)."""
         apart = (self.bodies[:, 0] != self.bodies[:, 1]) | (self.tracks > 0).any(axis=-1)
         return np.asarray(self.moving & (self.order > 2) & apart)
 
     @functools.cached_property
     def unknown(self) -> NDArray[np.bool_]:
-        """Rows with a vertex that no body is known of, (n,)."""
+        """Rows with a vertex of unknown body, (n,)."""
         return np.asarray(~self.known | (self.bodies == 0).any(axis=-1))
 
     def select(self, rows: Rows) -> KinematicMotion:
@@ -127,12 +128,13 @@ class KinematicMotion:
             times_s.min() < -slack_s or times_s.max() > self.scene.span_s + slack_s
         ):
             raise ConfigError(
-                f"Lengths are asked for from {times_s.min():g} to {times_s.max():g} s, motion was "
-                f"sampled from 0 to {self.scene.span_s:g} s. Render the run again with this burst."
+                f"Lengths are needed from {times_s.min():g} to {times_s.max():g} s, but motion "
+                f"was sampled from 0 to {self.scene.span_s:g} s. Render the run again with this "
+                "burst."
             )
 
     def _change(self, rows: NDArray[np.intp], times_s: Real) -> Real:
-        """Lengths minus those at 0, (rows, times) [m]."""
+        """Return lengths minus those at 0, (rows, times) [m]."""
         scene = self.scene
         first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
         receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
@@ -158,7 +160,7 @@ class KinematicMotion:
     def _plane_leg(
         self, rows: NDArray[np.intp], moved: Real, times_s: Real, moved_receiver: Real
     ) -> Real:
-        """Distance from an orthographic receiver's plane: along its boresight, which may turn."""
+        """Return the change of the distance from an orthographic receiver's plane."""
         turned, _ = self.scene.receiver.change(times_s)
         boresight = self.direction[rows]
         arm = self.first_scatterer_m[rows] - self.scene.receiver.pose[:3, 3]
@@ -170,53 +172,53 @@ class KinematicMotion:
         return np.asarray(change)
 
     def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real) -> Real:
-        """How far the vertices at one end (0 first, 1 last) have moved, (rows, times, 3)."""
+        """Return displacements of the vertices at one end (0 first, 1 last), (rows, times, 3)."""
         points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         moved = np.zeros((rows.size, times_s.size, 3))
-        for body, here, track in self._groups(rows, end):
-            motion = self.scene.bodies[body - 1]
-            if track is None:
+        for motion, here, surface in self._groups(rows, end):
+            if surface is None:
                 moved[here] = motion.displacement(points[here], times_s)
             else:
-                moved[here] = self._along_tracks(body, motion, track, times_s)
+                moved[here] = self._on_surface(motion, surface, times_s)
         return moved
 
-    def _groups(self, rows: NDArray[np.intp], end: int) -> Any:
-        """Rows by body, those on tracks apart: body, places, tracks (None for rigid ones)."""
+    def _groups(
+        self, rows: NDArray[np.intp], end: int
+    ) -> Iterator[tuple[BodyMotion, NDArray[np.intp], _SurfacePoints | None]]:
+        """Yield motion and rows of each body, points on deforming surfaces separately."""
         numbers, tracks = self.bodies[rows, end], self.tracks[rows, end]
         for body in np.unique(numbers).tolist():
             if body == 0:
                 continue
+            motion, all_points = self.scene.bodies[body - 1], self.scene.tracks
             here = np.flatnonzero((numbers == body) & (tracks == 0))
-            if here.size and self.scene.bodies[body - 1].moving:
-                yield body, here, None
+            if here.size and motion.moving:
+                yield motion, here, None
             here = np.flatnonzero((numbers == body) & (tracks > 0))
-            if here.size and self.scene.tracks is not None:
-                yield body, here, tracks[here] - 1
+            if here.size and all_points is not None:
+                point = tracks[here] - 1
+                corners, weights = all_points.vertices[point], all_points.weights[point]
+                yield motion, here, _SurfacePoints(all_points.series[body], corners, weights)
 
-    def _along_tracks(
-        self, body: int, motion: BodyMotion, track: NDArray[np.int32], times_s: Real
-    ) -> Real:
-        """Points on a mesh that deforms, carried by its object: T + F A v(t), (rows, times, 3)."""
-        tracks = self.scene.tracks
-        assert tracks is not None
-        series, weights = tracks.series[body], tracks.weights[track]
-        corners = tracks.vertices[track]
+    def _on_surface(self, motion: BodyMotion, surface: _SurfacePoints, times_s: Real) -> Real:
+        """Return the displacement of points on a deforming mesh: T + F A v(t), (rows, times, 3)."""
         axes = motion.pose[:3, :3]
         turned, shift = motion.change(times_s)
-        at = np.array([self.scene.epoch_offset_s])
-        start = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
-        now = np.einsum("nk,tnki->nti", weights, series.positions(corners, times_s))
+        start = surface.start(self.scene.epoch_offset_s)
+        positions = surface.series.positions(surface.corners, times_s)
+        now = np.einsum("nk,tnki->nti", surface.weights, positions)
         arm = now @ axes.T
         moved: Real = arm - (start @ axes.T)[:, None] + shift
         moved += np.einsum("tij,ntj->nti", turned, arm)
         return moved
 
     def range_rates_mps(self) -> Real:
-        """Rate of the one-way range at t = 0, receding positive, (n,) [m/s]; 0 where unknown.
+        """Return the rate of the one-way range at t = 0, receding positive, (n,) [m/s].
+
+        It is 0 if unknown.
 
         dL/dt = sum over vertices of v . (u_in - u_out), and the antennas' own motion; u_in points
-        along the way from receiver to emitter into the vertex.
+        along the path from receiver to transmitter into the vertex.
         """
         rates = np.zeros(self.length_m.size)
         rows = np.flatnonzero(self.moving)
@@ -246,27 +248,34 @@ class KinematicMotion:
     def _velocity(self, rows: NDArray[np.intp], end: int) -> Real:
         points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         velocity = np.zeros((rows.size, 3))
-        for body, here, track in self._groups(rows, end):
-            motion = self.scene.bodies[body - 1]
-            if track is None:
+        for motion, here, surface in self._groups(rows, end):
+            if surface is None:
                 velocity[here] = motion.velocity(points[here])
                 continue
-            tracks = self.scene.tracks
-            assert tracks is not None
-            series, weights = tracks.series[body], tracks.weights[track]
-            corners, axes = tracks.vertices[track], motion.pose[:3, :3]
+            axes, epoch_s = motion.pose[:3, :3], self.scene.epoch_offset_s
             turning, shift = motion.rates()
-            at = np.array([self.scene.epoch_offset_s])
-            own = np.einsum(
-                "nk,nki->ni", weights, series.velocities(corners, self.scene.epoch_offset_s)
-            )
-            place = np.einsum("nk,tnki->tni", weights, series.positions(corners, at))[0]
+            velocities = surface.series.velocities(surface.corners, epoch_s)
+            own = np.einsum("nk,nki->ni", surface.weights, velocities)
+            place = surface.start(epoch_s)
             velocity[here] = own @ axes.T + (place @ axes.T) @ turning.T + shift
         return velocity
 
 
+class _SurfacePoints(NamedTuple):
+    """Points on one deforming mesh: three vertices and their weights, (rows, 3) each."""
+
+    series: VertexSeries
+    corners: Int32
+    weights: Real
+
+    def start(self, epoch_s: float) -> Real:
+        """Positions at the epoch in the body's own axes, (rows, 3) [m]."""
+        positions = self.series.positions(self.corners, np.array([epoch_s]))
+        return np.asarray(np.einsum("nk,tnki->tni", self.weights, positions)[0])
+
+
 def leg_change(leg: Real, moved: Real) -> Real:
-    """|a + d| - |a| without cancellation; a (n, 3), d (n, times, 3); (n, times)."""
+    """Return |a + d| - |a| without cancellation; a (n, 3), d (n, times, 3); (n, times)."""
     # einsum over three components is several times faster than sums of products here
     along = 2 * np.einsum("ni,nti->nt", leg, moved)
     along += np.einsum("nti,nti->nt", moved, moved)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The motion of a radar frame on disk: ``motion.json`` and, for deforming surfaces, tracks.
+"""Motion of a radar frame on disk: ``motion.json`` and, for deforming surfaces, an .npz file.
 
-``motion_tracks.npz`` holds plain arrays. Points on surfaces that deform are tracks, numbered from
+``deforming_surfaces.npz`` holds plain arrays. Points on deforming surfaces are numbered from
 1: ``track_body`` (n,) numbers the body, ``track_vertices`` (n, 3) and ``track_weights`` (n, 3) name
 three vertices of its mesh and their barycentric weights. For each such body b,
 ``edges_s_b`` (segments + 1,) and ``series_b`` (segments, degrees, vertices, 3) are Chebyshev series
@@ -33,7 +33,7 @@ from ...errors import FrameFileError, SchemaError
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
 
-#: Refuse files of tracks that claim more than this.
+#: Largest size that the headers of a file of surface points may claim [bytes].
 MAX_TRACK_BYTES = 1 << 34
 
 
@@ -44,9 +44,9 @@ class VertexSeries:
     Attributes
     ----------
     edges_s
-        (segments + 1,) [s].
+        Limits of the segments, (segments + 1,) [s].
     series
-        (segments, degrees, vertices, 3) [m].
+        Coefficients, (segments, degrees, vertices, 3) [m].
     """
 
     edges_s: Real
@@ -79,7 +79,17 @@ class VertexSeries:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Points on surfaces that deform; number n of a table's column is row n - 1 here."""
+    """Points on surfaces that deform; number n of a table's column is row n - 1.
+
+    Attributes
+    ----------
+    body
+        Number of the body, from 1, (n,).
+    vertices, weights
+        Three vertices of its mesh and their barycentric weights, (n, 3).
+    series
+        Positions of the vertices by the number of the body.
+    """
 
     body: Int32
     vertices: Int32
@@ -91,7 +101,22 @@ class Tracks:
 class FrameMotion:
     """Motion of a radar frame's bodies: number n of a table's column is ``bodies[n - 1]``.
 
-    `body_keys` tell bodies apart from frame to frame: names of object and instance.
+    Attributes
+    ----------
+    span_s
+        Duration of the burst [s].
+    receiver, emitter
+        Motion of the receiver and of the transmitter.
+    orthographic
+        Whether the receiver is orthographic.
+    bodies
+        Motion of the bodies.
+    tracks
+        Points on deforming surfaces; None without any.
+    epoch_offset_s
+        Time of the table within the burst [s].
+    body_keys
+        Names of object and instance of each body, the same in all frames.
     """
 
     span_s: float
@@ -105,7 +130,22 @@ class FrameMotion:
 
 
 def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
-    """A body as the motion file has it."""
+    """Return the record of a body in the motion file.
+
+    Parameters
+    ----------
+    name, instance
+        Names of the object and of its instance.
+    motion
+        Its motion.
+    deforms
+        Whether its mesh deforms.
+
+    Returns
+    -------
+    BodyRecord
+        Plain numbers.
+    """
     return BodyRecord(
         object=name,
         instance=instance,
@@ -177,7 +217,20 @@ def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
 
 
 def write_tracks(folder: Path, tracks: Tracks) -> Path:
-    """Write ``motion_tracks.npz``."""
+    """Write ``deforming_surfaces.npz``.
+
+    Parameters
+    ----------
+    folder
+        Folder of the frame.
+    tracks
+        Points on deforming surfaces.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
     arrays: dict[str, Any] = {
         "track_body": tracks.body,
         "track_vertices": tracks.vertices,
@@ -192,7 +245,19 @@ def write_tracks(folder: Path, tracks: Tracks) -> Path:
 
 
 def read_tracks(path: Path, bodies: int) -> Tracks:
-    """Read and check ``motion_tracks.npz``.
+    """Read and check a file of points on deforming surfaces.
+
+    Parameters
+    ----------
+    path
+        File to read.
+    bodies
+        Number of bodies of the frame.
+
+    Returns
+    -------
+    Tracks
+        Its points.
 
     Raises
     ------
@@ -216,14 +281,14 @@ def read_tracks(path: Path, bodies: int) -> Tracks:
     # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
-            f"{path} cannot be read as tracks of deforming surfaces ({error}). Remove it and "
-            "paths.json beside it, and render the run again."
+            f"{path} cannot be read as points of deforming surfaces ({error}). Remove it and the "
+            "paths.json in its folder, and render the run again."
         ) from error
     return tracks
 
 
 def _plain_arrays(path: Path) -> dict[str, Any]:
-    """Arrays of an .npz whose headers claim no more than what is allowed."""
+    """Return the arrays of an .npz with headers that claim an allowed size."""
     claimed = 0
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
@@ -259,31 +324,45 @@ def _check_tracks(tracks: Tracks, bodies: int) -> None:
 
 
 def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
-    """Motion of a radar frame, checked against what ``paths.json`` says of it.
+    """Read the motion of a radar frame, checked against ``paths.json``.
+
+    Parameters
+    ----------
+    folder
+        Folder of the frame.
+    frame
+        Number of the frame.
+    sha256
+        Digest of the motion file in ``paths.json``.
+
+    Returns
+    -------
+    FrameMotion
+        Motion of all bodies.
 
     Raises
     ------
     FrameFileError, SchemaError
-        A file is missing, damaged, newer than this version, or not of this frame.
+        A file is missing, damaged, newer than this version, or of another frame.
     """
     path = folder / MOTION_FILE
     record = read_record(path, MotionRecord)
     if record.frame != frame or file_sha256(path) != sha256:
         raise SchemaError(
-            f"{path} does not belong to the table beside it. Remove paths.json there and render "
-            "the run again."
+            f"{path} does not belong to the path table in its folder. Remove the paths.json there "
+            "and render the run again."
         )
     if len(record.antennas) != 2 or not record.duration_s >= 0:
         raise SchemaError(
             f"{path} has {len(record.antennas)} antennas over {record.duration_s!r} s; expected "
-            "receiver and emitter, over a time from 0. Render the frame again."
+            "receiver and transmitter, over a time from 0. Render the frame again."
         )
     tracks = None
     if record.deforming_surfaces_file:
         if record.deforming_surfaces_file != DEFORMING_SURFACES_FILE:
             raise SchemaError(
-                f"{path} names tracks {record.deforming_surfaces_file!r}; not "
-                f"{DEFORMING_SURFACES_FILE!r}."
+                f"{path} names the file {record.deforming_surfaces_file!r} of deforming surfaces; "
+                f"expected {DEFORMING_SURFACES_FILE!r}. Render the frame again."
             )
         place = folder / DEFORMING_SURFACES_FILE
         tracks = read_tracks(place, len(record.bodies))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the lengths of paths change over a burst: what the echo synthesis asks of any motion."""
+"""Protocol of the motion of paths: how their lengths change over a burst."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class PathMotion(Protocol):
         ...
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """Total lengths of some rows, (rows, times) [m]. Callers bound rows x times."""
+        """Return the total lengths of some rows, (rows, times) [m]. Callers limit rows x times."""
         ...
 
     def select(self, rows: Rows) -> PathMotion:
-        """The motion of these rows alone."""
+        """Return the motion of these rows alone."""
         ...
 
 
@@ -66,7 +66,13 @@ class LinearMotion:
 
 @dataclass(frozen=True)
 class JoinedMotion:
-    """Motions one behind the other, as of paths that were joined."""
+    """Motions in sequence, as of paths that were joined.
+
+    Attributes
+    ----------
+    parts
+        Motions in the order of their rows.
+    """
 
     parts: tuple[PathMotion, ...]
 
@@ -114,5 +120,16 @@ class SelectedMotion:
 
 
 def join_motion(parts: Sequence[PathMotion]) -> PathMotion:
-    """One motion of several."""
+    """Join several motions to one.
+
+    Parameters
+    ----------
+    parts
+        Motions in the order of their rows, at least one.
+
+    Returns
+    -------
+    PathMotion
+        Motion of all rows.
+    """
     return parts[0] if len(parts) == 1 else JoinedMotion(tuple(parts))

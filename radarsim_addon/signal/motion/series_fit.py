@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chebyshev series of the degree that suits samples, and what they say of their noise.
+"""Chebyshev series of the degree that suits samples, with an estimate of their noise.
 
-The degree is the one of the least Bayesian information criterion (Schwarz 1978): higher ones fit
+The degree minimises the Bayesian information criterion (Schwarz 1978): higher ones fit
 the rounding, lower ones miss motion.
 """
 
@@ -30,49 +30,59 @@ class Series:
     spread: float  # largest standard deviation of fit(t) - fit(0), for unit noise
     slow: float  # noise that a fit takes for motion, see `slow_noise`
 
+    @property
+    def scatter(self) -> float:
+        """Root mean square of the residual."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
 
 def design_matrix(times_s: Real, start_s: float, stop_s: float, degree: int) -> Real:
-    """Chebyshev polynomials up to a degree, x = -1 and 1 at start and stop, (samples, degrees)."""
+    """Return Chebyshev polynomials, x = -1 at start and 1 at stop, (samples, degrees)."""
     x = 2 * (times_s - start_s) / (stop_s - start_s) - 1
     return np.asarray(chebyshev.chebvander(x, degree), dtype=np.float64)
 
 
 def criterion_of(squares: float, count: int, parameters: int, floor: float) -> float:
-    """Schwarz's criterion of a fit with this sum of squares; `floor` is rounding to live with."""
+    """Return Schwarz's criterion of a fit; `floor` is unavoidable rounding."""
     variance = squares / max(count, 1) + floor**2
     return float(count * np.log(variance) + parameters * np.log(max(count, 2)))
 
 
 def degrees_for(samples: int) -> range:
-    """Degrees to try with so many samples."""
+    """Return the degrees to try for this number of samples."""
     return range(min(MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
 
 
 def spread_of(design: Real) -> float:
-    """Largest standard deviation of fit(t) - fit(first sample) for unit noise."""
+    """Return the largest standard deviation of fit(t) - fit(first sample) for unit noise."""
     inverse = np.linalg.pinv(design.T @ design)
     difference = design - design[0]
     return float(np.sqrt(np.einsum("ij,jk,ik->i", difference, inverse, difference).max()))
 
 
 def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor: float) -> Series:
-    """Chebyshev series of the degree that the criterion chooses.
+    """Fit a Chebyshev series of the degree with the least criterion.
 
     Parameters
     ----------
     times_s
-        (samples,) [s].
+        Times, (samples,) [s].
     values
-        (samples, columns); all columns get one degree.
+        Samples, (samples, columns); all columns get one degree.
     start_s, stop_s
-        What x = -1 and 1 stand for.
+        Times of x = -1 and 1 [s].
     floor
         Rounding below which nothing is fitted.
+
+    Returns
+    -------
+    Series
+        Coefficients, residual and noise.
     """
-    best: Series | None = None
+    fits: list[tuple[float, Real, Real]] = []
     offset = values[0]
     shifted = values - offset
-    worse = 0
+    best = 0
     for degree in degrees_for(len(times_s)):
         design = design_matrix(times_s, start_s, stop_s, degree)
         solved = np.linalg.lstsq(design, shifted, rcond=None)[0]
@@ -81,25 +91,22 @@ def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor
         criterion = criterion_of(
             float(np.sum(residual**2)), values.size, (degree + 1) * values.shape[1], floor
         )
-        if best is None or criterion < best.criterion:
-            solved[0] += offset
-            best, worse = Series(solved, criterion, residual, 0.0, 0.0), 0
-        else:
-            worse += 1
-            if worse > 3:
-                break
-    assert best is not None
-    degree = len(best.coefficients) - 1
-    spread = spread_of(design_matrix(times_s, start_s, stop_s, degree)) if degree else 0.0
-    slow = slow_noise(times_s, best.residual, start_s, stop_s, degree)
-    return Series(best.coefficients, best.criterion, best.residual, spread, slow)
+        fits.append((criterion, solved, residual))
+        best = best if fits[best][0] <= criterion else degree
+        if degree - best > 3:
+            break
+    criterion, solved, residual = fits[best]
+    solved[0] += offset
+    spread = spread_of(design_matrix(times_s, start_s, stop_s, best)) if best else 0.0
+    slow = slow_noise(times_s, residual, start_s, stop_s, best)
+    return Series(solved, criterion, residual, spread, slow)
 
 
 def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:
-    """Standard deviation of noise as slow as a fit: rms of the terms that would come next.
+    """Return the standard deviation of noise as slow as a fit: rms of the next terms.
 
-    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth, of
-    which a fit sees much less; motion that is not fitted shows as much more.
+    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth with
+    much less in the fit; motion that is not fitted adds to it.
     """
     highest = min(degree + _TERMS_BEYOND, len(times_s) - 1)
     if highest <= degree:

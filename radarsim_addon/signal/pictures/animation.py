@@ -45,7 +45,20 @@ class MapFile:
 
 
 def map_file(result: FrameResult, folder: Path) -> MapFile:
-    """Describe the map that a result's writer "npz" wrote into a folder."""
+    """Describe the map that the writer "npz" wrote.
+
+    Parameters
+    ----------
+    result
+        Result of a frame.
+    folder
+        Where it was written.
+
+    Returns
+    -------
+    MapFile
+        Path of the map, and the numbers that set its colours.
+    """
     power = result.rd_map.power
     return MapFile(
         frame_file(folder, result.frame, "_map.npz"),

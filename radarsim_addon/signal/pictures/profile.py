@@ -67,8 +67,7 @@ def plot_range_profile(
         The picture.
     """
     figure = new_figure(10, 4.5)
-    axis = figure.subplots()
-    curves = _curves(compressed, profile)
+    axis, curves = figure.subplots(), _curves(compressed, profile)
     top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
     noise_db = 10 * math.log10(noise_power / top) if noise_power > 0 and top > 0 else None
     if floor_db is None:

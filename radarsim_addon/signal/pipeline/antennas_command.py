@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 from ...atomic_files import make_folder
 from ...contract import PRODUCTS_DIR, LinkBudget
@@ -14,9 +13,10 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..pictures import ANTENNA_PICTURE, plot_antennas, save_figure
 from ..radar import half_power_width_rad, make_system, read_system
 from ..runs import open_run
+from .console import Subcommands
 
 
-def add_antennas_parser(commands: Any) -> None:
+def add_antennas_parser(commands: Subcommands) -> None:
     """Add the command to an argparse collection of commands."""
     parser = commands.add_parser(
         "antennas",

@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from ..detection import Detection
 from ..maps import RangeDopplerMap
 from ..pictures import cell_width, decimals_for, fixed
+
+Subcommands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+"""Where a parser of arguments collects its commands."""
 
 
 @dataclass(frozen=True)

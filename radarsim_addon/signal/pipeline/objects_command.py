@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from ...errors import FrameFileError
 from ...terminal_text import printable
@@ -18,9 +17,10 @@ from ..detection import (
 )
 from ..radar import read_system
 from ..runs import open_run
+from .console import Subcommands
 
 
-def add_objects_parser(commands: Any, frame_numbers: Callable[[str], list[int]]) -> None:
+def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], list[int]]) -> None:
     """Add the command to an argparse collection of commands."""
     parser = commands.add_parser(
         "objects",

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from ...option_arguments import add_arguments, given
 from ...options import declared
@@ -12,6 +11,7 @@ from ..detection import Cfar
 from ..echoes import Receiver
 from ..radar import Burst, load_radar
 from ..runs import open_run
+from .console import Subcommands
 from .options import ProcessOptions
 
 
@@ -29,7 +29,7 @@ def frame_numbers(text: str) -> list[int]:
 frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its message
 
 
-def add_process_parser(commands: Any) -> None:
+def add_process_parser(commands: Subcommands) -> None:
     """Add ``process`` to the commands."""
     process = commands.add_parser(
         "process",

@@ -43,6 +43,11 @@ def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResu
     *endings
         Endings of all files that the writer may write, after ``frame_0001``.
 
+    Returns
+    -------
+    callable
+        Decorator that registers a function ``write(result, folder) -> list of Path``.
+
     Raises
     ------
     ValueError
@@ -60,7 +65,13 @@ def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResu
 
 
 def writer_names() -> tuple[str, ...]:
-    """Return the names of all registered writers, in alphabetical order."""
+    """Return the names of all registered writers.
+
+    Returns
+    -------
+    tuple of str
+        In alphabetical order.
+    """
     return tuple(sorted(_WRITERS))
 
 
@@ -99,7 +110,22 @@ def write_result(result: FrameResult, folder: Path, names: Iterable[str]) -> lis
 
 
 def frame_file(folder: Path, frame: int, ending: str) -> Path:
-    """Return the path of a frame's file, such as ``frame_0001_map.npz`` for "_map.npz"."""
+    """Return the path of a frame's file.
+
+    Parameters
+    ----------
+    folder
+        Where the products are.
+    frame
+        Number of the frame.
+    ending
+        Ending after the number, such as "_map.npz".
+
+    Returns
+    -------
+    Path
+        Such as ``frame_0001_map.npz`` in `folder`.
+    """
     return folder / f"frame_{frame:04d}{ending}"
 
 

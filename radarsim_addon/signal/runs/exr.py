@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Float32 EXR files in and out, one array per channel.
+"""Read and write float32 EXR files, one array per channel.
 
-Outside Blender the PyPI package ``OpenEXR`` does it, inside a Blender program the ``OpenImageIO``
-that Blender ships: PyPI's OpenEXR crashes some Blender builds on import, so there it is never
-tried. Files are judged by :mod:`.runs.exr_header` first, because both libraries accept damaged
-ones.
+Outside Blender the PyPI package ``OpenEXR`` is used, inside a Blender program the ``OpenImageIO``
+that Blender ships: PyPI's OpenEXR crashes some Blender builds on import, so it is never imported
+there. :mod:`.runs.exr_header` checks files first, because both libraries accept damaged ones.
 """
 
 from __future__ import annotations
@@ -28,18 +27,23 @@ from .exr_header import read_header
 
 
 def inside_blender_program() -> bool:
-    """Whether this Python is the one embedded in Blender, not a bpy wheel in a plain Python."""
+    """Whether this Python is embedded in Blender, not a bpy wheel in a plain Python."""
     app = getattr(sys.modules.get("bpy"), "app", None)
     return bool(getattr(app, "binary_path", ""))
 
 
 def exr_backend() -> tuple[str, ModuleType]:
-    """Name and module of the library that reads EXR files here: OpenEXR or OpenImageIO.
+    """Return the library that reads EXR files in this Python.
+
+    Returns
+    -------
+    name, module
+        "OpenEXR" or "OpenImageIO", and the module.
 
     Raises
     ------
     MissingDependencyError
-        Neither is installed; what to install is said.
+        Neither is installed; the message has what to install.
     """
     names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
     for name in names:
@@ -65,7 +69,7 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
     path
         File to read.
     channels
-        Names of the channels wanted; others in the file are left alone.
+        Names of the channels to read; others are ignored.
 
     Returns
     -------
@@ -101,12 +105,12 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
     except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:
         raise FrameFileError(
             f"{path} cannot be decoded ({error}). Remove it and render the run again: "
-            "it goes on where files are missing."
+            "it resumes where files are missing."
         ) from error
     for name, image in images.items():
         if image.shape != shape or image.dtype != np.float32:
             raise FrameFileError(
-                f"{path}: channel {name} came out as {image.shape} {image.dtype}; "
+                f"{path}: channel {name} was read as {image.shape} {image.dtype}; "
                 f"expected {shape} float32."
             )
         _require_finite(path, name, image)
@@ -121,7 +125,7 @@ def _require_finite(path: Path, name: str, image: Single) -> None:
         raise FrameFileError(
             f"{path}: channel {name} holds {count} value(s) that are NaN or Inf, the first "
             f"({image[row, col]}) at row {row}, column {col}. A material in the scene emits or "
-            "divides by zero: mend it and render this frame again."
+            "divides by zero: fix it and render this frame again."
         )
 
 

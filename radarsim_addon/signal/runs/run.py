@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run's folder: its plan, what of it is there, and its renders one at a time.
+"""A run's folder: its plan, its completeness, and its renders one at a time.
 
-Nothing is read before it is asked for and nothing is kept, so the memory needed does not grow with
+Nothing is read before it is needed and nothing is kept, so the memory does not grow with
 the number of frames or rings.
 """
 
@@ -35,13 +35,21 @@ from ...sidecar import file_sha256, read_record
 from ..radar import Radar, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
-#: Slack between numbers of the plan and of a sidecar: they went through Blender's float32.
+#: Slack between numbers of the plan and of a sidecar: Blender's float32 rounds them.
 _RELATIVE_SLACK = 1e-5
 
 
 @dataclass(frozen=True)
 class MissingRender:
-    """One render of the plan that is not (wholly) there."""
+    """One render of the plan that is missing or incomplete.
+
+    Attributes
+    ----------
+    frame, ring, snapshot_index
+        Numbers of the render.
+    reason
+        Text for people.
+    """
 
     frame: int
     ring: int
@@ -51,9 +59,18 @@ class MissingRender:
 
 @dataclass(frozen=True)
 class RadarFrame:
-    """One radar frame of a run: `rings` images at t, and as many at t + delta t.
+    """One radar frame of a run: `rings` images per snapshot, or a path table.
 
-    Made by :meth:`Run.frame`; holds no pixels.
+    :meth:`Run.frame` returns it; it holds no pixels.
+
+    Attributes
+    ----------
+    run
+        Run of the frame.
+    number
+        Number of the frame in Blender.
+    render
+        Index of the render within the burst, from 0.
     """
 
     run: Run
@@ -72,16 +89,16 @@ class RadarFrame:
 
     @property
     def visibility_updates(self) -> int:
-        """How often the burst was rendered; 1 but for paths whose visibility changes in it."""
+        """Number of renders of the burst; 1 except for paths with visibility updates."""
         return self.record.visibility_updates
 
     def of_burst(self, render: int) -> RadarFrame:
-        """One of the renders of the burst, from 0: a frame of its own with another table."""
+        """Return one of the renders of the burst, from 0: a frame with another table."""
         return dataclasses.replace(self, render=render)
 
     @property
     def time_s(self) -> float:
-        """Scene time t of pass 0 [s], as planned."""
+        """Planned scene time of the first snapshot [s]."""
         return self.record.frame_times_s[self.record.frames.index(self.number)]
 
     @property
@@ -101,18 +118,18 @@ class RadarFrame:
 
     @property
     def snapshots(self) -> int:
-        """1, or 2 where the frame was rendered again at t + delta t."""
+        """1, or 2 for a second render of the frame after the snapshot interval."""
         return self.record.snapshots
 
     @property
     def planned(self) -> int:
-        """Renders of the plan: images, or tables for the acquisition "paths"."""
+        """Renders of the plan: images, or tables in the sampling mode "paths"."""
         if self.sampling_mode == "paths":
             return self.visibility_updates
         return self.rings * self.snapshots
 
     def missing(self) -> list[MissingRender]:
-        """Renders whose EXR or sidecar is not there. Looks at names and sizes only."""
+        """Return renders without EXR or sidecar. Checks names and sizes only."""
         if self.sampling_mode == "paths":
             renders = map(self.of_burst, range(self.visibility_updates))
             return [gap for render in renders for gap in render._missing_table()]
@@ -136,7 +153,7 @@ class RadarFrame:
         return []
 
     def scene(self) -> GroundTruthRecord | None:
-        """Where the objects truly are, or None where the run holds no such record."""
+        """Return the ground truth of the objects, or None if the run holds no such record."""
         folder = self.run.path / frame_dir(self.number)
         path = folder / GROUND_TRUTH_FILE
         if not path.exists() and (folder / GROUND_TRUTH_FILE_0_1).exists():
@@ -168,13 +185,12 @@ class RadarFrame:
         """
         if self.sampling_mode != "rings":
             raise SchemaError(
-                f"{self.path} holds a table of paths, no ring images. Read it with "
-                "iter_path_chunks."
+                f"{self.path} holds a path table, no ring images. Read it with iter_path_chunks."
             )
         if not (0 <= ring < self.rings and 0 <= snapshot_index < self.snapshots):
             raise IndexError(
-                f"ring {ring}, pass {snapshot_index}: the run has {self.rings} rings and "
-                f"{self.snapshots} passes, both counted from 0"
+                f"ring {ring}, snapshot {snapshot_index}: the run has {self.rings} rings and "
+                f"{self.snapshots} snapshots, both counted from 0"
             )
         stem = render_stem(ring, snapshot_index)
         exr, sidecar = self.path / f"{stem}.exr", self.path / f"{stem}.json"
@@ -217,7 +233,7 @@ class RadarFrame:
         height, width = next(iter(images.values())).shape
         if (width, height) != (record.width_px, record.height_px):
             raise SchemaError(
-                f"{exr} is {width} x {height} pixels, its sidecar {sidecar.name} says "
+                f"{exr} is {width} x {height} pixels, its sidecar {sidecar.name} has "
                 f"{record.width_px} x {record.height_px}. Remove both and render the run again."
             )
         digest = file_sha256(exr)
@@ -235,20 +251,30 @@ class RadarFrame:
                     f"{exr}: channel {name} is negative ({image[row, col]}) in "
                     f"{int(negative.sum())} pixel(s), the first at row {row}, column {col}; "
                     "radiance cannot be. Look for a light or a material of negative strength, "
-                    "mend it and render this frame again."
+                    "fix it and render this frame again."
                 )
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run's folder, opened by :func:`open_run`."""
+    """A run's folder, opened by :func:`open_run`.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    record
+        Its plan.
+    radar
+        Waveform and burst.
+    """
 
     path: Path
     record: RunRecord
     radar: Radar
 
     def frame(self, number: int) -> RadarFrame:
-        """One radar frame by its number in Blender.
+        """Return one radar frame by its number in Blender.
 
         Raises
         ------
@@ -263,17 +289,17 @@ class Run:
         return RadarFrame(self, number)
 
     def frames(self) -> Iterator[RadarFrame]:
-        """All radar frames of the plan, in its order; nothing is read yet."""
+        """Yield all radar frames of the plan, in its order; nothing is read."""
         for number in self.record.frames:
             yield RadarFrame(self, number)
 
     def missing(self) -> list[MissingRender]:
-        """All renders of the plan that are not there."""
+        """Return all missing renders of the plan."""
         return [gap for frame in self.frames() for gap in frame.missing()]
 
     @property
     def renders(self) -> int:
-        """Number of renders in the plan; of tables for the acquisition "paths"."""
+        """Number of renders in the plan; of tables in the sampling mode "paths"."""
         return sum(frame.planned for frame in self.frames())
 
     @property
@@ -290,14 +316,19 @@ def open_run(path: str | Path) -> Run:
     path
         Folder that holds ``run.json``.
 
+    Returns
+    -------
+    Run
+        The run; no render is read.
+
     Raises
     ------
     FrameFileError
-        No run there, or its plan is damaged.
+        The folder holds no run, or its plan is damaged.
     SchemaError
         The plan is of a newer schema.
     ConfigError
-        Its numbers do not fit together (ring step zero, chirp longer than the pulse interval...).
+        Its numbers do not fit together (ring step zero, pulse longer than the pulse interval...).
     """
     path = Path(path)
     if not path.is_dir():
@@ -313,16 +344,17 @@ def open_run(path: str | Path) -> Run:
         )
     if record.sampling_mode not in ("rings", "paths"):
         raise SchemaError(
-            f"{where}: acquisition {record.sampling_mode!r}; this version knows 'rings' "
-            "and 'paths'. "
-            "Update radarsim to process this run."
+            f"{where}: sampling mode {record.sampling_mode!r}; this version reads 'rings' and "
+            "'paths'. Update radarsim to process this run."
         )
     if record.snapshots not in (1, 2):
-        raise ConfigError(f"{where}: passes is {record.snapshots}; expected 1 or 2.")
+        raise ConfigError(
+            f"{where}: snapshots is {record.snapshots}; expected 1 or 2. Render the run again."
+        )
     if record.snapshots == 2 and record.snapshot_interval_s <= 0:
         raise ConfigError(
-            f"{where}: delta t is {record.snapshot_interval_s!r} s; two passes need a "
-            "positive time between."
+            f"{where}: snapshot interval is {record.snapshot_interval_s!r} s; expected more than 0 "
+            "for two snapshots. Set it in the Radar tab and render the run again."
         )
     for name, unit in (
         ("rings", "rings"),

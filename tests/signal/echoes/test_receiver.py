@@ -25,9 +25,8 @@ from radarsim_addon.signal import (
     make_paths,
     range_doppler,
 )
-from radarsim_addon.signal.echoes import synthesizer_for
+from radarsim_addon.signal.echoes import EchoOptions, synthesizer_for
 from radarsim_addon.signal.echoes.phase_noise import PhaseTrack
-from radarsim_addon.signal.echoes.pulse_synthesis import EchoOptions
 from radarsim_addon.signal.echoes.receiver import quantise
 from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.radar import AnyWaveform

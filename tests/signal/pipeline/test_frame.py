@@ -14,6 +14,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.sidecar import file_sha256
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -137,9 +138,8 @@ def test_a_table_is_hashed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
     def counting(path: Path) -> str:
         hashed.append(path.name)
-        return original(path)
+        return file_sha256(path)
 
-    original = table_files.file_sha256
     monkeypatch.setattr(table_files, "file_sha256", counting)
     pytest.importorskip("matplotlib")
     list(process_run(folder, dataclasses.replace(OPTIONS, plots=True)))
