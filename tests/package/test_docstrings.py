@@ -22,7 +22,6 @@ from radarsim_addon.errors import ConfigError
 FINISHED = (
     "physics",
     "signal.detection.cfar",
-    "signal.detection.cfar_thresholds",
     "signal.detection.detections",
     "signal.detection.moving_targets",
     "signal.detection.objects",

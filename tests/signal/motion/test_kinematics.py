@@ -296,7 +296,7 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
     npz = tmp_path / contract.DEFORMING_SURFACES_FILE
     data = npz.read_bytes()
     npz.write_bytes(data[:-100])
-    with pytest.raises(FrameFileError, match="cannot be read as tracks"):
+    with pytest.raises(FrameFileError, match="cannot be read as points"):
         read_motion(tmp_path, 1, digest)
     npz.unlink()
     with pytest.raises(FrameFileError, match="is missing"):

@@ -103,7 +103,7 @@ def test_changed_exr_does_not_match_its_checksum(folder: Path) -> None:
 def test_exr_of_another_size(folder: Path) -> None:
     zeros = np.zeros((4, 5), np.float32)
     write_render(folder, SETUP, 1, 0, 0, {"R": zeros, "G": zeros, "B": zeros})
-    with pytest.raises(SchemaError, match=r"is 5 x 4 pixels, its sidecar .* says 16 x 12"):
+    with pytest.raises(SchemaError, match=r"is 5 x 4 pixels, its sidecar .* has 16 x 12"):
         open_run(folder).frame(1).image(0)
 
 
@@ -134,8 +134,8 @@ def test_negative_radiance(folder: Path) -> None:
         ({"rings": 0}, ConfigError, "rings is 0"),
         ({"metres_per_unit": 0.0}, ConfigError, "metres_per_unit"),
         ({"range_encoding_length_m": -1.0}, ConfigError, "range_encoding_length_m"),
-        ({"snapshots": 3}, ConfigError, "passes is 3"),
-        ({"snapshot_interval_s": 0.0}, ConfigError, "delta t is 0.0"),
+        ({"snapshots": 3}, ConfigError, "snapshots is 3"),
+        ({"snapshot_interval_s": 0.0}, ConfigError, "snapshot interval is 0.0"),
         ({"frames": []}, FrameFileError, "lists 0 frames"),
         ({"frame_times_s": [0.0]}, FrameFileError, "4 frames and 1 times"),
         ({"burst": {"prf_hz": 1000.0, "pulses": 12.5}}, ConfigError, "pulses is 12.5"),
