@@ -234,7 +234,8 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
     SceneError
         None of the objects can have a material.
     """
-    return assign_to(objects, preset_material(preset))
+    usable = _with_materials(objects)  # fails before a material is made
+    return assign_to(usable, preset_material(preset))
 
 
 def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
@@ -256,6 +257,19 @@ def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
     SceneError
         None of the objects can have a material.
     """
+    usable = _with_materials(objects)
+    for obj in usable:
+        if not obj.material_slots:
+            obj.data.materials.append(material)
+        for slot in obj.material_slots:
+            if slot.link == "DATA" and obj.data.library is not None:
+                slot.link = "OBJECT"  # a linked mesh cannot be changed
+            slot.material = material
+    return usable
+
+
+def _with_materials(objects: Iterable[Any]) -> list[Any]:
+    """Return the objects that can have a material. Raises SceneError if there are none."""
     objects = list(objects)
     usable = [
         obj
@@ -268,13 +282,6 @@ def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
             f"No selected object can have a Radar Material: {found} selected. "
             "Select one or more meshes that are not linked from another file."
         )
-    for obj in usable:
-        if not obj.material_slots:
-            obj.data.materials.append(material)
-        for slot in obj.material_slots:
-            if slot.link == "DATA" and obj.data.library is not None:
-                slot.link = "OBJECT"  # a linked mesh cannot be changed
-            slot.material = material
     return usable
 
 
