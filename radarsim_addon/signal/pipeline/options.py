@@ -17,7 +17,8 @@ from ..radar import WINDOW_NAMES, Radar, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
 
-_TAPERS = choices_from(WINDOW_NAMES)
+# no choices: two of the names stand for patterns with numbers
+_TAPERS = ", ".join(WINDOW_NAMES)
 
 
 def _seed_or_none(text: str) -> int | None:
@@ -51,11 +52,11 @@ class ProcessOptions:
         0.0, unit="dBi", old_flags=("--receiver-gain-db",),
     )  # fmt: skip
     range_taper: str = setting(
-        "Range taper", "Choose the window over the band", "hamming", choices=_TAPERS,
+        "Range taper", f"Choose the window over the band: {_TAPERS}", "hamming", metavar="NAME",
         old_flags=("--window",),
     )  # fmt: skip
     doppler_taper: str = setting(
-        "Doppler taper", "Choose the window over the pulses", "hamming", choices=_TAPERS,
+        "Doppler taper", f"Choose the window over the pulses: {_TAPERS}", "hamming", metavar="NAME",
         old_flags=("--doppler-window",),
     )  # fmt: skip
     range_limits_m: tuple[float, float] | None = setting(

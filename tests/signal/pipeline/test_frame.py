@@ -30,6 +30,7 @@ from radarsim_addon.signal import (
     process_run,
 )
 from radarsim_addon.signal.paths import table_files
+from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.spectrum import accumulator
 from tests.signal import path_runs as pr
 from tests.signal.synthetic import Setup, points
@@ -174,3 +175,12 @@ def test_gain_of_the_receive_antenna_is_in_dbi(tmp_path: Path) -> None:
         options = dataclasses.replace(OPTIONS, receive_antenna_gain_dbi=gain_dbi).for_run(run)
         powers.append(process_frame(options.open(run.frame(1)), options).statistics.power_w)
     assert powers[1] == pytest.approx(10 * powers[0], rel=1e-12)
+
+
+def test_tapers_with_numbers_are_accepted(tmp_path: Path) -> None:
+    folder = rings_run(tmp_path / "run")
+    tapers = ["--range-taper", "kaiser:8", "--doppler-taper", "taylor:4:-35"]
+    assert main(["process", str(folder), "--no-plots", "--no-products", *tapers]) == 0
+    options = dataclasses.replace(OPTIONS, range_taper="kaiser:8", doppler_taper="taylor:4:-35")
+    result = next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
+    assert (result.rd_map.range_taper, result.rd_map.doppler_taper) == ("kaiser:8", "taylor:4:-35")
