@@ -80,7 +80,8 @@ def add_radar(
     _ensure_registered()
     chosen = {**(preset_settings(preset) if preset else {}), **values}
     scene = bpy.context.scene if scene is None else scene
-    rig = setup_rig(scene, tuple(location))
+    x, y, z = location
+    rig = setup_rig(scene, (x, y, z))
     try:
         view = settings(rig)
         for name, value in chosen.items():
@@ -147,7 +148,7 @@ def material(
     correlation_length_m: float = 0.0,
     rms_slope: float = 0.0,
     sheet_thickness_m: float = 0.0,
-    **parameters: float,
+    **parameters: Any,
 ) -> Any:
     """Make a radar material from a medium of the library or from a complex index.
 

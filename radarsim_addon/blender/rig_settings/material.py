@@ -93,21 +93,21 @@ def _setter(key: str, exponent: int = 0) -> Callable[[Any, float], None]:
 class MaterialSettings(bpy.types.PropertyGroup):
     """Medium and surface of a material."""
 
-    medium: bpy.props.EnumProperty(  # type: ignore[valid-type]
+    medium: bpy.props.EnumProperty(
         name="Medium",
         items=_MEDIA,
         get=_get_medium,
         set=_set_medium,
         description="What the object is made of; its index at the carrier comes from the library",
     )
-    path: bpy.props.StringProperty(  # type: ignore[valid-type]
+    path: bpy.props.StringProperty(
         name="Table",
         subtype="FILE_PATH",
         get=_get_path,
         set=_set_path,
         description="CSV file: frequency_ghz and eps_real, eps_imag (or n, k)",
     )
-    rms_height_mm: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    rms_height_mm: bpy.props.FloatProperty(
         name="Rms Height [mm]",
         min=0.0,
         precision=3,
@@ -115,7 +115,7 @@ class MaterialSettings(bpy.types.PropertyGroup):
         set=_setter(pm.RMS_HEIGHT, -3),
         description="Root mean square of the surface's height; 0: not given",
     )
-    correlation_length_mm: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    correlation_length_mm: bpy.props.FloatProperty(
         name="Correlation Length [mm]",
         min=0.0,
         precision=3,
@@ -123,7 +123,7 @@ class MaterialSettings(bpy.types.PropertyGroup):
         set=_setter(pm.CORRELATION_LENGTH, -3),
         description="Of a Gaussian surface; with the height it gives the slope sqrt(2) h / l",
     )
-    rms_slope: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    rms_slope: bpy.props.FloatProperty(
         name="Rms Slope",
         min=0.0,
         max=0.7071,

@@ -18,20 +18,20 @@ PROGRESS_PROPERTY = "radarsim"
 class RadarProgress(bpy.types.PropertyGroup):
     """What the panel shows of a running job; lives in the window manager, in no file."""
 
-    running: bpy.props.BoolProperty(  # type: ignore[valid-type]
+    running: bpy.props.BoolProperty(
         name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
     )
-    fraction: bpy.props.FloatProperty(  # type: ignore[valid-type]
+    fraction: bpy.props.FloatProperty(
         name="Progress",
         min=0.0,
         max=1.0,
         options={"SKIP_SAVE"},
         description="Share of the job that is done",
     )
-    text: bpy.props.StringProperty(  # type: ignore[valid-type]
+    text: bpy.props.StringProperty(
         name="Status", options={"SKIP_SAVE"}, description="State of the last job"
     )
-    warnings: bpy.props.StringProperty(  # type: ignore[valid-type]
+    warnings: bpy.props.StringProperty(
         name="Warnings",
         options={"SKIP_SAVE"},
         description="Warnings of the last job, one a line",
