@@ -21,6 +21,7 @@ from radarsim_addon.errors import ConfigError
 #: Rooms, or modules of them, whose public names are held to this; add one when it is complete.
 FINISHED = (
     "physics",
+    "signal.decoding",
     "signal.detection.cfar",
     "signal.detection.cfar_thresholds",
     "signal.detection.detections",
@@ -34,6 +35,7 @@ FINISHED = (
     "signal.maps.noise_floor",
     "signal.maps.single_echo",
     "signal.motion",
+    "signal.paths",
     "signal.pictures.animation",
     "signal.pictures.antennas",
     "signal.pictures.echo",
