@@ -21,6 +21,7 @@ from radarsim_addon.errors import ConfigError
 #: Rooms, or modules of them, whose public names are held to this; add one when it is complete.
 FINISHED = (
     "physics",
+    "signal.decoding",
     "signal.detection.cfar",
     "signal.detection.detections",
     "signal.detection.moving_targets",
@@ -33,6 +34,7 @@ FINISHED = (
     "signal.maps.noise_floor",
     "signal.maps.single_echo",
     "signal.motion",
+    "signal.paths",
     "signal.pictures.animation",
     "signal.pictures.antennas",
     "signal.pictures.echo",

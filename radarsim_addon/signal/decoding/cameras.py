@@ -92,6 +92,11 @@ def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     width_px, height_px
         Pixels of the image.
 
+    Returns
+    -------
+    PixelRays
+        Of all pixels, (height, width).
+
     Raises
     ------
     SchemaError

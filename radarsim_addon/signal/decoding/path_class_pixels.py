@@ -111,6 +111,11 @@ def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
     ----------
     encoded, plain
         The same channel with and without range encoding, of one shape.
+
+    Returns
+    -------
+    ndarray
+        As the channels.
     """
     ratio = np.zeros_like(plain)
     usable = (encoded >= _TINY) & (plain > 0)

@@ -56,6 +56,11 @@ def iter_path_chunks(
     mixed_tolerance
         |G B/R^2 - 1| above which a pixel is flagged as mixed.
 
+    Yields
+    ------
+    Paths
+        Those of a ring, or of some rows of the table.
+
     Raises
     ------
     FrameFileError, SchemaError

@@ -58,6 +58,11 @@ def pixel_grid(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     width_px, height_px
         Pixels of the image.
 
+    Returns
+    -------
+    PixelGrid
+        Of all pixels.
+
     Raises
     ------
     SchemaError
@@ -130,6 +135,11 @@ def decode(
         Float32 arrays (height, width) "R", "G", "B", in W per (Blender unit)^2 per sr.
     grid
         The camera's pixels, where they are already known.
+
+    Returns
+    -------
+    Decoded
+        Lengths [m] and radiances [W m^-2 sr^-1] of all pixels.
 
     Notes
     -----

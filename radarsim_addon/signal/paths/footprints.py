@@ -97,6 +97,11 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
         Of the frame.
     count
         Number of replicates of the tile.
+
+    Returns
+    -------
+    Steps
+        For each of the n rows.
     """
     found = Steps(*np.zeros((3, rows.size, 2, 2)))
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
@@ -191,6 +196,11 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         Largest distance of the points in total length [m].
     cell_mps
         Largest distance in range rate [m/s].
+
+    Yields
+    ------
+    Points
+        Those of some rows; the fractions of a row add up to 1.
     """
     extent = np.maximum(
         abs(steps.length_m).max(axis=2) / cell_m, abs(steps.range_rate_mps).max(axis=2) / cell_mps
@@ -237,6 +247,11 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
         Rows of a frame, tile by tile and in each of them replicate by replicate.
     replicates
         Number of replicates.
+
+    Yields
+    ------
+    iterator of ndarray
+        Rows of a replicate, tile by tile, (n,) each.
     """
     tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1

@@ -35,6 +35,16 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
 
     A low-discrepancy sequence that starts off the pixel centre: a ray exactly on the shared edge of
     two triangles counts both.
+
+    Parameters
+    ----------
+    index
+        Number of the replicate, from 0.
+
+    Returns
+    -------
+    (float, float)
+        Across and up [pixels].
     """
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5

@@ -245,6 +245,19 @@ def _fault(
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows, each copied into memory."""
+    """Yield a table in chunks of at most `rows` rows, each copied into memory.
+
+    Parameters
+    ----------
+    table
+        Rows, (n,), in memory or mapped.
+    rows
+        Largest number of rows of a chunk.
+
+    Yields
+    ------
+    ndarray
+        (m,), m at most `rows`.
+    """
     for start in range(0, table.size, rows):
         yield np.array(table[start : start + rows])

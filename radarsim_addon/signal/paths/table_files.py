@@ -29,6 +29,11 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
     frame
         Number that the record must have.
 
+    Returns
+    -------
+    PathsRecord
+        The sidecar, checked.
+
     Raises
     ------
     FrameFileError, SchemaError
@@ -92,6 +97,11 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
     record
         Its sidecar.
 
+    Returns
+    -------
+    FrameMotion or None
+        Motion of antennas and bodies over the burst.
+
     Raises
     ------
     FrameFileError, SchemaError
@@ -118,6 +128,11 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
         Rows of the table, (n,).
     record
         Sidecar of the table, for the carrier.
+
+    Returns
+    -------
+    ndarray
+        (n,) [W m^-2 sr^-1].
     """
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
@@ -125,7 +140,18 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
 
 
 def geometry_of(rows: PathRows) -> PathGeometry:
-    """Return the vertices and directions of rows of the table."""
+    """Return the vertices and directions of rows of the table.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table, (n,).
+
+    Returns
+    -------
+    PathGeometry
+        Of the n paths.
+    """
     return PathGeometry(
         order=rows["order"].astype(np.int32),
         transparent_depth=rows["transparent_depth"].astype(np.int32),
@@ -138,7 +164,18 @@ def geometry_of(rows: PathRows) -> PathGeometry:
 
 
 def usable(rows: PathRows) -> Mask:
-    """Return which rows have a length, (n,)."""
+    """Return which rows have a length, (n,).
+
+    Parameters
+    ----------
+    rows
+        Rows of the table, (n,).
+
+    Returns
+    -------
+    ndarray
+        Mask, (n,).
+    """
     return np.asarray((rows["flags"] & PathFlag.NO_RANGE) == 0)
 
 
@@ -151,6 +188,11 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         Rows of the table, (n,).
     scene
         The frame's motion.
+
+    Returns
+    -------
+    KinematicMotion
+        Of the n paths.
 
     Raises
     ------
