@@ -20,6 +20,7 @@ import argparse
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 if __package__ in (None, ""):  # run from a checkout: the package lies beside scripts/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -45,7 +46,15 @@ TARGET_SPEED = 0.1  # units per second: 10 m/s
 LIFT = 1e-4
 
 
-def add_box(name, near_range, azimuth_deg, width, height, depth, bottom):
+def add_box(
+    name: str,
+    near_range: float,
+    azimuth_deg: float,
+    width: float,
+    height: float,
+    depth: float,
+    bottom: float,
+) -> Any:
     """A closed box whose near face is perpendicular to the radar's line of sight."""
     half = width / 2
     corners = [
@@ -138,7 +147,7 @@ def build() -> None:
     settings.width_px, settings.height_px, settings.samples = 960, 540, 1
 
 
-def animate(target) -> None:
+def animate(target: Any) -> None:
     """Straight motion away from the radar at constant speed over the animation."""
     azimuth = math.radians(TARGET_AZIMUTH_DEG)
     start = target.location.copy()
@@ -156,7 +165,7 @@ def animate(target) -> None:
     bpy.context.scene.frame_set(1)
 
 
-def _curves(action):
+def _curves(action: Any) -> Any:
     if hasattr(action, "fcurves"):  # up to 4.5
         return list(action.fcurves)
     return [

@@ -11,6 +11,7 @@ import math
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -45,7 +46,7 @@ OFFSETS = {
 }
 
 
-def plain_material(name: str, colour: tuple[float, float, float]):
+def plain_material(name: str, colour: tuple[float, float, float]) -> Any:
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True

@@ -128,7 +128,7 @@ def exact_target_w(reference: Result) -> float:
     side. The faces behind are hidden."""
     a2 = _TARGET_HALF**2
     solid_sr = 4 * math.atan(a2 / math.sqrt(1 + 2 * a2))
-    return reference.target_w / reference.details["target_sr"] * solid_sr
+    return float(reference.target_w / reference.details["target_sr"] * solid_sr)
 
 
 def standard_error(replicates: list[Real], bins: int) -> float:

@@ -82,7 +82,7 @@ def is_text(values: Values) -> bool:
 def without_channel(old: Values, new: Values) -> Values:
     """`new` without its leading axis where that is one channel that `old` has no axis for."""
     if new.ndim == old.ndim + 1 and new.shape[0] == 1:
-        return new[0]
+        return np.asarray(new[0])
     return new
 
 

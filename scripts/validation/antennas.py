@@ -53,7 +53,7 @@ TABLE_STEP_DEG, TABLE_REACH_DEG = 0.25, (24.0, 32.0)
 def gaussian(azimuth: Real, elevation: Real) -> Real:
     """Half power at half of each width."""
     a, e = (np.radians(w) for w in WIDTHS_DEG)
-    return np.exp(-4 * math.log(2) * ((azimuth / a) ** 2 + (elevation / e) ** 2))
+    return np.asarray(np.exp(-4 * math.log(2) * ((azimuth / a) ** 2 + (elevation / e) ** 2)))
 
 
 def aperture(azimuth: Real, elevation: Real) -> Real:
@@ -81,7 +81,8 @@ def line_array(azimuth: Real, elevation: Real) -> Real:
     psi = math.pi * (x - math.sin(math.radians(STEER_DEG)))
     delta = 2 * math.pi / (ELEMENTS - 1)
     factor = 0.54 * dirichlet(psi) + 0.23 * (dirichlet(psi + delta) + dirichlet(psi - delta))
-    return np.maximum(np.cos(azimuth) * np.cos(elevation), 0.0) * (factor / (0.54 * ELEMENTS)) ** 2
+    element = np.maximum(np.cos(azimuth) * np.cos(elevation), 0.0)
+    return np.asarray(element * (factor / (0.54 * ELEMENTS)) ** 2)
 
 
 def directivity(pattern: Pattern) -> float:

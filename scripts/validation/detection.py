@@ -32,7 +32,7 @@ END_CELLS = Cfar().guard[1] + Cfar().train[1]
 BLOCK_CELLS = 60
 
 
-def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) -> list:
+def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) -> list[Any]:
     """Maps of thermal noise and the mean power of their cells, by k T F B and the filters."""
     gain = map_noise_gain(radar, window, window)
     found = []
@@ -43,7 +43,7 @@ def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) 
     return found
 
 
-def _rates(maps: list, kind: CfarKind) -> list[tuple[float, float]]:
+def _rates(maps: list[Any], kind: CfarKind) -> list[tuple[float, float]]:
     """False alarms over design, with its standard error, for each rate asked for.
 
     Noise of known mean power N passes a threshold T with exp(-T/N): the thresholds alone tell the

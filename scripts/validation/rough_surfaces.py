@@ -91,7 +91,7 @@ def sigma0_checks(
     ]
 
 
-def _scene(slope: float, angle_deg: float, paint: Paint) -> list:
+def _scene(slope: float, angle_deg: float, paint: Paint) -> list[Any]:
     """Five plates in a row, one a medium, all tilted by the same angle."""
     width_m = len(MEDIA) * SPACING_M
     new_scene(math.degrees(2 * math.atan(width_m / 2 / RANGE_M)))

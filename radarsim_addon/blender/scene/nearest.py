@@ -53,7 +53,7 @@ def _triangle_distances(a: Real, b: Real, c: Real) -> Real:
         side = np.einsum("ij,ij->i", np.cross(end - start, foot - start), normal)
         inside &= side >= 0
     edges = np.minimum.reduce([_segment_distances(*ends) for ends in ((a, b), (b, c), (c, a))])
-    return np.where(inside, np.abs(height), edges)
+    return np.asarray(np.where(inside, np.abs(height), edges))
 
 
 def _segment_distances(start: Real, end: Real) -> Real:

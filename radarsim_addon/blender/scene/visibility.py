@@ -36,7 +36,7 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
             item.hide_set(False, view_layer=view_layer)
             recorder.on_restore(
                 f"{item.name}: hidden",
-                lambda item=item: item.hide_set(True, view_layer=view_layer),  # type: ignore[misc]
+                lambda item=item: item.hide_set(True, view_layer=view_layer),
             )
 
 

@@ -173,7 +173,7 @@ def resample_max(values: Real, size: int, axis: int) -> Real:
     """Resample an axis to `size` values; each is the maximum of its range, so peaks remain."""
     count = values.shape[axis]
     if count <= size:
-        return np.take(values, np.arange(size) * count // size, axis=axis)
+        return np.asarray(np.take(values, np.arange(size) * count // size, axis=axis))
     starts = np.arange(size) * count // size
     return np.asarray(np.maximum.reduceat(values, starts, axis=axis))
 
