@@ -122,7 +122,7 @@ def main() -> int:
         places = render_scene(picture)
         image = plt.imread(picture)
     with np.load(products / "frame_0001_map.npz", allow_pickle=False) as data:
-        power, range_m = data["power"], data["range_m"]
+        power, range_m = data["power"][0], data["range_m"]
         doppler_hz, velocity = data["doppler_hz"], data["velocity_mps"]
     level = signal.power_to_db(power, power.max(), -80.0)
 

@@ -107,7 +107,7 @@ from .maps import (
     range_noise_gain,
     range_process,
 )
-from .paths import PathCounts, PathFlag, Paths, make_paths, path_amplitude, path_power_w
+from .paths import PathCounts, PathFlag, Paths, make_paths, path_power_w
 from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save_figure
 from .pipeline import (
     FrameResult,
@@ -121,6 +121,8 @@ from .products import write_products
 from .radar import (
     ArbitraryPulse,
     Burst,
+    Channel,
+    Element,
     FmcwWaveform,
     PhaseCodedPulse,
     PmcwWaveform,
@@ -137,7 +139,7 @@ from .radar import (
     window_at,
 )
 from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
-from .scattering import path_phasors
+from .scattering import amplitude, path_amplitude, path_phasors
 from .spectrum import (
     FrequencyGrid,
     Ramp,
@@ -153,12 +155,14 @@ __all__ = [
     "Burst",
     "Cfar",
     "CfarResult",
+    "Channel",
     "Decoded",
     "Detection",
     "Detections",
     "EchoOptions",
     "EchoSynthesizer",
     "Echoes",
+    "Element",
     "ExpectedPower",
     "FmcwWaveform",
     "FrameInput",
@@ -193,6 +197,7 @@ __all__ = [
     "SteppedWaveform",
     "SynthesisReport",
     "Waveform",
+    "amplitude",
     "apply_receiver",
     "cfar_threshold",
     "decode",

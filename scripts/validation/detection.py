@@ -55,7 +55,7 @@ def _rates(maps: list[Any], kind: CfarKind) -> list[tuple[float, float]]:
     level: list[float] = []
     for number, (rd_map, noise) in enumerate(maps):
         inner = slice(END_CELLS, -END_CELLS)
-        power = rd_map.power[:, inner] / noise
+        power = rd_map.plane_power[:, inner] / noise
         blocks = max(4, power.shape[1] // BLOCK_CELLS)
         level += [float(part.mean()) - 1 for part in np.array_split(power, blocks, axis=1)]
         for pfa in RATES:

@@ -209,7 +209,7 @@ def _maps(
     )
     noisy = apply_receiver(whole, receiver).echoes
     beyond = LIGHT / 2 * noisy.fast_time_s > 7500.0
-    raw = np.abs(noisy.samples[:, beyond]) ** 2
+    raw = np.abs(noisy.plane[:, beyond]) ** 2
     level_w = noise_density() * waveform.sampling_rate_hz
     noise_row = power_check(
         "noise floor of the echoes, beyond the scene",
@@ -221,7 +221,7 @@ def _maps(
     )
     compressed = range_process(noisy)
     rd_map = range_doppler(compressed)
-    floor = rd_map.power[:, (rd_map.range_m > 7500) & (rd_map.range_m < 8900)]
+    floor = rd_map.plane_power[:, (rd_map.range_m > 7500) & (rd_map.range_m < 8900)]
     floor_w = float(floor.mean())
     loss = 10 ** (2 * hamming_loss_db() / 10)
     map_expected = noise_density() / (waveform.chirp_duration_s * PULSES) * loss
@@ -235,7 +235,7 @@ def _maps(
         "k T_0 F / (T M), two Hamming windows",
         relative_error=1 / math.sqrt(cells),
     )
-    profile = rd_map.power.max(axis=0)
+    profile = rd_map.plane_power.max(axis=0)
     for reach_m, power_w in zip(rd_map.range_m[::8], profile[::8], strict=True):
         bench.point("paper_profile", range_m=reach_m, power_w=power_w, floor_w=floor_w)
     range_limits_m = (TARGET_M - NEAR_M, TARGET_M + NEAR_M)

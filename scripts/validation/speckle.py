@@ -61,7 +61,7 @@ def _intensities(run: Any) -> Real:
         paths = (speckle.apply(part) for part in iter_path_chunks(frame))
         echoes = synthesize(paths, radar, range_limits_m=range_limits_m, speckle_seed=seed)
         compressed = range_process(echoes, oversample=1)
-        power = np.abs(compressed.values[0]) ** 2
+        power = np.abs(compressed.plane[0]) ** 2
         expected = np.interp(compressed.range_m, profile.range_m, profile.power)
         full = np.abs(compressed.range_m - RANGE_M) < reach_m
         found.append((power[full] / expected[full])[::step])

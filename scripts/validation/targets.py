@@ -111,7 +111,7 @@ def snr(_bench: Bench) -> list[Check]:
             sigma = math.sqrt(10 ** (-snr_db / 10) / gain / 2)
             found = []
             for echoes in clean:
-                shape = echoes.samples.shape
+                shape = echoes.plane.shape
                 noise = sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
                 noisy = dataclasses.replace(echoes, samples=echoes.samples + noise)
                 targets = detect_targets(map_of(noisy, window), Cfar(kind, 1e-4)).targets

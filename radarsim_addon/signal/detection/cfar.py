@@ -124,7 +124,7 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
     ConfigError
         The map is too small for the guard cells.
     """
-    power = rd_map.power
+    power = rd_map.plane_power
     guard, train = _fitted(cfar, (power.shape[0], power.shape[1]))
     reach = guard[0] + train[0], guard[1] + train[1]
     rows, cols = np.mgrid[-reach[0] : reach[0] + 1, -reach[1] : reach[1] + 1]

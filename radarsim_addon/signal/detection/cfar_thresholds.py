@@ -133,7 +133,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
     """Return rho of white noise in a map at lags of 0 ... (Doppler, range) cells."""
     radar = rd_map.radar
     waveform = radar.waveform
-    pulses = rd_map.values.shape[0]
+    pulses = rd_map.values.shape[1]
     squared = slow_time_window(rd_map.doppler_taper, pulses) ** 2
     turn = np.exp(-2j * np.pi * np.outer(np.arange(lags[0] + 1), np.arange(pulses)) / pulses)
     doppler = turn @ squared / squared.sum()

@@ -110,7 +110,7 @@ def detect_targets(
     """
     cfar = cfar or Cfar()
     result = cfar_threshold(rd_map, cfar)
-    power = rd_map.power
+    power = rd_map.plane_power
     above = power > np.maximum(result.threshold, power.max(initial=0.0) * 10 ** (-dynamics_db / 10))
     peaks = np.argwhere(above & local_maxima(power))
     order = np.argsort(-power[peaks[:, 0], peaks[:, 1]], kind="stable")
@@ -168,7 +168,7 @@ def _interpolate(
 
 def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar: Cfar) -> float:
     """Return the mean power of the training cells without the target's response; inf: no point."""
-    pulses, ranges = rd_map.values.shape
+    pulses, ranges = rd_map.plane.shape
     range_limits_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
     nothing = np.zeros((1, 1), dtype=np.complex128)
     echoes = Echoes(nothing, 0.0, range_limits_m, rd_map.radar, "radar-equation", 0.0)
@@ -178,7 +178,7 @@ def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar
     apart = np.arange(-reach[0], reach[0] + 1)
     rows = (row + apart) % pulses
     cols = np.arange(max(0, col - reach[1]), min(ranges, col + reach[1] + 1))
-    patch = rd_map.values[np.ix_(rows, cols)]
+    patch = rd_map.plane[np.ix_(rows, cols)]
     own = response.doppler[rows] @ response.ranges[:, cols]
     middle = np.ix_(np.abs(apart) <= 1, np.abs(cols - col) <= 2)
     amplitude, fraction = fit_point(own[middle], patch[middle])

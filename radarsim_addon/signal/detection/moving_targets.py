@@ -161,7 +161,7 @@ def find_moving_targets(
         At most five, strongest first. Range in the middle of the burst; empty for fewer than 16
         pulses.
     """
-    if rd_map.values.shape[0] < _MIN_PULSES:
+    if rd_map.values.shape[1] < _MIN_PULSES:
         return []
     recording = recording or received_recording(echoes, rd_map, mti)
     floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
@@ -172,11 +172,11 @@ def find_moving_targets(
     found = []
     for target in search.targets():
         peak = search.refined(target)
-        speed = abs(peak.doppler_hz) * rd_map.values.shape[0] / rd_map.radar.burst.prf_hz
+        speed = abs(peak.doppler_hz) * rd_map.values.shape[1] / rd_map.radar.burst.prf_hz
         inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
         if inside and speed >= slowest_cells:
             col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
-            above_db = peak_to_background_db(rd_map.power, target.row, col)
+            above_db = peak_to_background_db(rd_map.plane_power, target.row, col)
             found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
     return sorted(found, key=lambda peak: -peak.level_db)[:_MAX_TARGETS]
 
@@ -194,10 +194,10 @@ class _Search:
     ) -> None:
         rd_map = recording.rd_map
         self._recording, self._floor, self._error = recording, floor, error
-        self._pulses = rd_map.values.shape[0]
+        self._pulses = rd_map.values.shape[1]
         self._zero = self._pulses // 2
-        self._residual = rd_map.values.copy()
-        self._envelope = np.zeros(rd_map.values.shape)
+        self._residual = rd_map.plane.copy()
+        self._envelope = np.zeros(self._residual.shape)
         weight = slow_time_window(rd_map.doppler_taper, self._pulses)
         self._still = _line(weight, 0.0)
         self._ridge = _ridge_shape(weight)
@@ -332,7 +332,7 @@ class _Search:
         values = self._residual.copy()
         for amplitude, response in target.echoes:
             values += response.echo(amplitude)
-        alone = dataclasses.replace(self._recording.rd_map, values=values)
+        alone = dataclasses.replace(self._recording.rd_map, values=values[None])
         return refine_peak(alone, pulse_spectra(alone), target.row, target.col, 0.0)
 
 

@@ -97,7 +97,7 @@ def path_power_w(
     """Return each row's received power at a carrier [W], with the gains of a link budget."""
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
-        power = power * link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
+        power = power * link.mean_factor_of_rows(rows)
     return np.asarray(power, dtype=np.float64)
 
 

@@ -102,7 +102,7 @@ def find_peaks(
     along Doppler from the pulses themselves, along range from the band-limited response.
     From two rows off 0 Hz on, the fit includes a stationary echo at the same range.
     """
-    power = rd_map.power
+    power = rd_map.plane_power
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
     wanted = wanted & np.ones(power.shape[1], dtype=bool)[None, :]
     if range_m is not None:
@@ -189,7 +189,7 @@ def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
 
     (pulses, ranges), in FFT order over range, in time order over the pulses.
     """
-    trains = np.fft.ifft(np.fft.ifftshift(rd_map.values, axes=0), axis=0)
+    trains = np.fft.ifft(np.fft.ifftshift(rd_map.plane, axes=0), axis=0)
     return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
 
 
@@ -202,7 +202,7 @@ def refine_peak(
     least squares with the taper w as weight, whose inner products are the map's own sums,
     a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for tapered pulses x, W(f) = sum w e(-f).
     """
-    pulses, ranges = rd_map.values.shape
+    pulses, ranges = rd_map.plane.shape
     wave = np.fft.fftfreq(ranges)
     # pulses counted from the middle of the burst, or a peak would rotate as Doppler varies
     pulse = np.arange(pulses) - (pulses - 1) / 2

@@ -11,10 +11,11 @@ from typing import Any
 from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
 from ..decoding import FrameInput
+from ..echoes import pulse_times_s
 from ..maps import coherent_samples, map_noise_gain, mti_response
 from ..paths import Paths
 from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
-from ..scattering import Link
+from ..scattering import Link, antenna_motion
 from .objects import ObjectEcho, object_echoes
 
 #: Share of a frame's power in paths of unknown last vertex that is worth a warning.
@@ -159,10 +160,19 @@ class FrameBudget:
         self._input, self._radar = frame_input, frame_input.radar
         self.system: RadarSystem | None = None
         self.link: Link | None = None
+        scene = frame_input.table.motion if frame_input.tables else None
+        #: Poses of the antennas, for the elements of an array.
+        self.antennas = antenna_motion(frame_input.receiver, frame_input.transmitter, scene)
         if frame_input.link_budget is not None:
             wavelength_m = self._radar.waveform.wavelength_m
             self.system = make_system(frame_input.link_budget, wavelength_m)
-            self.link = Link(self.system, frame_input.receiver, frame_input.transmitter)
+            self.link = Link(
+                self.system,
+                frame_input.receiver,
+                frame_input.transmitter,
+                scene,
+                pulse_times_s(self._radar),
+            )
 
     def apply(self, paths: Paths) -> Paths:
         """Return the paths with the link budget's gains."""

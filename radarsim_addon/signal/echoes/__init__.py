@@ -5,7 +5,15 @@ In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impa
 """
 
 from .burst_interpolation import interpolate_renders, render_times_s
-from .echoes import MAX_SAMPLES, Echoes, EchoOptions, check_window
+from .echoes import (
+    MAX_SAMPLES,
+    Echoes,
+    EchoOptions,
+    check_window,
+    one_channel,
+    only_channel,
+    pulse_times_s,
+)
 from .frequency_grid import line_times_s
 from .phase_noise import PhaseNoise, load_phase_noise
 from .pulse_synthesis import EchoSynthesizer
@@ -25,6 +33,9 @@ __all__ = [
     "interpolate_renders",
     "line_times_s",
     "load_phase_noise",
+    "one_channel",
+    "only_channel",
+    "pulse_times_s",
     "render_times_s",
     "synthesize",
     "synthesizer_for",

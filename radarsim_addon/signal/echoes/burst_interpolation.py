@@ -11,6 +11,7 @@ render's own paths, so what is seen by two of them fades from one to the other w
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Iterable, Sequence
 
@@ -58,19 +59,35 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
 
 
 def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
-    """Echoes of a burst from those of its renders, each synthesised for all pulses.
+    """Return the echoes of a burst from those of its renders.
 
-    One of them is in memory at a time if they come from a generator.
+    Parameters
+    ----------
+    parts
+        Echoes of at least one render, each synthesised for all pulses. One of them is in memory at
+        a time if they come from a generator.
+    shown_s
+        When each render shows the scene, ascending [s].
     """
-    total: Echoes | None = None
-    for number, part in enumerate(parts):
-        weight = interpolation_weights(part.slow_time_s, shown_s)[number]
-        samples = weight[:, None] * part.samples
-        outside = part.outside * float(weight.mean())
-        if total is not None:
-            samples += total.samples
-            outside += total.outside
-            part = total
-        total = dataclasses.replace(part, samples=samples, outside=outside)
-    assert total is not None
-    return total
+    weighted = (_weighted(part, shown_s, number) for number, part in enumerate(parts))
+    return functools.reduce(_sum, weighted)
+
+
+def _weighted(part: Echoes, shown_s: Sequence[float], number: int) -> Echoes:
+    """Echoes of a render times its weight at each pulse of each channel."""
+    pulses = part.radar.burst.pulses
+    offsets_s = np.array([channel.start_offset_s for channel in part.radar.channels])
+    times_s = (part.slow_time_s + offsets_s[:, None]).ravel()
+    weight = interpolation_weights(times_s, shown_s)[number].reshape(-1, pulses)
+    rows = np.repeat(weight, part.samples.shape[1] // pulses, axis=1)
+    return dataclasses.replace(
+        part,
+        samples=rows[..., None] * part.samples,
+        outside=part.outside * float(weight.mean()),
+    )
+
+
+def _sum(total: Echoes, part: Echoes) -> Echoes:
+    return dataclasses.replace(
+        total, samples=part.samples + total.samples, outside=total.outside + part.outside
+    )

@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
-from ..paths import Paths, path_amplitude
-from ..radar import Radar
-from ..scattering import path_phasors
-from ..spectrum import TOLERANCE, Backend, Method, SynthesisReport
+from ..paths import Paths
+from ..radar import Channel, Radar
+from ..scattering import Link, amplitude_history
+from ..spectrum import TOLERANCE, AmplitudeHistory, Backend, Method, SynthesisReport
+
+Values = TypeVar("Values", Real, Complex)
 
 #: Largest matrix of echoes, in complex samples (4 GiB).
 MAX_SAMPLES = 2**28
@@ -28,7 +30,8 @@ class Echoes:
     Attributes
     ----------
     samples
-        s(t_m, tau_n), (pulses, samples); |s|^2 in W for weighting "radar-equation".
+        s(t_m, tau_n), (channels, rows, samples); |s|^2 in W for weighting "radar-equation". One row
+        per pulse; PMCW has one per code.
     first_sample_s
         Fast time of sample 0, from the middle of the transmitted pulse [s].
     range_limits_m
@@ -36,7 +39,7 @@ class Echoes:
     radar
         Waveform and burst.
     amplitude_model
-        See :func:`.paths.paths.path_amplitude`.
+        See :func:`.scattering.path_amplitude`.
     outside
         Paths (counted once a pulse, divided by pulses) that lie wholly outside the window.
     report
@@ -54,14 +57,65 @@ class Echoes:
     @property
     def fast_time_s(self) -> Real:
         """Time since the middle of the transmitted pulse, (samples,) [s]."""
-        count = self.samples.shape[1]
+        count = self.samples.shape[-1]
         times: Real = self.first_sample_s + np.arange(count) / self.radar.waveform.sampling_rate_hz
         return times
 
     @property
     def slow_time_s(self) -> Real:
-        """Time of each pulse since the frame's time t, (pulses,) [s]."""
+        """Time of each pulse since the frame's time t, (pulses,) [s].
+
+        The pulses of a channel start ``channel.start_offset_s`` later.
+        """
         return pulse_times_s(self.radar)
+
+    @property
+    def plane(self) -> Complex:
+        """Samples of the only channel, (rows, samples).
+
+        Raises
+        ------
+        ConfigError
+            There are several channels.
+        """
+        return only_channel(self.samples)
+
+    def channel(self, number: int) -> Echoes:
+        """Return the echoes of one channel, counted from 0."""
+        radar = one_channel(self.radar, number)
+        return dataclasses.replace(self, samples=self.samples[number][None], radar=radar)
+
+
+def only_channel(values: Values) -> Values:
+    """Return values of shape (1, ...) without their first axis.
+
+    Raises
+    ------
+    ConfigError
+        The first axis has several channels.
+    """
+    if values.shape[0] != 1:
+        raise ConfigError(
+            f"There are {values.shape[0]} channels; expected one. Choose one with channel(number)."
+        )
+    plane: Values = values[0]
+    return plane
+
+
+def one_channel(radar: Radar, number: int) -> Radar:
+    """Return the radar with one of its channels, counted from 0.
+
+    Raises
+    ------
+    ConfigError
+        There is no such channel.
+    """
+    if not 0 <= number < len(radar.channels):
+        raise ConfigError(
+            f"Channel {number} of a radar with {len(radar.channels)}; expected 0 to "
+            f"{len(radar.channels) - 1}."
+        )
+    return dataclasses.replace(radar, channels=(radar.channels[number],))
 
 
 def pulse_times_s(radar: Radar) -> Real:
@@ -82,7 +136,33 @@ def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class EchoOptions:
-    """How echoes are formed: each as the argument of :func:`synthesize` of the same name."""
+    """How echoes are formed.
+
+    Attributes
+    ----------
+    amplitude_model
+        "radar-equation" or "paper", see :func:`.scattering.path_amplitude`.
+    receiver_gain
+        G_r, linear.
+    method
+        "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
+        term by term: slow, for checks).
+    tolerance
+        Relative L2 error of the spectrum S(f) against the direct sum, see
+        :mod:`.spectrum.accumulator`.
+    synthesis
+        "auto", "type3", "per-pulse" or "direct", see
+        :class:`.spectrum.accumulator.SpectrumAccumulator`.
+    range_folding
+        Whether echoes later than the pulse interval fall into the window of a later pulse, as in
+        a radar that sends equal pulses all the time. False: they stand at their true delay.
+    chunk
+        Paths transformed at a time; the result does not depend on it beyond rounding.
+    speckle_seed
+        Seed of a random phase for each path, see :func:`.scattering.path_phasors`: then the mean
+        coherent power is the sum of the powers. None: the plain sum, in which pixels of a smooth
+        face add up in phase, so that levels grow with the number of pixels.
+    """
 
     amplitude_model: AmplitudeModel = "radar-equation"
     receiver_gain: float = 1.0
@@ -93,14 +173,20 @@ class EchoOptions:
     chunk: int = 1 << 17
     speckle_seed: int | None = None
 
-    def amplitudes(self, paths: Paths, wavelength_m: float) -> NDArray[np.inexact[Any]]:
-        """Weight of each path in the sum, (N,), with its random phase if asked for."""
-        weights: NDArray[np.inexact[Any]] = path_amplitude(
-            paths, wavelength_m, self.amplitude_model, self.receiver_gain
+    def history(
+        self, paths: Paths, channel: Channel, radar: Radar, link: Link | None
+    ) -> AmplitudeHistory:
+        """Return the amplitudes of paths in a channel, see :func:`.scattering.amplitude`."""
+        return amplitude_history(
+            paths,
+            channel,
+            frequency_hz=radar.waveform.carrier_hz,
+            pulses=radar.burst.pulses,
+            amplitude_model=self.amplitude_model,
+            receiver_gain=self.receiver_gain,
+            link=link,
+            speckle_seed=self.speckle_seed,
         )
-        if self.speckle_seed is not None:
-            weights = weights * path_phasors(paths, self.speckle_seed)
-        return weights
 
 
 #: What is done unless asked otherwise.

@@ -17,15 +17,19 @@ Mixer and sign: received times conjugate of transmitted, so phases fall with del
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..motion import AntennaMotion
 from ..paths import Paths
-from ..radar import FmcwWaveform, PmcwWaveform, Radar, replica
+from ..radar import Channel, FmcwWaveform, PmcwWaveform, Radar, replica
+from ..scattering import Link
 from ..spectrum import ReceiveWindow, Spectrum, SpectrumAccumulator, SynthesisReport, check_finite
+from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
 
@@ -47,8 +51,11 @@ class StretchSynthesizer:
     options
         See :class:`.echoes.pulse_synthesis.EchoOptions`; range folding is the waveform's own, see
         the notes.
-    oscillator
-        Phase noise, see :class:`.echoes.phase_noise.LineOscillator`; None: none. Not for PMCW.
+    oscillators
+        Phase noise, one for each channel, see :class:`.echoes.phase_noise.LineOscillator`; None:
+        none. Not for PMCW.
+    link, antennas
+        See :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
 
     Notes
     -----
@@ -62,26 +69,30 @@ class StretchSynthesizer:
         range_limits_m: tuple[float, float],
         options: EchoOptions = DEFAULT_OPTIONS,
         *,
-        oscillator: Oscillator | None = None,
+        oscillators: Sequence[Oscillator] | None = None,
+        link: Link | None = None,
+        antennas: AntennaMotion | None = None,
     ) -> None:
         self.radar = radar
         self.range_limits_m = check_window(range_limits_m)
         self._waveform = line_waveform(radar)
         self._options = options
         self._grid = line_grid(self._waveform)
-        count, rows = self._grid.count, line_times_s(radar).size
+        count, rows = self._grid.count, line_times_s(radar).size * len(radar.channels)
         if count * rows > MAX_SAMPLES:
             raise ConfigError(
                 f"{rows} rows of {count} samples are more than {MAX_SAMPLES}. "
                 "Choose fewer pulses or fewer samples."
             )
         self._filtered = isinstance(self._waveform, FmcwWaveform)
-        self._oscillator = oscillator
-        self._sum = self._accumulator()
-        self._noisy = NoisyPathAccumulator(rows, count) if oscillator is not None else None
+        self._oscillators = oscillators
+        self._source = ChannelPaths(radar, options, link, antennas)
+        self._sums = ChannelSums(self._source, self._accumulator)
+        rows = line_times_s(radar).size
+        self._noisy = [NoisyPathAccumulator(rows, count) for _ in oscillators or ()]
         self._added, self._beyond = 0, 0
 
-    def _accumulator(self) -> SpectrumAccumulator:
+    def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
         waveform = self._waveform
         ends_s = (-np.inf, np.inf)
         if self._filtered:
@@ -89,7 +100,7 @@ class StretchSynthesizer:
         middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
         return SpectrumAccumulator(
             self._grid,
-            line_times_s(self.radar) + middle_s,
+            line_times_s(self.radar) + middle_s + channel.start_offset_s,
             tolerance=self._options.tolerance,
             method=self._options.slow_time_transform,
             backend=self._options.nufft_backend,
@@ -107,44 +118,50 @@ class StretchSynthesizer:
         PathDataError
             A row has a length or an amplitude that is NaN or infinite.
         """
-        amplitudes = self._options.amplitudes(paths, self._waveform.wavelength_m)
-        weights = amplitudes.astype(np.complex128)
         beyond = paths.range_m >= self._waveform.unambiguous_range_m
-        if self._noisy is None:
-            self._sum.add(paths.lengths, weights)
-        else:
-            self._add_noisy(paths, weights)
+        if not self._noisy:
+            self._sums.add(paths)
+        for channel, oscillator, noisy in zip(
+            self.radar.channels, self._oscillators or (), self._noisy, strict=False
+        ):
+            self._add_noisy(paths, channel, oscillator, noisy)
         self._added += len(paths)
         self._beyond += int(np.count_nonzero(beyond))
 
-    def _add_noisy(self, paths: Paths, weights: Complex) -> None:
+    def _add_noisy(
+        self, paths: Paths, channel: Channel, oscillator: Oscillator, noisy: NoisyPathAccumulator
+    ) -> None:
         """Each path between the two nearest delays for which there is a factor."""
-        assert self._oscillator is not None and self._noisy is not None
         rows = slice(0, len(paths))
-        check_finite(weights, rows, "amplitude", self._added)
+        lengths = self._source.lengths_of(paths, channel)
+        amplitudes = self._source.amplitudes_of(paths, channel)
+        check_finite(amplitudes.constant, rows, "amplitude", self._added)
         check_finite(paths.length_m, rows, "length", self._added)
-        position = paths.length_m / SPEED_OF_LIGHT_MPS / self._oscillator.step_s
+        position = paths.length_m / SPEED_OF_LIGHT_MPS / oscillator.step_s
         low = np.floor(position)
         for order in np.unique(np.concatenate([low, low + 1])):
             share = 1 - np.abs(position - order)
             near = np.flatnonzero(share > 0)
-            accumulator = self._accumulator()
-            accumulator.add(paths.lengths.select(near), weights[near] * share[near])
-            self._noisy.add(accumulator.result(), self._oscillator.factor(int(order)))
+            accumulator = self._accumulator(channel)
+            accumulator.add(lengths.select(near), amplitudes.select(near, share[near]))
+            noisy.add(accumulator.result(), oscillator.factor(int(order)))
 
     def response(self) -> Complex:
-        """The scene's response at the frequencies, (rows, N), before the code of PMCW."""
-        return self._sum.result().values if self._noisy is None else self._noisy.values.copy()
+        """The scene's response at the frequencies, (channels, rows, N), before PMCW's code."""
+        if self._noisy:
+            return np.stack([noisy.values for noisy in self._noisy])
+        return np.stack([spectrum.values for spectrum in self._sums.results()])
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
-        if self._noisy is None:
-            spectrum = self._sum.result()
-            samples, report = spectrum.values, spectrum.report
+        spectra = self._sums.results()
+        report = joined_report([spectrum.report for spectrum in spectra])
+        if not self._noisy:
+            samples = np.stack([spectrum.values for spectrum in spectra])
         else:
-            samples = self._noisy.values.copy()
-            report = self._noisy.report(self._sum.result().report, self._added)
+            samples = np.stack([noisy.values for noisy in self._noisy])
+            report = joined_report([noisy.report(report, self._added) for noisy in self._noisy])
             # every path was added for two delays, but is lost only once
             report.outside = float(self._beyond) if self._filtered else 0.0
         report.range_ambiguous_count = 0 if self._filtered else self._beyond
@@ -155,9 +172,9 @@ class StretchSynthesizer:
         )
         if isinstance(waveform, PmcwWaveform):
             code = np.fft.fft(replica(waveform))
-            samples = np.fft.ifft(np.fft.ifftshift(samples, axes=1) * code, axis=1)
+            samples = np.fft.ifft(np.fft.ifftshift(samples, axes=-1) * code)
         return Echoes(
-            samples,
+            silence_inactive(samples, self.radar),
             waveform.grid_start_s,
             self.range_limits_m,
             self.radar,

@@ -140,7 +140,7 @@ def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex
     Returns
     -------
     ndarray
-        (pulses, samples), complex.
+        (channels, rows, samples), complex.
 
     Notes
     -----
@@ -174,6 +174,7 @@ def _scene(samples: Complex, spectrum: Complex) -> Complex:
 
 def _track(radar: Radar, noise: PhaseNoise, rate_hz: float, last: int, seed: int) -> PhaseTrack:
     whole_s = (radar.burst.pulses - 1) / radar.burst.prf_hz
+    whole_s += max(channel.start_offset_s for channel in radar.channels)
     return PhaseTrack(noise, rate_hz, math.ceil(whole_s * rate_hz) + last + 2, seed)
 
 
@@ -181,7 +182,7 @@ def _through_pulses(echoes: Echoes, noise: PhaseNoise, seed: int) -> Complex:
     radar = echoes.radar
     rate_hz = radar.waveform.sampling_rate_hz
     pulse = replica(radar.waveform)
-    count = echoes.samples.shape[1]
+    count = echoes.samples.shape[-1]
     # sample 0 of the record, in samples after sample 0 of the transmitted pulse
     ahead = echoes.first_sample_s * rate_hz + (pulse.size - 1) / 2
     whole = math.floor(ahead)
@@ -190,12 +191,14 @@ def _through_pulses(echoes: Echoes, noise: PhaseNoise, seed: int) -> Complex:
     size = smooth_size(count + pulse.size)
     clean = np.fft.fft(pulse, size)
     result = np.empty_like(echoes.samples)
-    for m, samples in enumerate(echoes.samples):
-        start = round(m / radar.burst.prf_hz * rate_hz)
+    for channel, m in np.ndindex(*result.shape[:2]):
+        offset_s = radar.channels[channel].start_offset_s
+        start = round((m / radar.burst.prf_hz + offset_s) * rate_hz)
         noisy = np.fft.fft(pulse * np.exp(1j * sent[start : start + pulse.size]), size)
+        samples = echoes.samples[channel, m]
         line = np.fft.ifft(_scene(np.fft.fft(samples, size), clean) * noisy)[:count]
         first = start + whole
-        result[m] = line * np.exp(-1j * received[first : first + count])
+        result[channel, m] = line * np.exp(-1j * received[first : first + count])
     return result
 
 
@@ -204,16 +207,17 @@ def _through_codes(echoes: Echoes, waveform: PmcwWaveform, noise: PhaseNoise, se
     count, rate_hz = code.size, waveform.sampling_rate_hz
     track = _track(echoes.radar, noise, rate_hz, (waveform.code_repeats + 2) * count, seed)
     phase = track.at()
-    responses = np.fft.ifft(_scene(np.fft.fft(echoes.samples, axis=1), np.fft.fft(code)), axis=1)
+    responses = np.fft.ifft(_scene(np.fft.fft(echoes.samples), np.fft.fft(code)))
     twice = np.concatenate([code, code])
     result = np.empty_like(echoes.samples)
-    for m, time_s in enumerate(line_times_s(echoes.radar)):
-        start = round(time_s * rate_hz)
+    times_s = line_times_s(echoes.radar)
+    for channel, m in np.ndindex(*result.shape[:2]):
+        start = round((float(times_s[m]) + echoes.radar.channels[channel].start_offset_s) * rate_hz)
         # the code before is still under way while this one is received
         sent = twice * np.exp(1j * phase[start : start + 2 * count])
-        spectrum = np.fft.fft(sent) * np.fft.fft(responses[m], 2 * count)
+        spectrum = np.fft.fft(sent) * np.fft.fft(responses[channel, m], 2 * count)
         here = slice(start + count, start + 2 * count)
-        result[m] = np.fft.ifft(spectrum)[count:] * np.exp(-1j * phase[here])
+        result[channel, m] = np.fft.ifft(spectrum)[count:] * np.exp(-1j * phase[here])
     return result
 
 
@@ -231,6 +235,8 @@ class LineOscillator:
         With such a waveform.
     noise, seed
         Spectrum and realisation.
+    start_offset_s
+        Start offset of the channel [s].
 
     Attributes
     ----------
@@ -238,11 +244,13 @@ class LineOscillator:
         Delays q step_s at which `factor` is formed [s]; straight between two of them.
     """
 
-    def __init__(self, radar: Radar, noise: PhaseNoise, seed: int = 0) -> None:
+    def __init__(
+        self, radar: Radar, noise: PhaseNoise, seed: int = 0, start_offset_s: float = 0.0
+    ) -> None:
         waveform = line_waveform(radar)
         count, rate_hz = waveform.grid_count, 1 / waveform.grid_interval_s
         self._track = _track(radar, noise, rate_hz, count, seed)
-        starts = np.rint(line_times_s(radar) * rate_hz).astype(np.intp)
+        starts = np.rint((line_times_s(radar) + start_offset_s) * rate_hz).astype(np.intp)
         self._places = starts[:, None] + np.arange(count)
         self._now = self._track.at()[self._places]
         self.step_s = _DELAY_SHARE / min(noise.offset_hz[-1], rate_hz / 2)

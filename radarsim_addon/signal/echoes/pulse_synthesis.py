@@ -14,9 +14,12 @@ import numpy as np
 
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..motion import AntennaMotion
 from ..paths import Paths
-from ..radar import Radar, replica_count, replica_spectrum
+from ..radar import Channel, Radar, replica_count, replica_spectrum
+from ..scattering import Link
 from ..spectrum import FrequencyGrid, ReceiveWindow, SpectrumAccumulator, smooth_size
+from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
 
 #: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
@@ -37,6 +40,10 @@ class EchoSynthesizer:
         One-way ranges (start, stop) whose echoes are recorded whole [m].
     options
         See :class:`EchoOptions`.
+    link
+        Antenna gains at every pulse; None: those that the paths have.
+    antennas
+        Motion of the antennas, for channels of elements away from their origins; None: the link's.
 
     Raises
     ------
@@ -49,6 +56,9 @@ class EchoSynthesizer:
         radar: Radar,
         range_limits_m: tuple[float, float],
         options: EchoOptions = DEFAULT_OPTIONS,
+        *,
+        link: Link | None = None,
+        antennas: AntennaMotion | None = None,
     ) -> None:
         self.range_limits_m = check_window(range_limits_m)
         self.radar = radar
@@ -60,26 +70,33 @@ class EchoSynthesizer:
         # An echo that only just reaches into the window needs a chirp's length of room before and
         # behind it; with that, the circular transform wraps nothing into the window.
         needed = self._count + 2 * chirp + _GUARD_SAMPLES
-        if needed * radar.burst.pulses > MAX_SAMPLES:
+        pulses = radar.burst.pulses * len(radar.channels)
+        if needed * pulses > MAX_SAMPLES:
             raise ConfigError(
-                f"{radar.burst.pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
+                f"{pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
                 "Choose a shorter range window, fewer pulses or a lower sampling rate."
             )
         size = smooth_size(needed)
         self._half_s = (chirp - 1) / 2 / rate_hz
         self._first_s = start_s - self._half_s
-        self._sum = SpectrumAccumulator(
-            FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size),
-            pulse_times_s(radar),
+        self._grid = FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size)
+        self._window = ReceiveWindow(
+            start_s - 2 * self._half_s,
+            stop_s + 2 * self._half_s,
+            1 / radar.burst.prf_hz if options.range_folding else None,
+            radar.waveform.carrier_hz,
+        )
+        self._sums = ChannelSums(ChannelPaths(radar, options, link, antennas), self._accumulator)
+
+    def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
+        options = self._options
+        return SpectrumAccumulator(
+            self._grid,
+            pulse_times_s(self.radar) + channel.start_offset_s,
             tolerance=options.tolerance,
             method=options.slow_time_transform,
             backend=options.nufft_backend,
-            listening=ReceiveWindow(
-                start_s - 2 * self._half_s,
-                stop_s + 2 * self._half_s,
-                1 / radar.burst.prf_hz if options.range_folding else None,
-                radar.waveform.carrier_hz,
-            ),
+            listening=self._window,
             chunk=options.chunk,
         )
 
@@ -91,32 +108,33 @@ class EchoSynthesizer:
         PathDataError
             A row has a length or an amplitude that is NaN or infinite.
         """
-        weights = self._options.amplitudes(paths, self.radar.waveform.wavelength_m)
-        self._sum.add(paths.lengths, weights)
+        self._sums.add(paths)
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far."""
-        spectrum = self._sum.result()
-        size, pulses = spectrum.grid.count, self.radar.burst.pulses
+        spectra = self._sums.results()
+        size, pulses = self._grid.count, self.radar.burst.pulses
         # S has delays from the middle of the pulse; sample 0 is at first_s
         k = np.fft.fftfreq(size, 1 / size)
-        turns = spectrum.grid.step_hz * self._first_s
+        turns = self._grid.step_hz * self._first_s
         shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
         filter_ = replica_spectrum(self.radar.waveform, size) * shift
-        samples = np.empty((pulses, self._count), dtype=np.complex128)
-        if spectrum.moving is None:
-            line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
-            samples[:] = line[: self._count]
-        else:
+        samples = np.empty((len(spectra), pulses, self._count), dtype=np.complex128)
+        for channel, spectrum in zip(samples, spectra, strict=True):
+            if spectrum.moving is None:
+                line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
+                channel[:] = line[: self._count]
+                continue
             for pulse, moving in enumerate(spectrum.moving):
                 line = np.fft.ifftshift(moving + spectrum.still) * filter_
-                samples[pulse] = np.fft.ifft(line)[: self._count]
+                channel[pulse] = np.fft.ifft(line)[: self._count]
+        report = joined_report([spectrum.report for spectrum in spectra])
         return Echoes(
-            samples,
+            silence_inactive(samples, self.radar),
             self._first_s,
             self.range_limits_m,
             self.radar,
             self._options.amplitude_model,
-            spectrum.report.outside,
-            spectrum.report,
+            report.outside,
+            report,
         )

@@ -6,8 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ...contract import AmplitudeModel
+from ..motion import AntennaMotion
 from ..paths import Paths
 from ..radar import Radar
+from ..scattering import Link
 from ..spectrum import TOLERANCE, Backend, Method
 from .echoes import DEFAULT_OPTIONS, Echoes, EchoOptions
 from .frequency_synthesis import StretchSynthesizer
@@ -22,6 +24,8 @@ def synthesizer_for(
     *,
     phase_noise: PhaseNoise | None = None,
     phase_noise_seed: int = 0,
+    link: Link | None = None,
+    antennas: AntennaMotion | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
     """The synthesizer for the waveform's family.
 
@@ -35,7 +39,11 @@ def synthesizer_for(
         See :class:`.echoes.pulse_synthesis.EchoOptions`.
     phase_noise, phase_noise_seed
         FMCW and stepped frequency take their phase noise here, path by path; for the others it is
-        put on the samples afterwards, see :func:`.echoes.receiver.receive`.
+        put on the samples afterwards, see :func:`.echoes.receiver.apply_receiver`.
+    link
+        Antenna gains at every pulse; None: those that the paths have.
+    antennas
+        Motion of the antennas, for channels of elements away from their origins; None: the link's.
 
     Raises
     ------
@@ -43,11 +51,16 @@ def synthesizer_for(
         The window is empty or reversed, or the matrix of echoes too large.
     """
     if radar.waveform.family == "pulse":
-        return EchoSynthesizer(radar, range_limits_m, options)
-    oscillator = None
+        return EchoSynthesizer(radar, range_limits_m, options, link=link, antennas=antennas)
+    oscillators = None
     if phase_noise is not None and takes_phase_noise_by_path(radar):
-        oscillator = LineOscillator(radar, phase_noise, phase_noise_seed)
-    return StretchSynthesizer(radar, range_limits_m, options, oscillator=oscillator)
+        oscillators = [
+            LineOscillator(radar, phase_noise, phase_noise_seed, channel.start_offset_s)
+            for channel in radar.channels
+        ]
+    return StretchSynthesizer(
+        radar, range_limits_m, options, oscillators=oscillators, link=link, antennas=antennas
+    )
 
 
 def synthesize(
@@ -63,8 +76,10 @@ def synthesize(
     range_folding: bool = True,
     chunk: int = 1 << 17,
     speckle_seed: int | None = None,
+    link: Link | None = None,
+    antennas: AntennaMotion | None = None,
 ) -> Echoes:
-    """Echoes of a burst from paths (Eq. 9-14).
+    """Return the echoes of a burst from paths (Eq. 9-14).
 
     Parameters
     ----------
@@ -76,28 +91,17 @@ def synthesize(
     range_limits_m
         One-way ranges (start, stop) whose echoes are recorded whole [m]; ``run.range_limits_m`` is
         what the rings cover. Echoes that reach in from outside are cut at the edge, not folded.
-    amplitude_model
-        "radar-equation" or "paper", see :func:`.paths.paths.path_amplitude`.
-    receiver_gain
-        G_r, linear.
-    nufft_backend
-        "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
-        term by term: slow, for checks).
-    tolerance
-        Relative L2 error of the spectrum S(f) against the direct sum, see
-        :mod:`.spectrum.accumulator`.
-    slow_time_transform
-        "auto", "type3", "per-pulse" or "direct", see
-        :class:`.spectrum.accumulator.SpectrumAccumulator`.
-    range_folding
-        Whether echoes later than the pulse interval fall into the window of a later pulse, as in
-        a radar that sends equal pulses all the time. False: they stand at their true delay.
-    chunk
-        Paths transformed at a time; the result does not depend on it beyond rounding.
-    speckle_seed
-        Give each path a random phase, see :func:`.scattering.random_phases.path_phasors`: then the
-        mean coherent power is the sum of the powers. None: the plain sum, in which pixels of a
-        smooth face add up in phase, so that levels grow with the number of pixels.
+    amplitude_model, receiver_gain, nufft_backend, tolerance, slow_time_transform, range_folding
+        See :class:`.echoes.EchoOptions`.
+    chunk, speckle_seed
+        See :class:`.echoes.EchoOptions`.
+    link, antennas
+        See :func:`synthesizer_for`.
+
+    Returns
+    -------
+    Echoes
+        Samples (channels, rows, samples).
 
     Notes
     -----
@@ -114,7 +118,7 @@ def synthesize(
         chunk=chunk,
         speckle_seed=speckle_seed,
     )
-    synthesizer = synthesizer_for(radar, range_limits_m, options)
+    synthesizer = synthesizer_for(radar, range_limits_m, options, link=link, antennas=antennas)
     for part in [paths] if isinstance(paths, Paths) else paths:
         synthesizer.add(part)
     return synthesizer.result()

@@ -195,7 +195,7 @@ class _TableSums:
     def _gain(self, rows: PathRows) -> Real:
         if self._link is None:
             return np.ones(rows.size)
-        return self._link.factor(rows["length_m"], rows["direction"], rows["last_scatterer_m"])
+        return self._link.mean_factor_of_rows(rows)
 
 
 class _Smearing:

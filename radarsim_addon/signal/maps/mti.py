@@ -37,19 +37,18 @@ def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
         Another canceller, or too few pulses.
     """
     _check_pulses(pulses)
-    count = compressed.values.shape[0] - pulses + 1
+    count = compressed.values.shape[1] - pulses + 1
     if count < 1:
         raise ConfigError(
-            f"A burst of {compressed.values.shape[0]} pulses is too short for a canceller of "
+            f"A burst of {compressed.values.shape[1]} pulses is too short for a canceller of "
             f"{pulses}. Send more pulses, or process without MTI."
         )
     weights = _WEIGHTS[pulses]
-    values = np.zeros((count, compressed.values.shape[1]), dtype=np.complex128)
+    channels, _, ranges = compressed.values.shape
+    values = np.zeros((channels, count, ranges), dtype=np.complex128)
     for i, weight in enumerate(weights):
-        values += weight * compressed.values[i : i + count]
-    burst = dataclasses.replace(compressed.radar.burst, pulses=count)
-    radar = dataclasses.replace(compressed.radar, burst=burst)
-    return dataclasses.replace(compressed, values=values, radar=radar)
+        values += weight * compressed.values[:, i : i + count]
+    return dataclasses.replace(compressed, values=values, radar=compressed.radar.with_pulses(count))
 
 
 def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -12,8 +13,8 @@ from ...array_types import Complex, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..echoes import MAX_SAMPLES, Echoes, check_window
-from ..paths import Paths, path_amplitude
+from ..echoes import MAX_SAMPLES, Echoes, check_window, one_channel, only_channel
+from ..paths import Paths
 from ..radar import (
     LineWaveform,
     Radar,
@@ -23,6 +24,7 @@ from ..radar import (
     replica_count,
     replica_spectrum,
 )
+from ..scattering import path_amplitude
 from ..spectrum import Backend, nufft1, repeat_orders, smooth_size
 from .compress_frequencies import LinePower, compress_lines, line_range_axis
 
@@ -34,8 +36,8 @@ class RangeProfiles:
     Attributes
     ----------
     values
-        (pulses, ranges), complex. A unit path at range r peaks at r with magnitude 1 and phase
-        -4 pi r / lambda, whatever the window.
+        (channels, pulses, ranges), complex. A unit path at range r peaks at r with magnitude 1 and
+        phase -4 pi r / lambda, whatever the window.
     range_m
         One-way range of each column, evenly spaced, (ranges,) [m].
     radar
@@ -48,6 +50,27 @@ class RangeProfiles:
     range_m: Real
     radar: Radar
     range_taper: str
+
+    @property
+    def plane(self) -> Complex:
+        """Values of the only channel, (pulses, ranges).
+
+        Raises
+        ------
+        ConfigError
+            There are several channels.
+        """
+        return only_channel(self.values)
+
+    @property
+    def mean_power(self) -> Real:
+        """Mean of |values|^2 over the pulses, (channels, ranges); W for "radar-equation"."""
+        return np.asarray(np.mean(np.abs(self.values) ** 2, axis=1))
+
+    def channel(self, number: int) -> RangeProfiles:
+        """Return the profiles of one channel, counted from 0."""
+        radar = one_channel(self.radar, number)
+        return dataclasses.replace(self, values=self.values[number][None], radar=radar)
 
 
 @dataclass(frozen=True)
@@ -125,22 +148,25 @@ def range_process(
     range_m = _range_axis(echoes.radar, echoes.range_limits_m, oversample)
     range_taper = band_window(waveform, range_taper)
     if isinstance(waveform, LineWaveform):
-        values = compress_lines(waveform, echoes.samples, range_m, range_taper, oversample)
+        values = np.stack(
+            [compress_lines(waveform, s, range_m, range_taper, oversample) for s in echoes.samples]
+        )
         return RangeProfiles(values, range_m, echoes.radar, range_taper)
     chirp = replica_count(waveform)
-    size = smooth_size(echoes.samples.shape[1] + chirp)
-    if size * oversample * echoes.samples.shape[0] > MAX_SAMPLES:
+    channels, pulses, count = echoes.samples.shape
+    size = smooth_size(count + chirp)
+    if size * oversample * channels * pulses > MAX_SAMPLES:
         raise ConfigError(
-            f"{echoes.samples.shape[0]} pulses of {size * oversample} ranges are more than "
+            f"{channels * pulses} pulses of {size * oversample} ranges are more than "
             f"{MAX_SAMPLES}. Choose a shorter range window or less oversampling."
         )
     offset_s = 2 * echoes.range_limits_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
     shift = np.exp(2j * np.pi * frequencies_hz(waveform, size) * offset_s)
     response = matched_filter(waveform, size, range_taper) * shift
-    values = np.empty((echoes.samples.shape[0], range_m.size), dtype=np.complex128)
-    for pulse, samples in enumerate(echoes.samples):  # one at a time: no padded copy of them all
-        line = _interpolate(np.fft.fft(samples, size) * response, oversample)
-        values[pulse] = line[: range_m.size]
+    values = np.empty((channels, pulses, range_m.size), dtype=np.complex128)
+    for place in np.ndindex(channels, pulses):  # one at a time: no padded copy of them all
+        line = _interpolate(np.fft.fft(echoes.samples[place], size) * response, oversample)
+        values[place] = line[: range_m.size]
     return RangeProfiles(values, range_m, echoes.radar, range_taper)
 
 
@@ -252,7 +278,7 @@ def expected_power_profile(
     range_taper
         Window over the band, see :mod:`.radar.windows`.
     amplitude_model, receiver_gain
-        See :func:`.paths.paths.path_amplitude`; P_i is the square of the amplitude.
+        See :func:`.scattering.path_amplitude`; P_i is the square of the amplitude.
     oversample
         Ranges per sample of the echo, at least 2.
     nufft_backend

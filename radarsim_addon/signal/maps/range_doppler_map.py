@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...array_types import Complex, Real
+from ..echoes import one_channel, only_channel
 from ..radar import Radar, slow_time_window
 from .range_compression import RangeProfiles
 
@@ -40,8 +42,8 @@ class RangeDopplerMap:
     Attributes
     ----------
     values
-        (Doppler, ranges), complex. A unit path gives magnitude 1 (0 dB) at its range in the middle
-        of the burst, where its Doppler falls on a cell.
+        (channels, Doppler, ranges), complex. A unit path gives magnitude 1 (0 dB) at its range in
+        the middle of the burst, where its Doppler falls on a cell.
     doppler_hz
         Doppler frequency of each row, ascending, 0 Hz at row pulses // 2 [Hz].
     range_m
@@ -61,13 +63,50 @@ class RangeDopplerMap:
 
     @property
     def power(self) -> Real:
-        """|values|^2, (pulses, ranges); W for weighting "radar-equation"."""
+        """|values|^2, (channels, Doppler, ranges); W for weighting "radar-equation"."""
         return np.asarray(np.abs(self.values) ** 2)
 
     @property
     def power_db(self) -> Real:
-        """10 log10 of the power, (pulses, ranges), floored at `FLOOR_DB`."""
+        """10 log10 of the power, (channels, Doppler, ranges), floored at `FLOOR_DB`."""
         return power_to_db(self.power)
+
+    @property
+    def plane(self) -> Complex:
+        """Values of the only channel, (Doppler, ranges), for what works on one map.
+
+        Raises
+        ------
+        ConfigError
+            There are several channels.
+        """
+        return only_channel(self.values)
+
+    @property
+    def plane_power(self) -> Real:
+        """|values|^2 of the only channel, (Doppler, ranges); errors as for `plane`."""
+        return np.asarray(np.abs(self.plane) ** 2)
+
+    def channel(self, number: int) -> RangeDopplerMap:
+        """Return the map of one channel.
+
+        Parameters
+        ----------
+        number
+            Counted from 0, in the order of ``radar.channels``.
+
+        Returns
+        -------
+        RangeDopplerMap
+            With values (1, Doppler, ranges).
+
+        Raises
+        ------
+        ConfigError
+            There is no such channel.
+        """
+        radar = one_channel(self.radar, number)
+        return dataclasses.replace(self, values=self.values[number][None], radar=radar)
 
     @property
     def velocity_mps(self) -> Real:
@@ -94,10 +133,10 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
     lambda PRF / 4 fold, as in a radar. A target that moves by more than a range cell during the
     burst smears; its peak stands where it was in the middle of the burst.
     """
-    pulses = compressed.values.shape[0]
+    pulses = compressed.values.shape[1]
     weight = slow_time_window(doppler_taper, pulses)
     weight /= weight.sum()
-    values = np.fft.fftshift(np.fft.fft(compressed.values * weight[:, None], axis=0), axes=0)
+    values = np.fft.fftshift(np.fft.fft(compressed.values * weight[:, None], axis=1), axes=1)
     doppler_hz = np.fft.fftshift(np.fft.fftfreq(pulses, 1 / compressed.radar.burst.prf_hz))
     return RangeDopplerMap(
         values,

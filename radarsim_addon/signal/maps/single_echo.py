@@ -176,7 +176,7 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
     step_m = (high_m - low_m) / (count - 1)
     echo = _unit_echo(recording, radar, low_m, step_m * radar.burst.prf_hz)
-    tried = range_process(echo, recording.rd_map.range_taper).values[:, : line.size]
+    tried = range_process(echo, recording.rd_map.range_taper).values[0, :, : line.size]
     energy = np.sum(np.abs(tried) ** 2, axis=1)
     # Less than a thousandth of a pulse is no evidence.
     fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
@@ -217,8 +217,8 @@ def _doppler(recording: Recording, trains: Complex) -> Complex:
     """Apply canceller, taper and transform of the map to pulse trains (pulses, Q)."""
     radar, rd_map = recording.echoes.radar, recording.rd_map
     columns = np.arange(trains.shape[1], dtype=np.float64)
-    profiles = RangeProfiles(trains, columns, radar, rd_map.range_taper)
-    return _map(profiles, recording.mti, rd_map.doppler_taper).values
+    profiles = RangeProfiles(trains[None], columns, radar, rd_map.range_taper)
+    return _map(profiles, recording.mti, rd_map.doppler_taper).plane
 
 
 def _map(profiles: RangeProfiles, mti: int, doppler_taper: str) -> RangeDopplerMap:
@@ -252,8 +252,8 @@ def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | 
     echo = _unit_echo(recording, radar, range_m)
     columns = recording.rd_map.range_m.size
     carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
-    own = range_process(echo, range_taper).values[0, :columns] * carrier
+    own = range_process(echo, range_taper).values[0, 0, :columns] * carrier
     if waveform is echoes.radar.waveform:
         return own, None
     echo = dataclasses.replace(echo, samples=np.conj(echo.samples))
-    return own, range_process(echo, range_taper).values[0, :columns] * np.conj(carrier)
+    return own, range_process(echo, range_taper).values[0, 0, :columns] * np.conj(carrier)

@@ -5,13 +5,15 @@ In: sampled poses and the motion files of a run. Out: fits with an error bound, 
 range rates [m/s] at any time [s].
 """
 
+from .antenna_motion import AntennaMotion, axes_of, places_m
 from .body_motion import BodyMotion
 from .fit import fit_body, fit_vertices
-from .kinematics import KinematicMotion
+from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
 from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
 
 __all__ = [
+    "AntennaMotion",
     "BodyMotion",
     "FrameMotion",
     "JoinedMotion",
@@ -21,10 +23,13 @@ __all__ = [
     "Rows",
     "Tracks",
     "VertexSeries",
+    "axes_of",
     "body_record",
     "fit_body",
     "fit_vertices",
     "join_motion",
+    "leg_change",
+    "places_m",
     "read_motion",
     "write_tracks",
 ]

@@ -75,9 +75,14 @@ class KinematicMotion:
         """See `PathMotion`."""
         if self.scene.receiver.moving or self.scene.emitter.moving:
             return self.known
+        return np.asarray(self.moving_vertices.any(axis=-1))
+
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
         moves = np.array([False, *(body.moving for body in self.scene.bodies)])
         touched = moves[self.bodies] | (self.tracks > 0)
-        return np.asarray(touched.any(axis=-1) & self.known)
+        return np.asarray(touched & self.known[:, None])
 
     @functools.cached_property
     def approximated(self) -> NDArray[np.bool_]:
@@ -140,12 +145,12 @@ class KinematicMotion:
         receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
         moved_receiver = scene.receiver.displacement(receiver_m[None], times_s)
         moved_emitter = scene.emitter.displacement(emitter_m[None], times_s)
-        moved_last = self._displacement(rows, 1, times_s)
+        moved_last = self._displacement(rows, 1, times_s, last)
         several = self.order[rows] > 1
         moved_first = moved_last
         if several.any():
             moved_first = moved_last.copy()
-            moved_first[several] = self._displacement(rows[several], 0, times_s)
+            moved_first[several] = self._displacement(rows[several], 0, times_s, first[several])
         if scene.orthographic:
             change = self._plane_leg(rows, moved_first, times_s, moved_receiver)
         else:
@@ -171,9 +176,14 @@ class KinematicMotion:
         change += np.einsum("nti,nti->nt", turning, arm[:, None] + shift)
         return np.asarray(change)
 
-    def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real) -> Real:
-        """Return displacements of the vertices at one end (0 first, 1 last), (rows, times, 3)."""
-        points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """See `PathMotion`."""
+        times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        self._check(times_s)
+        return self._displacement(np.arange(self.length_m.size)[rows], end, times_s, points_m)
+
+    def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real, points: Real) -> Real:
+        """How far points at one end (0 first, 1 last) have moved, (rows, times, 3)."""
         moved = np.zeros((rows.size, times_s.size, 3))
         for motion, here, surface in self._groups(rows, end):
             if surface is None:

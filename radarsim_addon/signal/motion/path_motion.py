@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,8 +26,34 @@ class PathMotion(Protocol):
         """(n,): False where the length is the same at all times."""
         ...
 
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
+        """Whether the first and the last vertex move, (n, 2)."""
+        ...
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """Return the total lengths of some rows, (rows, times) [m]. Callers limit rows x times."""
+        ...
+
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """Displacements since t = 0 of points near the first (`end` 0) or last (1) vertex.
+
+        Parameters
+        ----------
+        times_s
+            (times,) [s].
+        rows
+            Some of the paths.
+        end
+            0 for the first vertex, 1 for the last.
+        points_m
+            Points at t = 0 on the bodies of these vertices, (rows, 3) [m].
+
+        Returns
+        -------
+        ndarray
+            (rows, times, 3) [m]; 0 where the motion of the vertex is not known.
+        """
         ...
 
     def select(self, rows: Rows) -> PathMotion:
@@ -55,9 +81,18 @@ class LinearMotion:
         """Paths with a range rate other than 0, (n,)."""
         return np.asarray(self.range_rate_mps != 0)
 
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
+        """All False: of the vertices' motion only the range rate is known."""
+        return np.zeros((self.length_m.size, 2), dtype=bool)
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """See `PathMotion`."""
         return self.length_m[rows, None] + 2 * self.range_rate_mps[rows, None] * times_s
+
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """See `PathMotion`; all 0."""
+        return np.zeros((len(points_m), np.size(times_s), 3))
 
     def select(self, rows: Rows) -> LinearMotion:
         """See `PathMotion`."""
@@ -81,16 +116,35 @@ class JoinedMotion:
         """See `PathMotion`."""
         return np.concatenate([part.moving for part in self.parts])
 
-    def lengths_m(self, times_s: Real, rows: Rows) -> Real:
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
         """See `PathMotion`."""
+        return np.concatenate([part.moving_vertices for part in self.parts])
+
+    def _places(
+        self, rows: Rows
+    ) -> Iterator[tuple[PathMotion, NDArray[np.intp], NDArray[np.intp]]]:
+        """Parts that rows lie in, with the rows' places among `rows` and in the part."""
         starts = np.cumsum([0, *(part.moving.size for part in self.parts)])
         wanted = np.arange(starts[-1])[rows]
-        lengths = np.empty((wanted.size, np.size(times_s)))
         for part, start, stop in zip(self.parts, starts[:-1], starts[1:], strict=True):
             here = np.flatnonzero((wanted >= start) & (wanted < stop))
             if here.size:
-                lengths[here] = part.lengths_m(times_s, wanted[here] - start)
+                yield part, here, wanted[here] - start
+
+    def lengths_m(self, times_s: Real, rows: Rows) -> Real:
+        """See `PathMotion`."""
+        lengths = np.empty((np.arange(self.moving.size)[rows].size, np.size(times_s)))
+        for part, here, own in self._places(rows):
+            lengths[here] = part.lengths_m(times_s, own)
         return lengths
+
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """See `PathMotion`."""
+        moved = np.empty((len(points_m), np.size(times_s), 3))
+        for part, here, own in self._places(rows):
+            moved[here] = part.displacements_m(times_s, own, end, points_m[here])
+        return moved
 
     def select(self, rows: Rows) -> PathMotion:
         """See `PathMotion`."""
@@ -110,9 +164,18 @@ class SelectedMotion:
         """See `PathMotion`."""
         return self.whole.moving[self.rows]
 
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return self.whole.moving_vertices[self.rows]
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """See `PathMotion`."""
         return self.whole.lengths_m(times_s, self.rows[rows])
+
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """See `PathMotion`."""
+        return self.whole.displacements_m(times_s, self.rows[rows], end, points_m)
 
     def select(self, rows: Rows) -> PathMotion:
         """See `PathMotion`."""

@@ -5,10 +5,11 @@ In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path 
 radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 """
 
+from .channel_lengths import channel_lengths
 from .flags import PATH_FLAGS, Flags, PathFlag
 from .footprints import Points, Steps, spread, steps_of, tiles_by_replicate
 from .geometry import PathGeometry
-from .paths import PathCounts, Paths, make_paths, path_amplitude, path_power_w
+from .paths import PathCounts, Paths, make_paths, path_power_w
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .table import COLUMN_GROUPS, PATH_DTYPE, PathRows, iter_rows, open_table, write_table
 from .table_files import (
@@ -33,6 +34,7 @@ __all__ = [
     "Paths",
     "Points",
     "Steps",
+    "channel_lengths",
     "edge_variances",
     "frame_motion",
     "geometry_of",
@@ -42,7 +44,6 @@ __all__ = [
     "motion_of_rows",
     "open_frame_table",
     "open_table",
-    "path_amplitude",
     "path_power_w",
     "radiance_of",
     "read_paths_record",

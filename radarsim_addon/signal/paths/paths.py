@@ -10,13 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field, replace
-from typing import get_args
 
 import numpy as np
 
 from ...array_types import Complex, Integers, Real
-from ...contract import AmplitudeModel
-from ...errors import ConfigError
 from ..motion import LinearMotion, PathMotion, Rows, join_motion
 from .columns import join_columns, select_columns
 from .flags import PATH_FLAGS, Flags
@@ -85,7 +82,8 @@ class Paths:
     motion
         Lengths over the burst; None: constant range rates, see `lengths`.
     gain
-        What a radar system makes of the power, see :mod:`.scattering.antenna_gains`; None: 1.
+        What a radar system makes of the power, the mean over the burst, see
+        :mod:`.scattering.antenna_gains`; None: 1.
     phasors
         Complex factors of the amplitudes from the surface's scatterers, see
         :mod:`.scattering.surface_speckle`; NaN where unknown, None: none.
@@ -216,46 +214,3 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     aperture_m2 = receiver_gain * wavelength_m**2 / (4 * math.pi)
     power_w = paths.radiance * aperture_m2 * paths.solid_angle_sr
     return power_w if paths.gain is None else power_w * paths.gain
-
-
-def path_amplitude(
-    paths: Paths,
-    wavelength_m: float,
-    amplitude_model: AmplitudeModel = "radar-equation",
-    receiver_gain: float = 1.0,
-) -> Real:
-    """Return the amplitude of each path in the echo.
-
-    Parameters
-    ----------
-    paths
-        Paths.
-    wavelength_m
-        Carrier wavelength [m].
-    amplitude_model
-        "radar-equation": sqrt(P) in sqrt(W), so that |amplitude|^2 is received power.
-        "paper": B r^2 (Eq. 10, 14): blue is taken as amplitude, weighted with the square of the
-        one-way range. B r^2 is the same number in Blender units (B per unit^2, r in units) and in
-        SI (L per m^2, r in m). Follows the radar equation in R for one object, not in its size.
-        Times the root of the paths' gain, so that patterns read the same in dB.
-    receiver_gain
-        G_r, linear; used by "radar-equation" alone.
-
-    Returns
-    -------
-    ndarray
-        (n,), sqrt(W) for "radar-equation".
-
-    Raises
-    ------
-    ConfigError
-        The amplitude model is unknown.
-    """
-    if amplitude_model == "radar-equation":
-        return np.sqrt(path_power_w(paths, wavelength_m, receiver_gain))
-    if amplitude_model == "paper":
-        amplitude = paths.radiance * paths.range_m**2
-        return amplitude if paths.gain is None else amplitude * np.sqrt(paths.gain)
-    raise ConfigError(
-        f"Amplitude model {amplitude_model!r}; expected one of {get_args(AmplitudeModel)}."
-    )

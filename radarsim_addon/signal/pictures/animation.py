@@ -140,7 +140,8 @@ def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path
 def _read(path: Path) -> Mapping[str, Real]:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in _ARRAYS}
+            arrays = {name: archive[name] for name in _ARRAYS}
+            return arrays | {"power": arrays["power"][0]}
     # zipfile and numpy raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(

@@ -46,7 +46,7 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
     """
     figure = new_figure(10, 6)
     first, second = figure.subplots(2, 1, sharex=True)
-    samples = echoes.samples
+    samples = echoes.plane
     magnitude = np.abs(samples)
     top = float(magnitude.max(initial=0.0))
     clock = time_unit(float(np.abs(echoes.fast_time_s).max()))
@@ -95,7 +95,7 @@ def _row_text(echoes: Echoes) -> str:
     prf_hz = echoes.radar.burst.prf_hz
     unit = frequency_unit(prf_hz)
     rate = f"PRF {prf_hz / unit.size:.6g} {unit.name}"
-    rows = echoes.samples.shape[0] // echoes.radar.burst.pulses
+    rows = echoes.samples.shape[1] // echoes.radar.burst.pulses
     return f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})"
 
 
@@ -126,7 +126,7 @@ def _draw_burst(
     )
     figure.colorbar(picture, ax=first)
     picture = second.imshow(
-        echoes.samples.real / scale,
+        echoes.plane.real / scale,
         vmin=-limit,
         vmax=limit,
         cmap="RdBu_r",

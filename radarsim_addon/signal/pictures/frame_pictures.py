@@ -54,12 +54,12 @@ def _figures(result: FrameResult) -> Iterator[tuple[str, Figure]]:
     unit = power_unit(result.echoes.amplitude_model)
     if result.source.frame.sampling_mode == "rings":
         yield "rings", plot_rings(result.source.frame)
-    yield "echo", plot_echo(result.echoes, f"Raw echo, {title}")
+    yield "echo", plot_echo(result.echoes.channel(0), f"Raw echo, {title}")
     line = result.echoes.radar.waveform.family == "line"
     yield (
         "range_profile",
         plot_range_profile(
-            result.compressed,
+            result.compressed.channel(0),
             result.profile,
             result.edges,
             f"{'Range profile' if line else 'Matched filter'}, {title}",
@@ -72,7 +72,7 @@ def _figures(result: FrameResult) -> Iterator[tuple[str, Figure]]:
     yield (
         "range_doppler",
         plot_range_doppler(
-            result.rd_map,
+            result.rd_map.channel(0),
             result.moving_targets,
             f"Range-Doppler map, {f'{result.mti}-pulse MTI, ' if result.mti else ''}{title}",
             targets=() if found is None else found.targets,

@@ -293,7 +293,7 @@ def plot_range_doppler(
     matplotlib.figure.Figure
         The picture.
     """
-    power, radar = rd_map.power, rd_map.radar
+    power, radar = rd_map.plane_power, rd_map.radar
     top = float(power.max(initial=0.0))
     floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
     axes = map_axes(
@@ -342,7 +342,7 @@ def foremost(
             if len(chosen) >= _LABELS or not left:
                 break
             if not any(
-                _hidden(target, other, cell_hz, cell_m, rd_map.values.shape) for other in chosen
+                _hidden(target, other, cell_hz, cell_m, rd_map.plane.shape) for other in chosen
             ):
                 chosen.append(target)
                 left -= 1

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..detection import LeadingEdge
+from ..echoes import only_channel
 from ..maps import ExpectedPower, PowerProfile, RangeProfiles, power_to_db
 from .figure import new_figure
 from .labels import number_points
@@ -111,10 +112,10 @@ class _Scale(NamedTuple):
 def _curves(compressed: RangeProfiles | None, profile: PowerProfile | None) -> list[_Curve]:
     found = []
     if compressed is not None:
-        pulses = compressed.values.shape[0]
+        pulses = compressed.values.shape[1]
         mean = f"mean power of {pulses} pulses" if pulses > 1 else "one pulse"
         text = f"coherent, {mean} (range taper: {compressed.range_taper})"
-        power = np.mean(np.abs(compressed.values) ** 2, axis=0)
+        power = only_channel(compressed.mean_power)
         found.append(_Curve(compressed.range_m, power, text, 0.6, "0.55"))
     if profile is not None:
         text = f"expected power, no speckle, no noise (range taper: {profile.range_taper})"

@@ -129,7 +129,9 @@ def frame_steps(
         range_limits_m=frame_input.range_limits_m,
         mti=options.mti,
     )
-    recording = received_recording(received.echoes, rd_map, options.mti)
+    # detection works on one channel
+    first_map = rd_map.channel(0)
+    recording = received_recording(received.echoes.channel(0), first_map, options.mti)
     speckle = echo_sum.speckle
     result = FrameResult(
         source=frame_input,
@@ -141,12 +143,12 @@ def frame_steps(
         rd_map=rd_map,
         mti=options.mti,
         edges=find_edges(profile),
-        moving_targets=_moving_targets(frame_input, options, received, rd_map, recording),
+        moving_targets=_moving_targets(frame_input, options, received, first_map, recording),
         budget=report,
         warnings=_warnings(frame_input, statistics, report, speckle, expected, received),
         expected=expected,
         speckle=speckle.report(),
-        detections=_detections(options, rd_map, recording),
+        detections=_detections(options, first_map, recording),
     )
     yield f"frame {number}: echoes, map"
     return result
@@ -167,6 +169,8 @@ class _EchoSum:
             echo_options,
             phase_noise=receiver.phase_noise,
             phase_noise_seed=receiver.phase_noise_seed,
+            link=self.budget.link,
+            antennas=self.budget.antennas,
         )
 
     def add(self, paths: Paths) -> Paths:
@@ -233,7 +237,7 @@ def _moving_targets(
     noise_w = received.noise_power_w + received.rounding_power_w * radar.burst.pulses
     blended = len(frame_input.tables) > 1
     return find_moving_targets(
-        received.echoes,
+        received.echoes.channel(0),
         rd_map,
         options.mti,
         tolerance=options.tolerance,

@@ -86,7 +86,7 @@ def process_run(
         Progress after each step, a result after each frame. Files of a frame, in `out`:
         ``frame_0001_amplitude_t0.exr`` and the other three products;
         ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
-        velocity_mps, range_m, power [Doppler, range]); ``_summary.json``; where asked for
+        velocity_mps, range_m, power [channel, Doppler, range]); ``_summary.json``; where asked for
         ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
         ``_rings.png``, ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``. With a
         system ``antennas.png``, once; with several frames ``range_doppler.gif`` in the end.

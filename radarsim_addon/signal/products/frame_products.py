@@ -6,8 +6,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import numpy as np
-
 from ...atomic_files import write_arrays, write_json
 from ..echoes import ReceivedSignal
 from ..maps import level_unit
@@ -44,7 +42,7 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
             "range_m": profile.range_m,
             "expected_power": profile.power,
             "coherent_range_m": result.compressed.range_m,
-            "coherent_power": np.mean(np.abs(result.compressed.values) ** 2, axis=0),
+            "coherent_power": result.compressed.mean_power,
         },
         "_map.npz": {
             "doppler_hz": rd_map.doppler_hz,

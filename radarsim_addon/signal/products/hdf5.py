@@ -7,6 +7,7 @@ import dataclasses
 import importlib
 import importlib.util
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -20,15 +21,17 @@ from ...errors import MissingDependencyError
 from ..detection import Detection, Detections
 from ..echoes import line_times_s
 from ..maps import ExpectedPower, level_unit
-from ..radar import waveform_to_dict
+from ..radar import Channel, waveform_to_dict
 from ..results import FrameResult, frame_file, result_writer
 
 if TYPE_CHECKING:
     from h5py import Group
 
 #: Version of the layout below.
-LAYOUT_VERSION = 1
+LAYOUT_VERSION = 2
 _SIGN = "range rate positive = receding; Doppler = -2 v / wavelength; echoes exp(-j 2 pi f0 tau)"
+#: The scale of all channel axes.
+_CHANNEL = "/channels/number"
 _UNITS = {
     "range_m": "m",
     "velocity_mps": "m/s",
@@ -75,11 +78,12 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
 
     Notes
     -----
-    Groups: ``echoes`` (samples [pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
-    expected_power, coherent_range_m, coherent_power), ``map`` (values [Doppler, range] complex,
-    doppler_hz, velocity_mps, range_m), ``detections`` (one column each), ``uncertainty`` (profile
-    and map of expected power with standard errors). Every dataset has the attributes ``units`` and
-    ``description``; axes are HDF5 dimension scales.
+    Groups: ``channels`` (number, transmitter_position_m, receiver_position_m, start_offset_s),
+    ``echoes`` (samples [channel, pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
+    expected_power, coherent_range_m, coherent_power [channel, range]), ``map`` (values [channel,
+    Doppler, range] complex, doppler_hz, velocity_mps, range_m), ``detections`` (one column each,
+    of channel 0), ``uncertainty`` (profile and map of expected power with standard errors). Every
+    dataset has the attributes ``units`` and ``description``; axes are HDF5 dimension scales.
     """
     h5py, path = _h5py(), frame_file(folder, result.frame, ".h5")
     with replaced(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
@@ -96,6 +100,7 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
         file.attrs["pulses"] = radar.burst.pulses
         file.attrs["options"] = json.dumps(result.options)
         file.attrs["warnings"] = json.dumps(result.warnings)
+        _write_channels(file.create_group("channels"), radar.channels)
         _write_echoes(file.create_group("echoes"), result)
         _write_profile(file.create_group("profile"), result)
         _write_map(file.create_group("map"), result)
@@ -115,7 +120,7 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
 def _put(
     group: Group, name: str, values: NDArray[Any], units: str, description: str, *axes: str
 ) -> None:
-    """One dataset; `axes` name datasets of the group that are its dimension scales."""
+    """One dataset; `axes` name datasets of the group, or of the file, that are its scales."""
     packed = {"compression": "gzip", "compression_opts": 1} if values.size > 4096 else {}
     data = group.create_dataset(name, data=values, **packed)
     data.attrs["units"], data.attrs["description"] = units, description
@@ -123,6 +128,17 @@ def _put(
         if not group[axis].is_scale:
             group[axis].make_scale(axis)
         data.dims[number].attach_scale(group[axis])
+
+
+def _write_channels(group: Group, channels: Sequence[Channel]) -> None:
+    _put(group, "number", np.arange(len(channels)), "1", "number of the channel, from 0")
+    for name, places in (
+        ("transmitter_position_m", [channel.tx.position_m for channel in channels]),
+        ("receiver_position_m", [channel.rx.position_m for channel in channels]),
+    ):
+        _put(group, name, np.array(places), "m", "phase centre in the antenna's axes")
+    offsets = np.array([channel.start_offset_s for channel in channels])
+    _put(group, "start_offset_s", offsets, "s", "start of the channel's pulses after the burst's")
 
 
 def _unit(result: FrameResult, power: bool) -> str:
@@ -139,7 +155,7 @@ def _write_echoes(group: Group, result: FrameResult) -> None:
     _put(group, "fast_time_s", echoes.fast_time_s, "s", f"time of the samples since {since}")
     _put(group, "slow_time_s", slow_s, "s", "time of the rows since the frame's time")
     _put(group, "samples", echoes.samples, _unit(result, False), "raw I/Q, carrier taken off",
-         "slow_time_s", "fast_time_s")  # fmt: skip
+         _CHANNEL, "slow_time_s", "fast_time_s")  # fmt: skip
     group.attrs["noise_power_w"] = result.received.noise_power_w
     group.attrs["clipped"] = result.received.clipped
     if result.received.step is not None:
@@ -147,14 +163,15 @@ def _write_echoes(group: Group, result: FrameResult) -> None:
 
 
 def _write_profile(group: Group, result: FrameResult) -> None:
-    power = np.mean(np.abs(result.compressed.values) ** 2, axis=0)
+    power = result.compressed.mean_power
     unit = _unit(result, True)
     group.attrs["range_taper"] = result.compressed.range_taper
     _put(group, "range_m", result.profile.range_m, "m", "one-way range")
     _put(group, "expected_power", result.profile.power, unit, "without speckle and noise",
          "range_m")  # fmt: skip
     _put(group, "coherent_range_m", result.compressed.range_m, "m", "one-way range")
-    _put(group, "coherent_power", power, unit, "mean of the pulses", "coherent_range_m")
+    _put(group, "coherent_power", power, unit, "mean of the pulses", _CHANNEL,
+         "coherent_range_m")  # fmt: skip
 
 
 def _write_map(group: Group, result: FrameResult) -> None:
@@ -165,7 +182,8 @@ def _write_map(group: Group, result: FrameResult) -> None:
     _put(group, "velocity_mps", rd_map.velocity_mps, "m/s", "range rate, receding positive")
     _put(group, "range_m", rd_map.range_m, "m", "one-way range")
     _put(group, "values", rd_map.values, _unit(result, False),
-         "complex map; a path of power P peaks at |.|^2 = P", "doppler_hz", "range_m")  # fmt: skip
+         "complex map; a path of power P peaks at |.|^2 = P",
+         _CHANNEL, "doppler_hz", "range_m")  # fmt: skip
 
 
 def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> None:

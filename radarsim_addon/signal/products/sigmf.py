@@ -48,6 +48,8 @@ def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
 def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]:
     """Write the samples of a burst, one pulse after the other, as complex (or real) float32.
 
+    Several channels are interleaved sample by sample, as SigMF's ``core:num_channels`` says.
+
     Parameters
     ----------
     stem
@@ -72,7 +74,7 @@ def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]
     waveform = echoes.radar.waveform
     real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
     samples = echoes.samples.real.astype("<f4") if real else echoes.samples.astype("<c8")
-    content = np.ascontiguousarray(samples).tobytes()
+    content = np.moveaxis(samples, 0, -1).tobytes()
     with replaced(data) as temporary:
         temporary.write_bytes(content)
     write_json(meta, _metadata(echoes, real, hashlib.sha512(content).hexdigest(), description))
@@ -81,7 +83,7 @@ def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]
 
 def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict[str, Any]:
     radar = echoes.radar
-    rows, count = echoes.samples.shape
+    channels, rows, count = echoes.samples.shape
     starts_s = line_times_s(radar) if radar.waveform.family == "line" else echoes.slow_time_s
     annotations = [
         {
@@ -100,7 +102,7 @@ def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict
             "core:datatype": "rf32_le" if real else "cf32_le",
             "core:sample_rate": radar.waveform.sampling_rate_hz,
             "core:version": SIGMF_VERSION,
-            "core:num_channels": 1,
+            "core:num_channels": channels,
             "core:sha512": digest,
             "core:description": description,
             "core:recorder": f"radarsim {__version__}",

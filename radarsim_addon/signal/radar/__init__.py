@@ -5,7 +5,8 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
-from .antennas import PATTERNS, PeakedAntenna, self_contained
+from .antennas import PATTERNS, ConstantGain, PeakedAntenna, make_antenna, self_contained
+from .channels import SINGLE_CHANNEL, Channel, Element
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system
@@ -32,11 +33,15 @@ from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
     "PATTERNS",
+    "SINGLE_CHANNEL",
     "WAVEFORM_KINDS",
     "WINDOW_NAMES",
     "AnyWaveform",
     "ArbitraryPulse",
     "Burst",
+    "Channel",
+    "ConstantGain",
+    "Element",
     "FmcwWaveform",
     "LineWaveform",
     "PeakedAntenna",
@@ -54,6 +59,7 @@ __all__ = [
     "half_power_width_rad",
     "length_text",
     "load_radar",
+    "make_antenna",
     "make_system",
     "matched_filter",
     "peak_direction",

@@ -8,11 +8,13 @@ Eq. 12 of the paper carries the opposite sign, its Fig. 9 the one used here.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .channels import SINGLE_CHANNEL, Channel
 from .waveform import AnyWaveform
 
 #: Relative slack when two numbers that should be equal come from a user interface in float32.
@@ -59,10 +61,24 @@ class Burst:
 
 @dataclass(frozen=True)
 class Radar:
-    """Waveform and burst together, checked against each other."""
+    """Waveform, burst and channels together, checked against each other.
+
+    Attributes
+    ----------
+    waveform, burst
+        What every channel transmits.
+    channels
+        At least one; samples have them along their first axis.
+
+    Raises
+    ------
+    ConfigError
+        A pulse does not fit into the pulse interval, or a channel does not fit the burst.
+    """
 
     waveform: AnyWaveform
     burst: Burst
+    channels: tuple[Channel, ...] = (SINGLE_CHANNEL,)
 
     def __post_init__(self) -> None:
         interval_s = 1 / self.burst.prf_hz
@@ -73,6 +89,34 @@ class Radar:
                 f"interval {interval_s:g} s (PRF {self.burst.prf_hz:g} Hz). "
                 "Shorten the chirp or lower the PRF."
             )
+        if not self.channels:
+            raise ConfigError("The radar has no channels; expected at least one.")
+        for number, channel in enumerate(self.channels):
+            self._check_channel(number, channel)
+
+    def _check_channel(self, number: int, channel: Channel) -> None:
+        interval_s, stop_s = (
+            1 / self.burst.prf_hz,
+            channel.start_offset_s + self.waveform.duration_s,
+        )
+        if stop_s > interval_s * (1 + _SLACK):
+            raise ConfigError(
+                f"The pulse of channel {number} ends {stop_s:g} s after the start of the pulse "
+                f"interval of {interval_s:g} s. Start it earlier or lower the PRF."
+            )
+        if channel.active is not None and len(channel.active) != self.burst.pulses:
+            raise ConfigError(
+                f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
+                f"expected one value for each of the {self.burst.pulses} pulses."
+            )
+
+    def with_pulses(self, pulses: int) -> Radar:
+        """Return the radar with the first `pulses` pulses of its burst."""
+        channels = tuple(
+            dataclasses.replace(c, active=None if c.active is None else c.active[:pulses])
+            for c in self.channels
+        )
+        return Radar(self.waveform, dataclasses.replace(self.burst, pulses=pulses), channels)
 
     @property
     def unambiguous_range_m(self) -> float:

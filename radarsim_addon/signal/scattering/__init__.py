@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The complex amplitude of a path: antenna gains, speckle.
+"""The complex amplitude of a path in a channel: antenna gains, speckle.
 
-In: `Paths` and the radar. Out: `Paths` with gains and phasors. Nothing else decides amplitudes.
+In: `Paths`, a channel, pulse times [s]. Out: complex amplitudes (path, pulse) in sqrt(W), without
+exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 """
 
-from .antenna_gains import Link
+from .amplitudes import amplitude, amplitude_history, path_amplitude
+from .antenna_gains import Link, PathEnds, antenna_motion
 from .frame_speckle import FrameSpeckle
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
@@ -12,6 +14,11 @@ from .surface_speckle import SpeckleReport
 __all__ = [
     "FrameSpeckle",
     "Link",
+    "PathEnds",
     "SpeckleReport",
+    "amplitude",
+    "amplitude_history",
+    "antenna_motion",
+    "path_amplitude",
     "path_phasors",
 ]

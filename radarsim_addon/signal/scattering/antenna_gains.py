@@ -4,27 +4,126 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Mask, Real
 from ...contract import ReceiverRecord, TransmitterRecord
 from ...errors import ConfigError
 from ...physics.antennas import to_antenna_frame
 from ..decoding import single_vertex_m
-from ..paths import Paths, path_power_w
-from ..radar import RadarSystem
+from ..motion import (
+    AntennaMotion,
+    BodyMotion,
+    FrameMotion,
+    LinearMotion,
+    PathMotion,
+    axes_of,
+    places_m,
+)
+from ..paths import PathRows, Paths, motion_of_rows, path_power_w
+from ..radar import (
+    SINGLE_CHANNEL,
+    Channel,
+    ConstantGain,
+    Element,
+    PeakedAntenna,
+    RadarSystem,
+    make_antenna,
+)
+
+#: Rows times times whose gains are computed at once: 12 MB for each array of vectors.
+_BLOCK = 1 << 19
+#: Pulses over which a mean gain is taken, at most.
+_MEAN_PULSES = 64
+
+
+@dataclass(frozen=True)
+class PathEnds:
+    """What gains need of n paths.
+
+    Attributes
+    ----------
+    length_m
+        Total lengths at t, (n,) [m].
+    direction
+        From the receiver towards the first vertex at t, (n, 3).
+    first_scatterer_m, last_scatterer_m
+        Vertices at t, (n, 3) [m]; NaN where unknown.
+    motion
+        Over the burst.
+    """
+
+    length_m: Real
+    direction: Real
+    first_scatterer_m: Real
+    last_scatterer_m: Real
+    motion: PathMotion
+
+    @classmethod
+    def of_paths(cls, paths: Paths) -> PathEnds:
+        """Return the ends of paths.
+
+        Raises
+        ------
+        ConfigError
+            The paths do not know their directions.
+        """
+        geometry = paths.geometry
+        if geometry is None:
+            raise ConfigError(
+                "These paths have no directions, so antennas cannot be applied to them. Render "
+                "the run again with this version, or process it without a system."
+            )
+        return cls(
+            paths.length_m,
+            geometry.direction,
+            geometry.first_scatterer_m,
+            geometry.last_scatterer_m,
+            paths.lengths,
+        )
+
+    @classmethod
+    def of_rows(cls, rows: PathRows, scene: FrameMotion | None) -> PathEnds:
+        """Return the ends of rows of a table, which move as the scene does."""
+        motion: PathMotion = LinearMotion(rows["length_m"], rows["range_rate_mps"])
+        if scene is not None:
+            motion = motion_of_rows(rows, scene)
+        return cls(
+            rows["length_m"],
+            rows["direction"],
+            rows["first_scatterer_m"],
+            rows["last_scatterer_m"],
+            motion,
+        )
+
+    def select(self, rows: NDArray[np.intp]) -> PathEnds:
+        """Return the ends of these paths alone."""
+        return PathEnds(
+            self.length_m[rows],
+            self.direction[rows],
+            self.first_scatterer_m[rows],
+            self.last_scatterer_m[rows],
+            self.motion.select(rows),
+        )
 
 
 class Link:
-    """What a radar system makes of paths between one receiver and one emitter.
+    """What a radar system makes of paths between one receiver and one transmitter.
 
     Parameters
     ----------
     system
         Power budget.
     camera, emitter
-        Poses at the frame's time, and the lamp's EIRP.
+        Receiver and transmitter at the frame's time, and the lamp's EIRP.
+    scene
+        Motion during the burst; None: the antennas are stationary.
+    times_s
+        Pulse times, over which the mean gains of `apply` and `mean_factor` are taken, (pulses,)
+        [s]; None: gains of the frame's time.
 
     Raises
     ------
@@ -33,17 +132,26 @@ class Link:
     """
 
     def __init__(
-        self, system: RadarSystem, camera: ReceiverRecord, emitter: TransmitterRecord
+        self,
+        system: RadarSystem,
+        camera: ReceiverRecord,
+        emitter: TransmitterRecord,
+        scene: FrameMotion | None = None,
+        times_s: Real | None = None,
     ) -> None:
         if not emitter.eirp_w > 0:
             raise ConfigError(
                 f"The emitter's power is {emitter.eirp_w:g} W; expected more than 0. Render with "
                 "a lamp that shines: a system scales its power, it cannot make it."
             )
-        self.system = system
-        self._receiver_pose = np.asarray(camera.matrix_world, dtype=np.float64)
-        self._emitter_pose = np.asarray(emitter.matrix_world, dtype=np.float64)
+        self.system, self._scene = system, scene
+        self.antennas = antenna_motion(camera, emitter, scene)
         self._scale = system.record.transmit_power_w / (system.loss * emitter.eirp_w)
+        self._mean_times_s = np.zeros(0)
+        if times_s is not None and times_s.size > 1:
+            places = np.linspace(0, times_s.size - 1, min(times_s.size, _MEAN_PULSES))
+            self._mean_times_s = times_s[np.rint(places).astype(np.intp)]
+        self._patterns: dict[int, PeakedAntenna] = {}
         #: Paths given to `apply` whose last vertex was taken as that of a single reflection, their
         #: power, and that of all [W].
         self.guessed = 0
@@ -51,32 +159,113 @@ class Link:
 
     @property
     def receiver_m(self) -> Real:
-        """Position of the receiver, (3,) [m]."""
-        return self._receiver_pose[:3, 3]
+        """Position of the receiver at the frame's time, (3,) [m]."""
+        return self.antennas.receiver.pose[:3, 3]
 
     @property
     def emitter_m(self) -> Real:
-        """Position of the emitter, (3,) [m]."""
-        return self._emitter_pose[:3, 3]
+        """Position of the transmitter at the frame's time, (3,) [m]."""
+        return self.antennas.transmitter.pose[:3, 3]
 
     def transmit_gain(self, points_m: Real) -> Real:
-        """G_t towards points (n, 3) [m]."""
+        """G_t towards points (n, 3) [m] at the frame's time, (n,)."""
         return self.system.transmitter.gain(
-            to_antenna_frame(self._emitter_pose, points_m - self.emitter_m)
+            to_antenna_frame(self.antennas.transmitter.pose, points_m - self.emitter_m)
         )
 
     def receive_gain(self, direction: Real) -> Real:
         """G_r for rays that leave the receiver in these directions, (n, 3)."""
-        return self.system.receiver.gain(to_antenna_frame(self._receiver_pose, direction))
+        return self.system.receiver.gain(to_antenna_frame(self.antennas.receiver.pose, direction))
 
     def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
-        """P_t G_t G_r / (L EIRP) of each path, (n,).
+        """P_t G_t G_r / (L EIRP) of each path at the frame's time, (n,).
 
         Where the last vertex is unknown it is taken to be where a single reflection of that length
         would lie.
         """
         if not np.size(length_m):
             return np.ones(0)
+        last_scatterer_m = self._last_vertices(length_m, direction, last_scatterer_m)
+        gain = self.transmit_gain(last_scatterer_m) * self.receive_gain(direction)
+        return np.asarray(self._scale * gain, dtype=np.float64)
+
+    def ends_factor(self, ends: PathEnds) -> Real:
+        """As `factor`, of path ends, (n,)."""
+        return self.factor(ends.length_m, ends.direction, ends.last_scatterer_m)
+
+    def varies(self, ends: PathEnds) -> Mask:
+        """Whether gains of paths change when bodies move or antennas move or turn, (n,)."""
+        antennas, system = self.antennas, self.system
+        moves = ends.motion.moving_vertices
+        varies = np.zeros(ends.length_m.size, dtype=bool)
+        if not isinstance(system.receiver, ConstantGain) and not antennas.orthographic:
+            varies |= antennas.receiver.moving | moves[:, 0]
+        if not isinstance(system.transmitter, ConstantGain):
+            varies |= antennas.transmitter.moving | moves[:, 1]
+        return varies
+
+    def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
+        """Return P_t G_t G_r / (L EIRP) of each path at any times of the burst.
+
+        Parameters
+        ----------
+        ends
+            Of n paths. Unknown vertices are taken as for `factor`, and not to move.
+        times_s
+            (times,) [s].
+        channel
+            Elements: their positions, orientations and patterns.
+
+        Returns
+        -------
+        ndarray
+            (n, times).
+        """
+        count = ends.length_m.size
+        result = np.empty((count, times_s.size))
+        step = max(1, _BLOCK // max(times_s.size, 1))
+        for start in range(0, count, step):
+            rows = np.arange(start, min(start + step, count))
+            own = ends.select(rows)
+            gain = self._end_gain(own, times_s, 1, channel.tx, self.system.transmitter)
+            gain = gain * self._end_gain(own, times_s, 0, channel.rx, self.system.receiver)
+            result[rows] = self._scale * gain
+        return result
+
+    def start_factor(self, ends: PathEnds, channel: Channel) -> Real:
+        """As `factors` at the frame's time, (n,)."""
+        return self.factors(ends, np.array([self.antennas.receiver.epoch_offset_s]), channel)[:, 0]
+
+    def _end_gain(
+        self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
+    ) -> Real:
+        """Gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
+        body = (self.antennas.receiver, self.antennas.transmitter)[end]
+        if element.antenna is not None:
+            antenna = self._pattern(element)
+        axes = axes_of(body, times_s)
+        if end == 0 and self.antennas.orthographic:
+            # rays along the boresight, which turns with the receiver
+            towards = np.broadcast_to(-axes[:, :, 2], (ends.length_m.size, *axes.shape[:2]))
+        else:
+            points = self._vertices(ends, end)
+            moved = ends.motion.displacements_m(times_s, slice(None), end, points)
+            place_m = places_m(body, times_s, np.array(element.position_m))
+            towards = points[:, None] + moved - place_m
+        local = np.einsum("nti,tij->ntj", towards, axes @ element.rotation)
+        return np.asarray(antenna.gain(local), dtype=np.float64)
+
+    def _vertices(self, ends: PathEnds, end: int) -> Real:
+        """First or last vertices at t, (n, 3) [m], guessed where unknown."""
+        if end == 1:
+            return self._last_vertices(ends.length_m, ends.direction, ends.last_scatterer_m)
+        first = ends.first_scatterer_m
+        known = np.isfinite(first).all(axis=-1, keepdims=True)
+        on_ray = self.receiver_m + ends.direction * ends.length_m[:, None] / 2
+        return np.where(known, first, on_ray)
+
+    def _last_vertices(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
+        """Last vertices, where unknown those of single reflections, (n, 3) [m]."""
         unknown = ~np.isfinite(last_scatterer_m).all(axis=-1)
         if unknown.any():
             last_scatterer_m = np.array(last_scatterer_m)
@@ -87,28 +276,70 @@ class Link:
             # Shorter than the baseline by rounding: the scatterer lies between the antennas.
             bad = ~np.isfinite(last_scatterer_m).all(axis=-1)
             last_scatterer_m = np.where(bad[:, None], self.receiver_m + direction, last_scatterer_m)
-        gain = self.transmit_gain(last_scatterer_m) * self.receive_gain(direction)
-        return np.asarray(self._scale * gain, dtype=np.float64)
+        return last_scatterer_m
+
+    def _pattern(self, element: Element) -> PeakedAntenna:
+        record = element.antenna
+        key = id(record)
+        if key not in self._patterns and record is not None:
+            self._patterns[key] = make_antenna(record, self.system.wavelength_m, "Element's")
+        return self._patterns[key]
+
+    def mean_factor(self, ends: PathEnds) -> Real:
+        """Return the mean of `factors` over the burst, (n,).
+
+        Where nothing changes gains it is `factor`, to the last bit. At most 64 of the pulses are
+        averaged.
+        """
+        gain = self.ends_factor(ends)
+        if self._mean_times_s.size:
+            rows = np.flatnonzero(self.varies(ends))
+            if rows.size:
+                gain[rows] = self.factors(ends.select(rows), self._mean_times_s).mean(axis=1)
+        return gain
+
+    def mean_factor_of_rows(self, rows: PathRows) -> Real:
+        """As `mean_factor`, of rows of the frame's table, (n,)."""
+        return self.mean_factor(PathEnds.of_rows(rows, self._scene))
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths with their gain.
+        """Return the paths with their mean gain over the burst.
 
         Raises
         ------
         ConfigError
             The paths do not know their directions.
         """
-        if paths.geometry is None:
-            raise ConfigError(
-                "These paths have no directions, so antennas cannot be applied to them. Render "
-                "the run again with this version, or process it without a system."
-            )
-        geometry = paths.geometry
-        gain = self.factor(paths.length_m, geometry.direction, geometry.last_scatterer_m)
-        result = dataclasses.replace(paths, gain=gain)
+        ends = PathEnds.of_paths(paths)
+        result = dataclasses.replace(paths, gain=self.mean_factor(ends))
         power_w = path_power_w(result, self.system.wavelength_m)
-        unknown = ~np.isfinite(geometry.last_scatterer_m).all(axis=-1)
+        unknown = ~np.isfinite(ends.last_scatterer_m).all(axis=-1)
         self.guessed += int(np.count_nonzero(unknown))
         self.guessed_w += float(power_w[unknown].sum())
         self.seen_w += float(power_w.sum())
         return result
+
+
+def antenna_motion(
+    camera: ReceiverRecord, emitter: TransmitterRecord, scene: FrameMotion | None = None
+) -> AntennaMotion:
+    """Return the motion of a frame's antennas.
+
+    Parameters
+    ----------
+    camera, emitter
+        Poses at the frame's time.
+    scene
+        Motion during the burst; None: stationary.
+    """
+
+    def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
+        if moving is not None and moving.moving:
+            return moving
+        return BodyMotion(np.asarray(matrix, dtype=np.float64))
+
+    return AntennaMotion(
+        body(camera.matrix_world, None if scene is None else scene.receiver),
+        body(emitter.matrix_world, None if scene is None else scene.emitter),
+        camera.kind == "orthographic",
+    )

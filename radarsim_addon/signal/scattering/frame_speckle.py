@@ -71,10 +71,10 @@ class FrameSpeckle:
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
         motion = paths.motion
-        moving = np.zeros(0, dtype=np.intp)
-        if isinstance(motion, KinematicMotion):
-            rough = np.abs(found.rough) > _LEAST_FACTOR
-            moving = np.flatnonzero(motion.moving[known] & rough)
+        if not isinstance(motion, KinematicMotion):
+            return dataclasses.replace(paths, phasors=phasors)
+        rough = np.abs(found.rough) > _LEAST_FACTOR
+        moving = np.flatnonzero(motion.moving[known] & rough)
         if not moving.size:
             return dataclasses.replace(paths, phasors=phasors)
         mine = known[moving]
@@ -85,23 +85,26 @@ class FrameSpeckle:
         going = np.zeros(len(paths), dtype=bool)
         going[mine] = True
         scattered = paths.select(going)
-        assert isinstance(scattered.motion, KinematicMotion)
         length_m = scattered.length_m + found.longer_m[moving]
         leaders = self._table[found.leader[moving]]
-        one = scattered.motion.order == 1
+        own_motion = motion.select(going)
+        one = own_motion.order == 1
         tracks = (
             np.where(one, leaders["last_surface_point"], leaders["first_surface_point"]),
             leaders["last_surface_point"],
         )
         over = dataclasses.replace(
-            scattered.motion,
+            own_motion,
             length_m=length_m,
             first_scatterer_m=found.first_scatterer_m[moving],
             last_scatterer_m=found.last_scatterer_m[moving],
             tracks=np.stack(tracks, axis=-1).astype(np.int32),
         )
         scattered = dataclasses.replace(
-            scattered, length_m=length_m, motion=over, phasors=found.rough[moving]
+            scattered,
+            length_m=length_m,
+            motion=over,
+            phasors=found.rough[moving],
         )
         return Paths.join([own, scattered])
 

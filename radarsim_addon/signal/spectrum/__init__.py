@@ -15,12 +15,13 @@ from .accumulator import (
     SpectrumAccumulator,
     SynthesisReport,
 )
-from .grid import repeat_orders
-from .moving import check_finite
+from .amplitudes import AmplitudeHistory
+from .grid import check_finite, repeat_orders
 from .nufft import Backend, nufft1, smooth_size
 
 __all__ = [
     "TOLERANCE",
+    "AmplitudeHistory",
     "Backend",
     "FrequencyGrid",
     "Method",

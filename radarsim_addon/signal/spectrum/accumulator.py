@@ -45,13 +45,15 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ..motion import JoinedMotion, PathMotion
-from .grid import ExtraCycles, FrequencyGrid, Ramp, ReceiveWindow, SynthesisContext
-from .moving import Method, MovingPathAccumulator, check_finite
+from .amplitudes import AmplitudeHistory
+from .grid import ExtraCycles, FrequencyGrid, Ramp, ReceiveWindow, SynthesisContext, check_finite
+from .moving import Method, MovingPathAccumulator
 from .nufft import Backend, choose_backend
 from .ordered_executor import OrderedExecutor, available_threads
 from .pulse_blocks import PulseBlock, TransformPool
 from .report import SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
+from .varying import VaryingPathAccumulator
 
 Weights = NDArray[np.inexact[Any]]
 
@@ -72,6 +74,7 @@ TOLERANCE = 1e-6
 #: Blocks of paths that stand still and wait for their turn, so that threads have work.
 _BLOCKS = 4
 
+_GAIN_NOTE = "Antenna gains change during the burst: amplitudes are those of every pulse."
 _RAMP_NOTE = "Moving paths move while the frequencies go by, to the second order in time."
 
 
@@ -196,19 +199,12 @@ class SpectrumAccumulator:
         )
         if interval_s is None:
             interval_s = float(np.diff(times_s).min()) if times_s.size > 1 else 0.0
-        self._moving = MovingPathAccumulator(
-            self._sums,
-            times_s,
-            tolerance,
-            method,
-            self._backend,
-            min(self._block, max(1 << 15, 4 * grid.count)),
-            self._lanes,
-            self._report,
-            interval_s,
-        )
+        rows = min(self._block, max(1 << 15, 4 * grid.count))
+        shared = self._sums, times_s, tolerance, method, self._backend, rows, self._lanes
+        self._moving = MovingPathAccumulator(*shared, self._report, interval_s)
+        self._varying = VaryingPathAccumulator(*shared, self._report, interval_s)
 
-    def add(self, motion: PathMotion, amplitude: Weights) -> None:
+    def add(self, motion: PathMotion, amplitude: Weights | AmplitudeHistory) -> None:
         """Add paths.
 
         Parameters
@@ -216,7 +212,7 @@ class SpectrumAccumulator:
         motion
             Their lengths over the burst: ``paths.lengths``.
         amplitude
-            a_i, real or complex, (n,).
+            a_i, real or complex, (n,), or their history over the burst.
 
         Raises
         ------
@@ -224,11 +220,14 @@ class SpectrumAccumulator:
             A length or an amplitude is NaN or infinite; says in which row.
         """
         started = time.perf_counter()
-        amplitude = np.asarray(amplitude)
+        history = amplitude
+        if not isinstance(history, AmplitudeHistory):
+            history = AmplitudeHistory.of(np.asarray(history))
+        amplitude, varies = history.constant, history.varies
         if isinstance(motion, JoinedMotion):
             first = 0
             for joined in motion.parts:
-                self.add(joined, amplitude[first : first + joined.moving.size])
+                self.add(joined, history.select(slice(first, first + joined.moving.size)))
                 first += joined.moving.size
             return
         moving = motion.moving
@@ -241,15 +240,19 @@ class SpectrumAccumulator:
         frozen = self.times_s.size == 1 and self._sums.ramp is None
         for start in range(0, moving.size, self._block):
             part = slice(start, min(start + self._block, moving.size))
-            here = moving[part]
+            here = moving[part] | varies[part]
             if frozen or not here.any():
                 self._add_still(motion, part, amplitude[part])
                 continue
-            rows = start + np.flatnonzero(here)
-            if rows.size < here.size:
+            if not here.all():
                 still = start + np.flatnonzero(~here)
                 self._add_still(motion, still, amplitude[still])
-            self._moving.add(motion, rows, amplitude[rows], self._added)
+            rows = start + np.flatnonzero(moving[part] & ~varies[part])
+            if rows.size:
+                self._moving.add(motion, rows, amplitude[rows], self._added)
+            rows = start + np.flatnonzero(varies[part])
+            if rows.size:
+                self._varying.add_varying(motion, rows, history, self._added)
         # what waits must not hang on arrays of the caller
         self._still_rows = [(r, np.array(a)) for r, a in self._still_rows]
         self._added += moving.size
@@ -259,10 +262,17 @@ class SpectrumAccumulator:
         """Spectrum of all paths added so far."""
         started = time.perf_counter()
         self._flush_still()
-        self._moving.flush()
+        for part in (self._moving, self._varying):
+            part.flush()
         self._lanes.close()
         self._wall_s += time.perf_counter() - started
-        return Spectrum(self._still, self._moving.values, self.grid, self.times_s, self._finish())
+        values = self._moving_values()
+        return Spectrum(self._still, values, self.grid, self.times_s, self._finish(values))
+
+    def _moving_values(self) -> Complex | None:
+        """Sum of what moves and of what varies, (pulses, frequencies); None without either."""
+        found = [p.values for p in (self._moving, self._varying) if p.values is not None]
+        return sum(found[1:], found[0]) if found else None
 
     def _add_still(
         self, motion: PathMotion, rows: slice | NDArray[np.intp], amplitude: Weights
@@ -299,16 +309,18 @@ class SpectrumAccumulator:
         way: Transform = "direct sum" if self._backend == "direct" else "once"
         self._report.count("still", way, length_m.size, len(blocks), cpu_s)
 
-    def _finish(self) -> SynthesisReport:
+    def _finish(self, values: Complex | None) -> SynthesisReport:
         """The report, as things are now."""
-        pulses = self.times_s.size
-        values, energy = self._moving.values, 0.0
+        pulses, energy = self.times_s.size, 0.0
         for pulse in range(pulses if values is not None else 1):
             line = self._still if values is None else self._still + values[pulse]
             energy += float(np.vdot(line, line).real)
         if values is None:
             energy *= pulses
-        still, moving = self._still_error, self._moving.error
+        still, parts = self._still_error, (self._moving, self._varying)
+        moving = ErrorSum()
+        for part in parts:
+            moving.add(part.error)
         norm, root = float(np.sqrt(energy)), float(np.sqrt(pulses))
         expected = pulses * still.energy + moving.energy
         heard = norm > 0 and expected > 0
@@ -319,12 +331,14 @@ class SpectrumAccumulator:
             error_estimate=(root * still.random + moving.random) / norm if heard else 0.0,
             error_bound=(root * still.bound + moving.bound) / norm if heard else 0.0,
             cancellation_db=10 * float(np.log10(energy / expected)) if heard else None,
-            outside=max(self._added - (self._heard + self._moving.heard) / pulses, 0.0),
+            outside=max(self._added - (self._heard + sum(p.heard for p in parts)) / pulses, 0.0),
             range_ambiguous_count=self._folded
-            + self._moving.folded
-            - (-self._moving.folded_pulses // pulses),
-            doppler_ambiguous_count=self._moving.fast,
-            ramp_residual_phase_rad=self._moving.left_out_rad,
+            + sum(p.folded - (-p.folded_pulses // pulses) for p in parts),
+            doppler_ambiguous_count=sum(p.fast for p in parts),
+            ramp_residual_phase_rad=max(p.left_out_rad for p in parts),
             wall_s=self._wall_s,
-            notes=[_RAMP_NOTE] if values is not None and self._sums.ramp is not None else [],
+            notes=[
+                *([_RAMP_NOTE] if values is not None and self._sums.ramp is not None else []),
+                *([_GAIN_NOTE] if self._varying.values is not None else []),
+            ],
         ).with_warnings()

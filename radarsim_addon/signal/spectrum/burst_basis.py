@@ -10,10 +10,13 @@ other times are compared with the polynomial as well.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from ...array_types import Mask, Real
+from ...array_types import Complex, Mask, Real
+
+Values = TypeVar("Values", Real, Complex)
 
 #: Nodes of the fit: a polynomial of degree 15.
 NODES = 16
@@ -28,7 +31,7 @@ class FittedMotion:
     Attributes
     ----------
     coefficients_m
-        c_k of T_k over the burst, (rows, NODES) [m].
+        c_k of T_k over the burst, (rows, nodes) [m].
     linear
         c_0 + c_1 T_1 is within the bound, (rows,).
     smooth
@@ -54,38 +57,55 @@ class BurstBasis:
     ----------
     times_s
         Pulse times, at least two different ones [s].
+    count
+        Nodes, for polynomials of degree count - 1.
     """
 
-    def __init__(self, times_s: Real) -> None:
+    def __init__(self, times_s: Real, count: int = NODES) -> None:
+        self.count = count
         first_s, last_s = float(times_s.min()), float(times_s.max())
         self.middle_s = (first_s + last_s) / 2
         self.half_s = (last_s - first_s) / 2
-        nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
         self.nodes_s: Real = self.middle_s + self.half_s * nodes
         self.checks_s: Real = first_s + (last_s - first_s) * _CHECKS
         self._inverse = np.linalg.inv(self.at(self.nodes_s)).T
         self._at_checks = self.at(self.checks_s).T
 
     def at(self, times_s: Real) -> Real:
-        """T_k at these times, (times, NODES)."""
+        """T_k at these times, (times, count)."""
         place = np.clip((times_s - self.middle_s) / self.half_s, -1.0, 1.0)
-        return np.asarray(np.polynomial.chebyshev.chebvander(place, NODES - 1), dtype=np.float64)
+        return np.asarray(
+            np.polynomial.chebyshev.chebvander(place, self.count - 1), dtype=np.float64
+        )
 
     def sample_times_s(self) -> Real:
         """Times at which `fit` wants lengths: the nodes, then the checks [s]."""
         return np.concatenate([self.nodes_s, self.checks_s])
 
+    def interpolate(self, values: Values) -> tuple[Values, Real]:
+        """Interpolate values (rows, times) at `sample_times_s`, real or complex.
+
+        Returns
+        -------
+        coefficients
+            c_k of T_k, (rows, count).
+        left
+            Largest departure at the checks, (rows,).
+        """
+        coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
+        left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)
+        return coefficients, left
+
     def fit(self, lengths_m: Real, displacement_error_bound_m: float) -> FittedMotion:
         """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by
         `displacement_error_bound_m`."""
-        at_nodes = lengths_m[:, :NODES]
+        at_nodes = lengths_m[:, : self.count]
         # from the first node, so that a long path leaves no rounding in the higher coefficients
         offset_m = at_nodes[:, :1]
-        departure = at_nodes - offset_m
-        coefficients = departure @ self._inverse
+        coefficients, left_m = self.interpolate(lengths_m - offset_m)
         size = np.abs(coefficients)
-        left_m = np.abs(coefficients @ self._at_checks - (lengths_m[:, NODES:] - offset_m))
-        unseen_m = size[:, -3:].sum(axis=1) + left_m.max(axis=1)
+        unseen_m = size[:, -3:].sum(axis=1) + left_m
         smooth = unseen_m <= displacement_error_bound_m / 2
         linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= displacement_error_bound_m)
         swing_m = size[:, 1:].sum(axis=1) + unseen_m

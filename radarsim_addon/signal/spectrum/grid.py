@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from ...errors import ConfigError
+from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .phase import CycleRate
 
@@ -245,3 +245,25 @@ def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
     """low, low+1 ... of each row, `copies` of them: (sum of copies,)."""
     first = np.cumsum(copies) - copies
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))
+
+
+def check_finite(
+    values: Weights, rows: slice | NDArray[np.intp], what: str, first: int = 0
+) -> None:
+    """Raise where one of the values is NaN or infinite; rows along the first axis.
+
+    Raises
+    ------
+    PathDataError
+        Names the row, counted from `first`.
+    """
+    bad = ~np.isfinite(values)
+    if not bad.any():
+        return
+    place = int(np.argwhere(bad)[0][0])
+    number = place + rows.start if isinstance(rows, slice) else int(rows[place])
+    value = values[place][bad[place]].flat[0]
+    raise PathDataError(
+        f"Row {first + number} of the paths has {what} {value}; expected a finite "
+        "number. Leave the row out, or mend the run that it comes from."
+    )

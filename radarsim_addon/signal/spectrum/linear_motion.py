@@ -58,7 +58,7 @@ class LinearRows:
     order
         Pulse intervals by which the echo is folded, (n,).
     amplitude
-        (n,).
+        (n,), or coefficients of T_k over the burst, (n, terms).
     """
 
     length_m: Real
@@ -121,8 +121,11 @@ def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> Line
     )
     blocks = min(blocks, pulses)
     points = fast * max(slow / blocks, 32.0)
-    type3 = blocks * (
-        _PATH_3 * len(rows) + _TARGET_3 * grid.count * pulses / blocks + _GRID_3 * points
+    terms = rows.amplitude.shape[1] if rows.amplitude.ndim > 1 else 1
+    type3 = (
+        terms
+        * blocks
+        * (_PATH_3 * len(rows) + _TARGET_3 * grid.count * pulses / blocks + _GRID_3 * points)
     )
     if points > 4 * _MAX_GRID:
         type3 = math.inf  # paths so far apart in delay that one transform does not hold them
@@ -132,9 +135,18 @@ def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> Line
 
 
 def linear_block(
-    rows: LinearRows, sums: SynthesisContext, times_s: Real, pulses: slice, tolerance: float
+    rows: LinearRows,
+    sums: SynthesisContext,
+    times_s: Real,
+    pulses: slice,
+    tolerance: float,
+    terms: Real | None = None,
 ) -> BlockResult:
-    """Spectra of some pulses by one transform; times are in rising order."""
+    """Spectra of some pulses by one transform; times are in rising order.
+
+    Amplitudes with several terms take one transform each; `terms` are then T_k at all pulses,
+    (pulses, terms).
+    """
     start = time.thread_time()
     grid, times = sums.grid, times_s[pulses]
     middle_s = float(times[0] + times[-1]) / 2
@@ -145,8 +157,13 @@ def linear_block(
     cycles = rows.order * sums.shift_centre
     cycles -= reduced_cycles(rows.length_m, sums.centre)
     cycles -= reduced_cycles(moved_m, sums.centre)
-    values = np.empty(len(rows), dtype=np.complex128)
-    phasors(rows.amplitude, reduce_cycles(cycles), values)
+    amplitude = rows.amplitude.T
+    values = np.empty(amplitude.shape, dtype=np.complex128)
+    if amplitude.ndim == 1:
+        phasors(amplitude, reduce_cycles(cycles), values)
+    else:
+        turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
+        np.multiply(amplitude, turns, out=values)
     k = np.arange(grid.count) - grid.count // 2
     frequency_hz = float(grid.exact_centre_hz) + k * grid.step_hz
     shape = (times.size, grid.count)
@@ -155,12 +172,15 @@ def linear_block(
     if sums.ramp is not None:
         since_s = since_s + k * sums.ramp.interval_s
     slow = (2 * np.pi * since_s * frequency_hz).ravel()
-    size = np.abs(values)
+    size = np.abs(values) if values.ndim == 1 else np.abs(values).sum(axis=0)
     squares, total = float(np.dot(size, size)), float(size.sum())
     rate = rows.rate_mps / SPEED_OF_LIGHT_MPS
     expected = math.sqrt(grid.count * times.size * squares)
     for engine in (engine_tolerance(tolerance), TIGHTEST):
-        result = nufft2d3(delay, rate, values, fast, slow, engine).reshape(shape)
+        result = nufft2d3(delay, rate, values, fast, slow, engine).reshape(-1, *shape)
+        if terms is not None:
+            result *= terms[pulses].T[:, :, None]
+        result = result.sum(axis=0) if result.shape[0] > 1 else result[0]
         if RANDOM_STATE * engine * expected <= tolerance / 3 * float(np.linalg.norm(result)):
             break
     # delays are counted from the first path's

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
-from ...errors import PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import LinearMotion, PathMotion
+from .amplitudes import AMPLITUDE_NODES, used_terms
 from .burst_basis import BurstBasis
-from .grid import SynthesisContext, repeat_orders
+from .grid import SynthesisContext, check_finite, repeat_orders
 from .linear_motion import LinearRows, linear_block, plan_linear
 from .nufft import Backend
 from .ordered_executor import OrderedExecutor
@@ -33,6 +33,9 @@ from .transform import ErrorSum, PulseTransform
 Weights = NDArray[np.inexact[Any]]
 Method = Literal["auto", "type3", "per-pulse", "direct"]
 
+#: Amplitudes (pulses, rows) of some rows at some pulses.
+AmplitudesAt = Callable[[slice, slice], Weights]
+
 #: Share of the tolerance for fitted motion.
 _MOTION_SHARE = 0.25
 #: A ramp takes phase, rate and acceleration from three lengths: their errors add up to so many.
@@ -41,28 +44,8 @@ _RAMP_SHARE = 4.0
 _MAX_LENGTHS = 1 << 21
 #: Rows of constant rate that wait for one transform: 25 MB.
 _MAX_LINEAR = 1 << 19
-
-
-def check_finite(
-    values: Weights, rows: slice | NDArray[np.intp], what: str, first: int = 0
-) -> None:
-    """Raise where one of the values is NaN or infinite; rows along the first axis.
-
-    Raises
-    ------
-    PathDataError
-        Names the row, counted from `first`.
-    """
-    bad = ~np.isfinite(values)
-    if not bad.any():
-        return
-    place = int(np.argwhere(bad)[0][0])
-    number = place + rows.start if isinstance(rows, slice) else int(rows[place])
-    value = values[place][bad[place]].flat[0]
-    raise PathDataError(
-        f"Row {first + number} of the paths has {what} {value}; expected a finite "
-        "number. Leave the row out, or mend the run that it comes from."
-    )
+#: Rows times terms of amplitudes that vary, the same: 67 MB.
+_MAX_TERMS = 1 << 22
 
 
 class MovingPathAccumulator:
@@ -126,6 +109,9 @@ class MovingPathAccumulator:
         self._offsets_s = np.array([0.0] if sums.ramp is None else [-half_s, 0.0, half_s])
         span_s = np.array([times_s[0] - half_s, times_s[-1] + half_s])
         self._basis = BurstBasis(span_s) if span_s[1] > span_s[0] else None
+        self._amplitude_basis: BurstBasis | None = None
+        if times_s.size > 1:
+            self._amplitude_basis = BurstBasis(times_s, AMPLITUDE_NODES)
         self._phase_bound_rad = _MOTION_SHARE * tolerance
         # rate of a length at which the carrier turns by half a cycle from pulse to pulse
         carrier_hz = abs(sums.listening.reference_hz or float(sums.grid.exact_centre_hz))
@@ -155,7 +141,10 @@ class MovingPathAccumulator:
     def add(
         self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights, first: int
     ) -> None:
-        """Add these rows, which move; `first` is the number of the motion's row 0 in errors."""
+        """Add these rows, which move; `first` is the number of the motion's row 0 in errors.
+
+        `amplitude` is (rows,), or coefficients of T_k over the burst, (rows, AMPLITUDE_NODES).
+        """
         self._added = first
         basis = self._basis
         fitted = self._method in ("auto", "type3")
@@ -182,7 +171,7 @@ class MovingPathAccumulator:
         curved = fit.smooth & ~linear
         if curved.any():
             self._smooth_rows.append((fit.coefficients_m[curved], amplitude[curved]))
-            if sum(a.size for _, a in self._smooth_rows) >= self._rows:
+            if sum(len(a) for _, a in self._smooth_rows) >= self._rows:
                 self._flush_smooth()
         if linear.any():
             found = fit.coefficients_m[linear]
@@ -207,6 +196,7 @@ class MovingPathAccumulator:
             return
         self._report.motion_error_rad = self._phase_bound_rad
         size, terms = np.abs(amplitude), self._times_s.size * self._sums.grid.count
+        size = size if size.ndim == 1 else size.sum(axis=1)
         root = self._phase_bound_rad * float(np.sqrt(terms))
         self.error.add(ErrorSum(root * float(np.linalg.norm(size)), root * float(size.sum()), 0.0))
 
@@ -243,7 +233,8 @@ class MovingPathAccumulator:
         self.folded += int(np.count_nonzero(order))
         if heard.size:
             self._linear_rows.append(replace(everything.select(heard), order=order))
-        if sum(len(part) for part in self._linear_rows) >= _MAX_LINEAR:
+        most = _MAX_LINEAR if amplitude.ndim == 1 else _MAX_TERMS
+        if sum(part.amplitude.size for part in self._linear_rows) >= most:
             self._flush_linear()
 
     def _flush_linear(self) -> None:
@@ -252,12 +243,16 @@ class MovingPathAccumulator:
             return
         rows = LinearRows.join(self._linear_rows)
         self._linear_rows = []
+        terms: Real | None = None
+        if rows.amplitude.ndim > 1:
+            rows = replace(rows, amplitude=used_terms(rows.amplitude))
+            terms = self._terms(slice(None), rows.amplitude.shape[1])
         plan = plan_linear(rows, self._sums, self._times_s)
         if self._method != "type3" and plan.pulses_s < plan.type3_s:
             self._linear_by_pulse(rows, rows.order)
             return
         jobs = (
-            partial(linear_block, rows, self._sums, self._times_s, pulses, self._tolerance)
+            partial(linear_block, rows, self._sums, self._times_s, pulses, self._tolerance, terms)
             for pulses in plan.blocks
         )
         moving, error, cpu_s = self._matrix(), ErrorSum(), 0.0
@@ -266,7 +261,14 @@ class MovingPathAccumulator:
             error.beside(block.error)
             cpu_s += block.cpu_s
         self.error.add(error)
-        self._report.count("linear", "type 3", len(rows), len(plan.blocks), cpu_s)
+        transforms = len(plan.blocks) * (1 if terms is None else terms.shape[1])
+        self._report.count("linear", "type 3", len(rows), transforms, cpu_s)
+
+    def _terms(self, pulses: slice, count: int) -> Real:
+        """T_k at pulses, k < count, (pulses, count)."""
+        if self._amplitude_basis is None:
+            return np.ones((self._times_s[pulses].size, 1))
+        return self._amplitude_basis.at(self._times_s[pulses])[:, :count]
 
     def _linear_by_pulse(self, rows: LinearRows, order: Real | None) -> None:
         """Pulse by pulse at constant rates; with `order` the rows are counted already."""
@@ -292,8 +294,14 @@ class MovingPathAccumulator:
 
         self._by_pulse("smooth", lengths_m, amplitude)
 
-    def _sampled(self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights) -> None:
-        """Pulse by pulse at lengths from the motion itself."""
+    def _sampled(
+        self,
+        motion: PathMotion,
+        rows: NDArray[np.intp],
+        amplitude: Weights,
+        at: AmplitudesAt | None = None,
+    ) -> None:
+        """Pulse by pulse at lengths from the motion itself, and at amplitudes from `at`."""
         fast = np.zeros(rows.size, dtype=bool)
 
         def lengths_m(part: slice, pulses: slice) -> Real:
@@ -308,7 +316,7 @@ class MovingPathAccumulator:
             first = (pulses.start - wanted.start) * each
             return self._by_ramp(np.ascontiguousarray(found[:, first:].T))
 
-        self._by_pulse("sampled", lengths_m, amplitude, ahead=True)
+        self._by_pulse("sampled", lengths_m, amplitude, ahead=True, at=at)
         self.fast += int(np.count_nonzero(fast))
 
     def _by_pulse(
@@ -319,20 +327,29 @@ class MovingPathAccumulator:
         *,
         order: Real | None = None,
         ahead: bool = False,
+        at: AmplitudesAt | None = None,
     ) -> None:
         """One transform for each pulse and block of rows.
 
-        `lengths_m` gives lengths (pulses, rows) of parts of either; with `ahead` it is called in
-        this thread alone, since a motion need not be safe in several.
+        `lengths_m` gives lengths (pulses, rows) of parts of either, and `at` amplitudes; with
+        `ahead` both are called in this thread alone, since a motion need not be safe in several.
         """
+        count = len(amplitude)
+        if at is None and amplitude.ndim > 1:
+            amplitude = used_terms(amplitude)
+
+            def at(part: slice, pulses: slice) -> Weights:
+                terms = self._terms(pulses, amplitude.shape[1])
+                return np.asarray(terms @ amplitude[part].T)
+
         pulses, moving = self._times_s.size, self._matrix()
-        largest = max(self._offsets_s.size * min(self._rows, amplitude.size), self._sums.grid.count)
+        largest = max(self._offsets_s.size * min(self._rows, count), self._sums.grid.count)
         most = _MAX_LENGTHS // largest
         length = max(1, min(most, -(-pulses // self._lanes.threads)))
         blocks = [slice(at, min(at + length, pulses)) for at in range(0, pulses, length)]
         cpu_s, transforms = 0.0, 0
-        for start in range(0, amplitude.size, self._rows):
-            part = slice(start, min(start + self._rows, amplitude.size))
+        for start in range(0, count, self._rows):
+            part = slice(start, min(start + self._rows, count))
 
             def job(block: slice, part: slice = part) -> Callable[[], PulseBlock]:
                 lengths: Callable[[], Real] = partial(lengths_m, part, block)
@@ -342,7 +359,10 @@ class MovingPathAccumulator:
                 if self._sums.ramp is not None and motion != "linear":
                     lengths = partial(self._watched, lengths, block)
                 folds = None if order is None else order[part]
-                return partial(self._pool.block, block, lengths, amplitude[part], folds)
+                weights: Weights | Callable[[], Weights] = amplitude[part]
+                if at is not None:
+                    weights = at(part, block) if ahead else partial(at, part, block)
+                return partial(self._pool.block, block, lengths, weights, folds)
 
             error = ErrorSum()
             for result in self._lanes.run(map(job, blocks), len(blocks)):
@@ -354,7 +374,7 @@ class MovingPathAccumulator:
                     self.folded_pulses += result.folded
             self.error.add(error)
         way: Transform = "direct sum" if self._backend == "direct" else "pulse by pulse"
-        self._report.count(motion, way, amplitude.size, transforms, cpu_s)
+        self._report.count(motion, way, count, transforms, cpu_s)
 
     def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
         """These lengths; remembers what is left out of the motion within the ramps."""

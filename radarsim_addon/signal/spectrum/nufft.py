@@ -145,11 +145,16 @@ def nufft2d3(x: Real, y: Real, values: Complex, s: Real, u: Real, tolerance: flo
     x, y
         Points, (n,), in any unit.
     values
-        c_i, (n,).
+        c_i, (n,), or several sets of them, (sets, n).
     s, u
         Frequencies, (targets,), in radians per unit of x and y.
     tolerance
         As :func:`nufft1`.
+
+    Returns
+    -------
+    ndarray
+        (targets,), or (sets, targets).
     """
     finufft = importlib.import_module("finufft")
     result: Complex = finufft.nufft2d3(x, y, values, s, u, eps=tolerance, isign=-1, nthreads=1)

@@ -48,21 +48,23 @@ class TransformPool:
         self,
         pulses: slice,
         lengths_m: Callable[[], Real],
-        amplitude: Weights,
+        amplitude: Weights | Callable[[], Weights],
         order: Real | None = None,
     ) -> PulseBlock:
         """Spectra of the lengths (pulses, ...), one pulse after the other.
 
+        `amplitude` is (rows,), or a function that returns (pulses, rows).
         `order`: pulse intervals by which rows are folded; None: found from the delays.
         """
         start = time.thread_time()
         transform = self._free.get()
         try:
             lengths = lengths_m()
+            weights = amplitude() if callable(amplitude) else amplitude
             values = np.empty((lengths.shape[0], self._count), dtype=np.complex128)
             error, heard, folded = ErrorSum(), 0, 0
             for pulse, length_m in enumerate(lengths):
-                found = transform(length_m, amplitude, order)
+                found = transform(length_m, weights[pulse] if weights.ndim > 1 else weights, order)
                 values[pulse] = found.values
                 error.beside(found.error)
                 heard += found.kept

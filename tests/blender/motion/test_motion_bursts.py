@@ -28,7 +28,7 @@ PLAIN = ProcessOptions(speckle_seed=None, plots=False, products=False)
 
 def samples(folder: Path) -> np.ndarray:
     """Echoes of the first frame as they are processed."""
-    return next(e for e in process_run(folder, PLAIN) if isinstance(e, FrameResult)).echoes.samples
+    return next(e for e in process_run(folder, PLAIN) if isinstance(e, FrameResult)).echoes.plane
 
 
 def test_each_render_has_the_tables_lengths_when_it_was_made(tmp_path: Path) -> None:
@@ -118,15 +118,15 @@ def test_target_that_comes_out_from_behind_a_wall(tmp_path: Path) -> None:
     wall_alone, target_alone = (
         signal.synthesize(
             frame_paths(frame.of_burst(n)), radar, range_limits_m=range_limits_m
-        ).samples
+        ).plane
         for n in range(2)
     )
     assert np.ptp(np.abs(target_alone), axis=0).max() < 1e-12 + 1e-5 * np.abs(target_alone).max()
     want = (1 - weight) * wall_alone + weight * target_alone
-    assert np.abs(result.echoes.samples - want).max() < 1e-5 * np.abs(want).max()
+    assert np.abs(result.echoes.plane - want).max() < 1e-5 * np.abs(want).max()
     # the target's range cell fills up, the wall's empties
     cells = [np.argmin(np.abs(result.compressed.range_m - r)) for r in (10.0, 20.0)]
-    wall, target = np.abs(result.compressed.values[:, cells]).T
+    wall, target = np.abs(result.compressed.plane[:, cells]).T
     assert wall[0] > 20 * wall[-1] and target[-1] > 5 * target[0]
 
 

@@ -73,8 +73,8 @@ def test_canceller_has_its_known_response(pulses: int, cycles: float) -> None:
         "none",
         1,
     )
-    power = np.abs(mti_cancel(found, pulses).values).max(axis=1) ** 2
-    before = np.abs(found.values).max(axis=1)[: power.size] ** 2
+    power = np.abs(mti_cancel(found, pulses).plane).max(axis=1) ** 2
+    before = np.abs(found.plane).max(axis=1)[: power.size] ** 2
     x = math.pi * cycles
     expected = 2 * math.sin(x) ** 2 if pulses == 2 else 8 / 3 * math.sin(x) ** 4
     np.testing.assert_allclose(power, expected * before, atol=0.03)  # it migrates a little
@@ -87,8 +87,8 @@ def test_canceller_keeps_the_power_of_noise(pulses: int) -> None:
         synthesizer_for(RADAR, WINDOW_M).result(), Receiver(noise_figure_db=3.0)
     ).echoes
     found = range_process(noise, "none", 1)
-    ratio = np.mean(np.abs(mti_cancel(found, pulses).values) ** 2) / np.mean(
-        np.abs(found.values) ** 2
+    ratio = np.mean(np.abs(mti_cancel(found, pulses).plane) ** 2) / np.mean(
+        np.abs(found.plane) ** 2
     )
     assert ratio == pytest.approx(1, abs=0.03)
     radar = mti_cancel(found, pulses).radar
@@ -157,7 +157,7 @@ def test_training_cells_are_summed_as_written() -> None:
     rd_map = noise_map(Radar(RADAR.waveform, Burst(1000.0, 17)), "hamming", 0, (500.0, 600.0))
     cfar = Cfar("ca", 1e-2, (1, 2), (2, 3))
     noise = cfar_threshold(rd_map, cfar).noise
-    power = rd_map.power
+    power = rd_map.plane_power
     for row in (0, 8, 16):
         for col in (0, 1, 4, 20, power.shape[1] - 1):
             cells = [
@@ -179,8 +179,8 @@ def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Rad
     cfar = Cfar(kind, pfa, (3, 6), (3, 10))
     for seed in range(6):
         rd_map = noise_map(radar, window, seed, range_limits_m)
-        alarms += int((rd_map.power > cfar_threshold(rd_map, cfar).threshold).sum())
-        cells += rd_map.power.size
+        alarms += int((rd_map.plane_power > cfar_threshold(rd_map, cfar).threshold).sum())
+        cells += rd_map.plane_power.size
     # alarms come in clumps of about as many cells as are correlated: at most 2 x 1.5 x 1.4
     sigma = math.sqrt(cells * pfa * 5)
     assert alarms == pytest.approx(cells * pfa, abs=4 * sigma + 0.05 * cells * pfa)
@@ -206,7 +206,7 @@ def test_false_alarms_are_within_a_twentieth_of_design(kind: str, window: str, w
     # this noise is not of mean power P to the percent; the rate where it is, by regression
     level, rate = (
         np.array([part.mean() for part in np.array_split(values, 32, axis=1)])
-        for values in (rd_map.power / noise - 1, rates)
+        for values in (rd_map.plane_power / noise - 1, rates)
     )
     slope, found = np.polyfit(level, rate, 1)
     error = (rate - found - slope * level).std(ddof=2) / math.sqrt(32)
@@ -217,10 +217,10 @@ def test_false_alarms_are_within_a_twentieth_of_design(kind: str, window: str, w
 def test_a_strong_echo_does_not_spoil_thresholds_beside_it() -> None:
     """200 dB over the rest: nothing is lost in differences of sums."""
     rd_map = noise_map(RADAR, "hamming", 1)
-    values = rd_map.values.copy()
+    values = rd_map.plane.copy()
     values[20, 400] = 1e10 * np.abs(values).mean()
     spiked = RangeDopplerMap(
-        values, rd_map.doppler_hz, rd_map.range_m, rd_map.radar, "hamming", "hamming"
+        values[None], rd_map.doppler_hz, rd_map.range_m, rd_map.radar, "hamming", "hamming"
     )
     cfar = Cfar("ca", 1e-3, (2, 4), (2, 8))
     plain, found = (cfar_threshold(m, cfar).noise for m in (rd_map, spiked))
@@ -258,7 +258,7 @@ def scene(radar: Radar, range_m: float, rate_mps: float, noise: float, seed: int
     if noise == 0:
         return echoes
     rng = np.random.default_rng(seed)
-    shape = echoes.samples.shape
+    shape = echoes.plane.shape
     more = noise * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
     return Echoes(
         echoes.samples + more, echoes.first_sample_s, range_limits_m, radar, "radar-equation", 0.0

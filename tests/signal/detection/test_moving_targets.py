@@ -40,10 +40,10 @@ def test_the_response_to_one_echo_is_what_the_map_shows(name: str, mti: int, win
     peak = find_peaks(rd_map, 1)[0]
     recording = Recording(echoes, (400.0, 600.0), rd_map, mti, 1.0)
     response = point_response(recording, peak.range_m, peak.doppler_hz / 1000.0)
-    row, col = np.unravel_index(np.argmax(rd_map.power), rd_map.power.shape)
-    amplitude = complex(rd_map.values[row, col] / response.values[row, col])
-    left = np.abs(rd_map.values - response.echo(amplitude)).max()
-    assert left < 10 ** (-40 / 20) * np.abs(rd_map.values).max()
+    row, col = np.unravel_index(np.argmax(rd_map.plane_power), rd_map.plane_power.shape)
+    amplitude = complex(rd_map.plane[row, col] / response.values[row, col])
+    left = np.abs(rd_map.plane - response.echo(amplitude)).max()
+    assert left < 10 ** (-40 / 20) * np.abs(rd_map.plane).max()
 
 
 def test_the_response_of_frequencies_is_the_dirichlet_kernel() -> None:

@@ -96,7 +96,7 @@ def test_snr_is_that_of_the_noise_not_of_the_own_sidelobes(
     sigma = np.sqrt(10 ** (-snr_db / 10) / map_noise_gain(radar, "none", "none") / 2)
     for cells in (8.4, 11.7, -14.2):
         echoes, _ = scene(name, [(450.0 + cells, cells, 0.0)], (200.0, 700.0), "none")
-        shape = echoes.samples.shape
+        shape = echoes.plane.shape
         noise = sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
         noisy = dataclasses.replace(echoes, samples=echoes.samples + noise)
         rd_map = range_doppler(range_process(noisy, "none"), "none")

@@ -59,8 +59,8 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
         noisy = apply_receiver(echoes, receiver).echoes
         rd_map = range_doppler(range_process(noisy, window), window)
         away = np.abs(rd_map.range_m - range_m) > 500
-        floors.append(rd_map.power[:, away].mean())
-        peaks.append(rd_map.power.max())
+        floors.append(rd_map.plane_power[:, away].mean())
+        peaks.append(rd_map.plane_power.max())
     floor_w = float(np.mean(floors))
     # k T_0 F fs, times what the two filters let through
     expected_w = 1.380649e-23 * 290 * 10**0.4 * 60e6 * map_noise_gain(radar, window, window)

@@ -40,7 +40,7 @@ def test_beat_of_a_path_is_that_of_the_two_ramps(rate_mps: float) -> None:
     radar = burst_of(FMCW, 8)
     found = synthesize(
         unit_paths(radar, [23.4], [rate_mps]), radar, range_limits_m=(0.0, 38.0)
-    ).samples
+    ).plane
     truth = beat(FMCW, 23.4, rate_mps, line_times_s(radar))
     assert np.linalg.norm(found - truth) < 1e-6 * np.linalg.norm(truth)
 
@@ -63,7 +63,7 @@ def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
             return self
 
     paths = dataclasses.replace(unit_paths(radar, [20.0]), motion=Blade())
-    found = synthesize(paths, radar, range_limits_m=(0.0, 38.0)).samples
+    found = synthesize(paths, radar, range_limits_m=(0.0, 38.0)).plane
     start_hz = FMCW.carrier_hz - FMCW.slope_hz_per_s * FMCW.grid_middle_s
     ramp_s = FMCW.adc_start_s + np.arange(FMCW.adc_samples) / FMCW.sampling_rate_hz
     delay_s = 2 * range_m(line_times_s(radar)[:, None] + ramp_s) / SPEED_OF_LIGHT_MPS
@@ -76,7 +76,7 @@ def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
 def test_beat_frequency_and_residual_video_phase() -> None:
     radar = burst_of(FMCW, 1)
     delay_s = 2 * 20.0 / SPEED_OF_LIGHT_MPS
-    samples = synthesize(unit_paths(radar, [20.0]), radar, range_limits_m=(0.0, 38.0)).samples[0]
+    samples = synthesize(unit_paths(radar, [20.0]), radar, range_limits_m=(0.0, 38.0)).plane[0]
     beat_hz = -FMCW.slope_hz_per_s * delay_s  # falls: received times conjugate of transmitted
     step = np.exp(2j * np.pi * beat_hz / FMCW.sampling_rate_hz)
     np.testing.assert_allclose(samples[1:] / samples[:-1], step, atol=1e-7)
@@ -87,7 +87,7 @@ def test_beat_frequency_and_residual_video_phase() -> None:
     )
     delay_s = 2 * 20 * 0.149896229 / SPEED_OF_LIGHT_MPS
     phase = -2 * np.pi * FMCW.carrier_hz * delay_s + np.pi * FMCW.slope_hz_per_s * delay_s**2
-    assert profile.values[0, 20] == pytest.approx(np.exp(1j * phase), abs=1e-6)
+    assert profile.plane[0, 20] == pytest.approx(np.exp(1j * phase), abs=1e-6)
 
 
 def test_fmcw_mover_stands_where_it_will_be() -> None:
@@ -102,7 +102,7 @@ def test_fmcw_mover_stands_where_it_will_be() -> None:
         ),
         "hann",
     )
-    row, col = np.unravel_index(np.argmax(rd_map.power), rd_map.power.shape)
+    row, col = np.unravel_index(np.argmax(rd_map.plane_power), rd_map.plane_power.shape)
     burst_s = 63 / radar.burst.prf_hz
     later_s = FMCW.carrier_hz / FMCW.slope_hz_per_s
     assert rate_mps * later_s > 0.015
@@ -131,8 +131,8 @@ def test_motion_is_asked_for_within_the_burst_alone(waveform: AnyWaveform) -> No
     known = dataclasses.replace(paths, motion=motion)
     range_limits_m = (0.0, 9.0)
     np.testing.assert_array_equal(
-        synthesize(known, radar, range_limits_m=range_limits_m).samples,
-        synthesize(paths, radar, range_limits_m=range_limits_m).samples,
+        synthesize(known, radar, range_limits_m=range_limits_m).plane,
+        synthesize(paths, radar, range_limits_m=range_limits_m).plane,
     )
 
 
@@ -146,6 +146,6 @@ def test_anti_alias_filter_takes_out_what_is_beyond_the_adc() -> None:
         assert echoes.outside == 1
         profile = range_process(echoes, "hann")
         assert profile.range_m[-1] < limit_m
-        assert profile.range_m[np.argmax(np.abs(profile.values[0]))] == pytest.approx(
+        assert profile.range_m[np.argmax(np.abs(profile.plane[0]))] == pytest.approx(
             0.9 * limit_m, abs=0.1
         )

@@ -87,7 +87,7 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
     )
     # all codes of PMCW hold all frequencies at once: nothing moves within one
     expected = truth(radar, lambda t: length_m + rate_mps * t, np.ones(len(paths)))
-    samples = found.samples
+    samples = found.plane
     if isinstance(waveform, PmcwWaveform):
         code = np.fft.fft(waveform.replica_samples())
         samples = np.fft.fftshift(np.fft.fft(samples, axis=1) / code, axes=1)
@@ -119,7 +119,7 @@ def test_direct_agrees_with_auto_for_curved_motion(waveform) -> None:
         direct = synthesize(
             known, radar, range_limits_m=range_limits_m, slow_time_transform="direct"
         )
-        assert relative(auto.samples, direct.samples) <= 1e-6
+        assert relative(auto.plane, direct.plane) <= 1e-6
         assert auto.report is not None and direct.report is not None
         assert direct.report.backend == "direct" and direct.report.error_bound <= 1e-9
         motions = {step.motion for step in auto.report.steps}
@@ -142,7 +142,7 @@ def test_a_static_scene_needs_one_transform() -> None:
     assert (step.motion, step.transform) == ("still", "once")
     assert (step.paths, step.transforms) == (100_000, 1)
     assert found.report.pulses == 256
-    np.testing.assert_array_equal(found.samples[255], found.samples[0])
+    np.testing.assert_array_equal(found.plane[255], found.plane[0])
 
 
 @pytest.mark.parametrize("rate_mps", [0.0, 37.0])
@@ -156,9 +156,9 @@ def test_phase_at_10_km_and_77_ghz(rate_mps: float) -> None:
     found = synthesize(paths, radar, range_limits_m=(0.0, 15e3), tolerance=1e-8)
     length_m = np.longdouble(2 * range_m)
     expected = truth(radar, lambda t: np.array([length_m + 2 * rate_mps * t]), np.ones(1))
-    amplitude = np.abs(found.samples[0, 0])
+    amplitude = np.abs(found.plane[0, 0])
     assert amplitude == pytest.approx(1, abs=1e-6)
-    assert relative(found.samples, amplitude * expected) <= 2e-8
+    assert relative(found.plane, amplitude * expected) <= 2e-8
 
 
 @pytest.mark.parametrize("synthesis", ["auto", "per-pulse"])
@@ -170,7 +170,7 @@ def test_stepped_frequency_over_a_whole_second(synthesis: str) -> None:
     found = synthesize(paths, radar, range_limits_m=(0.0, 14.0), slow_time_transform=synthesis)  # type: ignore[arg-type]
     lengths = 2 * np.array(ranges_m), 2 * np.array(rates_mps)
     expected = truth(radar, lambda t: lengths[0] + lengths[1] * t, np.ones(3))
-    assert relative(found.samples, expected) <= 1e-6
+    assert relative(found.plane, expected) <= 1e-6
 
 
 def test_uneven_motion_within_a_long_sweep_is_said() -> None:
@@ -193,7 +193,7 @@ def test_uneven_motion_within_a_long_sweep_is_said() -> None:
     # the whole error, against every sample at its own time, is of that size
     for hz, report in ((1e-3, slow), (2.0, fast)):
         moved = swinging(hz)
-        found = synthesize(moved, radar, range_limits_m=(0.0, 14.0)).samples
+        found = synthesize(moved, radar, range_limits_m=(0.0, 14.0)).plane
         expected = truth(
             radar, lambda t, hz=hz: np.array([16 + 0.02 * np.sin(2 * np.pi * hz * float(t))]),
             np.ones(1),
@@ -256,7 +256,7 @@ def test_phase_noise_has_a_report(waveform) -> None:
     synthesizer.add(paths)
     noisy = synthesizer.result()
     clean = synthesize(paths, radar, range_limits_m=(0.0, 60.0))
-    assert relative(noisy.samples, clean.samples) <= 1e-6
+    assert relative(noisy.plane, clean.plane) <= 1e-6
     assert noisy.report is not None and clean.report is not None
     assert noisy.report.paths == 40
     assert any("Phase noise path by path" in note for note in noisy.report.notes)
@@ -298,4 +298,4 @@ def test_a_path_at_no_distance_is_heard() -> None:
     radar = radar_of(FMCW, 2)
     echoes = synthesize(unit_paths(radar, [0.0]), radar, range_limits_m=(0.0, 9.0))
     assert echoes.outside == 0
-    np.testing.assert_allclose(echoes.samples, 1, atol=1e-6)
+    np.testing.assert_allclose(echoes.plane, 1, atol=1e-6)

@@ -53,7 +53,7 @@ def test_echo_on_the_grid_is_exactly_the_papers_sum() -> None:
     echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
     expected = echo_at(paths, RADAR, echoes.fast_time_s, echoes.slow_time_s)
     assert np.abs(expected).max() > 0.9
-    np.testing.assert_allclose(echoes.samples, expected, atol=5e-8)
+    np.testing.assert_allclose(echoes.plane, expected, atol=5e-8)
 
 
 def test_moving_echo_between_the_samples_is_the_papers_sum_band_limited() -> None:
@@ -62,12 +62,12 @@ def test_moving_echo_between_the_samples_is_the_papers_sum_band_limited() -> Non
     paths = unit_paths(RADAR, [777.77, 1234.5], [10.0, -35.0])
     echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
     literal = echo_at(paths, RADAR, echoes.fast_time_s, echoes.slow_time_s)
-    difference = np.sqrt(np.mean(np.abs(echoes.samples - literal) ** 2))
+    difference = np.sqrt(np.mean(np.abs(echoes.plane - literal) ** 2))
     assert difference < 0.2 * np.sqrt(np.mean(np.abs(literal) ** 2))
     import dataclasses
 
-    found = range_process(echoes).values
-    expected = range_process(dataclasses.replace(echoes, samples=literal)).values
+    found = range_process(echoes).plane
+    expected = range_process(dataclasses.replace(echoes, samples=literal[None])).plane
     assert np.abs(found - expected).max() < 0.02
 
 
@@ -78,26 +78,26 @@ def test_transform_against_term_by_term(method: str) -> None:
     paths = many_paths()
     found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, nufft_backend=method)  # type: ignore[arg-type]
     expected = synthesize(paths, RADAR, range_limits_m=WINDOW_M, nufft_backend="direct")
-    scale = np.abs(expected.samples).max()
-    assert np.abs(found.samples - expected.samples).max() < 1e-8 * scale
+    scale = np.abs(expected.plane).max()
+    assert np.abs(found.plane - expected.plane).max() < 1e-8 * scale
 
 
 def test_superposition() -> None:
     paths = many_paths()
     parts = [paths.select(slice(0, 100)), paths.select(slice(100, None))]
-    separate = [synthesize(part, RADAR, range_limits_m=WINDOW_M).samples for part in parts]
+    separate = [synthesize(part, RADAR, range_limits_m=WINDOW_M).plane for part in parts]
     for together in (paths, iter(parts), Paths.join(parts)):
         echoes = synthesize(together, RADAR, range_limits_m=WINDOW_M)
         np.testing.assert_allclose(
-            echoes.samples, separate[0] + separate[1], atol=1e-8 * np.abs(echoes.samples).max()
+            echoes.plane, separate[0] + separate[1], atol=1e-8 * np.abs(echoes.plane).max()
         )
 
 
 def test_result_does_not_depend_on_chunks() -> None:
     paths = many_paths()
-    whole = synthesize(paths, RADAR, range_limits_m=WINDOW_M).samples
+    whole = synthesize(paths, RADAR, range_limits_m=WINDOW_M).plane
     for chunk in (1, 17, 299):
-        found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, chunk=chunk).samples
+        found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, chunk=chunk).plane
         np.testing.assert_allclose(found, whole, atol=1e-8 * np.abs(whole).max())
 
 
@@ -106,8 +106,8 @@ def test_moving_everything_away_delays_the_echo_and_turns_its_phase() -> None:
     paths, shift = many_paths(), 24
     away_m = shift * RADAR.waveform.sample_spacing_m
     moved = make_paths(paths.radiance, paths.length_m + 2 * away_m, paths.range_rate_mps)
-    near = synthesize(paths, RADAR, range_limits_m=WINDOW_M).samples
-    far = synthesize(moved, RADAR, range_limits_m=WINDOW_M).samples
+    near = synthesize(paths, RADAR, range_limits_m=WINDOW_M).plane
+    far = synthesize(moved, RADAR, range_limits_m=WINDOW_M).plane
     turn = np.exp(-4j * np.pi * away_m / RADAR.waveform.wavelength_m)
     np.testing.assert_allclose(
         far[:, shift:], near[:, :-shift] * turn, atol=1e-8 * np.abs(near).max()
@@ -121,7 +121,7 @@ def test_moving_the_transmitter_away_delays_the_echo() -> None:
     def arrival_s(transmitter: np.ndarray) -> float:
         length_m = np.linalg.norm(scatterer) + np.linalg.norm(scatterer - transmitter)
         echoes = synthesize(make_paths(1.0, float(length_m)), RADAR, range_limits_m=WINDOW_M)
-        energy = np.abs(echoes.samples[0]) ** 2
+        energy = np.abs(echoes.plane[0]) ** 2
         return float((energy * echoes.fast_time_s).sum() / energy.sum())
 
     later_s = arrival_s(np.array([-30.0, 0.0, 0.0])) - arrival_s(np.zeros(3))
@@ -132,7 +132,7 @@ def test_receding_echo_has_negative_doppler() -> None:
     radar = Radar(RADAR.waveform, Burst(1000.0, 64))
     for rate_mps in (3.0, -3.0):
         echoes = synthesize(unit_paths(radar, [1000.0], rate_mps), radar, range_limits_m=WINDOW_M)
-        turn = np.sum(echoes.samples[1:] * echoes.samples[:-1].conj())
+        turn = np.sum(echoes.plane[1:] * echoes.plane[:-1].conj())
         doppler_hz = np.angle(turn) / (2 * np.pi) * radar.burst.prf_hz
         assert doppler_hz == pytest.approx(radar.doppler_hz(rate_mps), rel=1e-3)
         assert math.copysign(1, doppler_hz) == -math.copysign(1, rate_mps)
@@ -150,7 +150,7 @@ def test_phase_at_long_stand_off_at_77_ghz() -> None:
     values = range_process(
         synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(9990.0, 10010.0)),
         oversample=1,
-    ).values
+    ).plane
     assert abs(values[0, 4]) == pytest.approx(1, abs=1e-8)
     assert np.angle(values[0, 4] * np.exp(-1j * expected)) == pytest.approx(0, abs=1e-6)
 
@@ -159,14 +159,14 @@ def test_echoes_from_outside_do_not_wrap_into_the_window() -> None:
     chirp_m = SPEED_OF_LIGHT_MPS * RADAR.waveform.duration_s / 2
     far = [WINDOW_M[0] - 1.01 * chirp_m, WINDOW_M[1] + 1.01 * chirp_m, 50e3, 400e3]
     echoes = synthesize(unit_paths(RADAR, far), RADAR, range_limits_m=WINDOW_M)
-    assert not echoes.samples.any()
+    assert not echoes.plane.any()
     assert echoes.outside == 4
     # half a chirp beyond the end: its front is in the last samples, nothing in the first
     partly = unit_paths(RADAR, [WINDOW_M[1] + 0.5 * chirp_m])
     echoes = synthesize(partly, RADAR, range_limits_m=WINDOW_M)
     assert echoes.outside == 0
-    assert np.abs(echoes.samples[0, -20:]).min() > 0.5
-    assert np.abs(echoes.samples[0, :200]).max() < 0.01
+    assert np.abs(echoes.plane[0, -20:]).min() > 0.5
+    assert np.abs(echoes.plane[0, :200]).max() < 0.01
 
 
 def test_echo_of_an_earlier_pulse_folds_into_the_window() -> None:
@@ -181,12 +181,12 @@ def test_echo_of_an_earlier_pulse_folds_into_the_window() -> None:
     turn = np.exp(-4j * np.pi * (2 * fold_m / radar.waveform.wavelength_m % 1.0))
     expected = echo_at(near, radar, found.fast_time_s, found.slow_time_s) * turn
     inside = slice(shift + 2, shift + radar_chirp(radar) - 2)
-    np.testing.assert_allclose(found.samples[0, inside], expected[0, inside], atol=1e-4)
+    np.testing.assert_allclose(found.plane[0, inside], expected[0, inside], atol=1e-4)
     assert found.report is not None and found.report.range_ambiguous_count == 1
     profile = expected_power_profile(far, radar, range_limits_m=WINDOW_M)
     assert profile.range_m[np.argmax(profile.power)] == pytest.approx(near_m, abs=0.5)
     alone = synthesize(far, radar, range_limits_m=WINDOW_M, range_folding=False)
-    assert not alone.samples.any()
+    assert not alone.plane.any()
     assert alone.outside == 1
 
 
@@ -199,7 +199,7 @@ def test_tolerance_of_echoes(tolerance: float) -> None:
     paths = many_paths()
     exact = synthesize(paths, RADAR, range_limits_m=WINDOW_M, slow_time_transform="direct")
     found = synthesize(paths, RADAR, range_limits_m=WINDOW_M, tolerance=tolerance)
-    error = np.linalg.norm(found.samples - exact.samples) / np.linalg.norm(exact.samples)
+    error = np.linalg.norm(found.plane - exact.plane) / np.linalg.norm(exact.plane)
     assert error <= tolerance
     assert found.report is not None
     assert found.report.tolerance == tolerance
@@ -210,8 +210,8 @@ def test_no_paths_give_zeros() -> None:
     none: list[Paths] = []
     for nothing in (make_paths(np.empty(0), np.empty(0)), none):
         echoes = synthesize(nothing, RADAR, range_limits_m=WINDOW_M)
-        assert echoes.samples.shape[0] == 5
-        assert not echoes.samples.any()
+        assert echoes.plane.shape[0] == 5
+        assert not echoes.plane.any()
 
 
 @pytest.mark.parametrize("range_limits_m", [(5.0, 5.0), (-1.0, 5.0), (0.0, math.inf), (9.0, 5.0)])

@@ -77,12 +77,12 @@ def test_floor_of_the_map_is_ktf_over_the_integration_time(
     # sampled at mid-share, a window over 64 pulses loses slightly more than the continuous one
     windows = (rd_map.range_taper == "hamming") + (rd_map.doppler_taper == "hamming")
     expected = density / (integration_s * pulses) * 10 ** (windows * HAMMING_DB / 10)
-    cells = rd_map.power.size / (1.36**windows)  # as many independent ones
+    cells = rd_map.plane_power.size / (1.36**windows)  # as many independent ones
     # 4 standard errors, and what the closed form leaves out: ripple of the chirp's spectrum
     slack = 4 / math.sqrt(cells) + (0.01 if waveform is LFM else 0.001) + 0.003 * windows
-    assert rd_map.power.mean() == pytest.approx(expected, rel=slack)
+    assert rd_map.plane_power.mean() == pytest.approx(expected, rel=slack)
     predicted = received.noise_power_w * map_noise_gain(received.echoes.radar, window, window)
-    assert rd_map.power.mean() == pytest.approx(predicted, rel=4 / math.sqrt(cells))
+    assert rd_map.plane_power.mean() == pytest.approx(predicted, rel=4 / math.sqrt(cells))
 
 
 @pytest.mark.parametrize(("waveform", "integration_s"), KINDS, ids=NAMES)
@@ -109,7 +109,7 @@ def test_target_in_noise_has_the_snr_of_the_radar_equation() -> None:
     ratios = []
     for seed in range(12):
         received = apply_receiver(echoes, Receiver(noise_figure_db=3.0, noise_seed=seed))
-        power = range_doppler(range_process(received.echoes, "none", 1), "none").power
+        power = range_doppler(range_process(received.echoes, "none", 1), "none").plane_power
         column = round(range_m / LFM.sample_spacing_m)
         floor = np.median(power) / math.log(2)
         ratios.append(power[16, column] / floor)
@@ -124,7 +124,7 @@ def test_noise_is_the_seeds_and_off_unless_asked_for() -> None:
     echoes = empty_echoes(LFM, 2)
     assert apply_receiver(echoes).echoes is echoes
     first, again, other = (
-        apply_receiver(echoes, Receiver(noise_figure_db=0.0, noise_seed=s)).echoes.samples
+        apply_receiver(echoes, Receiver(noise_figure_db=0.0, noise_seed=s)).echoes.plane
         for s in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
@@ -176,8 +176,8 @@ def test_a_real_adc_delivers_real_samples() -> None:
     waveform = FmcwWaveform(77e9, 1e9, 64, 20e6, real_adc=True)
     echoes = empty_echoes(waveform, 4)
     received = apply_receiver(echoes, Receiver(noise_figure_db=0.0, adc_bits=8))
-    assert not received.echoes.samples.imag.any()
-    assert received.echoes.samples.real.any()
+    assert not received.echoes.plane.imag.any()
+    assert received.echoes.plane.real.any()
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_dechirped_echo_keeps_what_range_correlation_leaves(range_m: float) -> N
     for seed in range(seeds):
         synthesizer = synthesizer_for(radar, (0.0, 150.0), phase_noise=noise, phase_noise_seed=seed)
         synthesizer.add(unit_paths(radar, [range_m]))
-        rest = synthesizer.result().samples * np.conj(clean.result().samples) - 1
+        rest = synthesizer.result().plane * np.conj(clean.result().plane) - 1
         power += np.mean(np.abs(np.fft.fft(rest * window)) ** 2, axis=0) / seeds
     power /= window @ window * 20e6
     for low, high in ((0.5e6, 0.8e6), (1.2e6, 1.6e6), (3e6, 3.5e6)):
@@ -269,7 +269,7 @@ def test_phase_of_a_far_echo_has_the_closed_forms_spread(waveform: AnyWaveform) 
         synthesizer.add(unit_paths(radar, [range_m]))
         values = range_process(
             apply_receiver(synthesizer.result(), receiver).echoes, "none", 8
-        ).values
+        ).plane
         column = int(np.argmax(np.abs(values).mean(axis=0)))
         found.append(np.var(np.angle(values[:, column] / values[:, column].mean())))
     f = np.linspace(300, 2e3, 2001)

@@ -55,9 +55,9 @@ def test_unit_path_peaks_at_one_at_its_range_with_its_phase(window: str, oversam
     found = range_process(echoes, window, oversample)
     column = 100 * oversample
     assert found.range_m[column] == pytest.approx(range_m, abs=1e-9)
-    assert int(np.argmax(np.abs(found.values[0]))) == column
+    assert int(np.argmax(np.abs(found.plane[0]))) == column
     phase = np.exp(-4j * np.pi * range_m / RADAR.waveform.wavelength_m)
-    assert found.values[0, column] == pytest.approx(phase, abs=1e-8)
+    assert found.plane[0, column] == pytest.approx(phase, abs=1e-8)
 
 
 def test_range_axis_covers_the_window() -> None:
@@ -68,7 +68,7 @@ def test_range_axis_covers_the_window() -> None:
     assert found.range_m[0] == WINDOW_M[0]
     assert WINDOW_M[1] - steps[0] < found.range_m[-1] <= WINDOW_M[1]
     np.testing.assert_allclose(steps, RADAR.waveform.sample_spacing_m / 4, rtol=1e-9)
-    assert found.values.shape == (2, found.range_m.size)
+    assert found.plane.shape == (2, found.range_m.size)
 
 
 @pytest.mark.parametrize("row", table(), ids=lambda row: row["window"])
@@ -87,7 +87,7 @@ def test_response_has_the_tables_width_sidelobes_and_loss(row: dict[str, str]) -
     )
     found = range_process(echoes, window, oversample)
     x = (found.range_m - centre_m) / cell_m  # in units of 1/B
-    power = np.abs(found.values[0]) ** 2
+    power = np.abs(found.plane[0]) ** 2
 
     peak = int(np.argmax(power))
     assert power[peak] == pytest.approx(1, abs=2e-3)
@@ -151,7 +151,7 @@ def test_expected_power_of_one_path_is_the_compressed_power() -> None:
     echoes = synthesize(paths, RADAR, range_limits_m=WINDOW_M)
     coherent = range_process(echoes, "hamming", 4)
     np.testing.assert_array_equal(profile.range_m, coherent.range_m)
-    power = np.abs(coherent.values[0]) ** 2
+    power = np.abs(coherent.plane[0]) ** 2
     np.testing.assert_allclose(profile.power, power, atol=1e-5 * power.max())
 
 
@@ -162,7 +162,7 @@ def test_expected_power_adds_up_powers_not_amplitudes() -> None:
     profile = expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M, oversample=16)
     assert profile.power.max() == pytest.approx(2, rel=1e-3)
     coherent = range_process(synthesize(paths, RADAR, range_limits_m=WINDOW_M), oversample=16)
-    assert np.abs(coherent.values).max() < 0.02
+    assert np.abs(coherent.plane).max() < 0.02
 
 
 def test_expected_power_is_the_mean_over_speckle() -> None:
@@ -175,7 +175,7 @@ def test_expected_power_is_the_mean_over_speckle() -> None:
         paths = unit_paths(RADAR, list(profile_m + jitter_m))
         values = range_process(
             synthesize(paths, RADAR, range_limits_m=(900.0, 1000.0)), oversample=2
-        ).values
+        ).plane
         total = total + np.abs(values[0]) ** 2 / trials
     expected = expected_power_profile(
         unit_paths(RADAR, list(profile_m)), RADAR, range_limits_m=(900.0, 1000.0), oversample=2

@@ -41,14 +41,14 @@ def map_of(radar: Radar, range_m: list[float], rate_mps: list[float] | float) ->
 def test_axes_are_exact_for_odd_and_even_trains(pulses: int) -> None:
     radar = radar_of(pulses)
     found = map_of(radar, [1000.0], 0.0)
-    assert found.values.shape == (pulses, found.range_m.size)
+    assert found.plane.shape == (pulses, found.range_m.size)
     assert found.doppler_hz[pulses // 2] == 0
     np.testing.assert_allclose(np.diff(found.doppler_hz), 1000.0 / pulses)
     np.testing.assert_allclose(
         found.velocity_mps, -found.doppler_hz * WAVEFORM.wavelength_m / 2, rtol=1e-14
     )
     # what stands still is in the row of 0 Hz
-    assert np.unravel_index(np.argmax(found.power), found.power.shape)[0] == pulses // 2
+    assert np.unravel_index(np.argmax(found.plane_power), found.plane_power.shape)[0] == pulses // 2
 
 
 @pytest.mark.parametrize("window", ["none", "hamming", "taylor:4:-35"])
@@ -61,11 +61,11 @@ def test_unit_path_in_a_cell_is_zero_decibels(pulses: int, window: str) -> None:
     start_m = middle_m - rate_mps * (pulses - 1) / 2 / 1000.0
     paths = unit_paths(radar, [start_m], rate_mps)
     found = range_doppler(range_process(synthesize(paths, radar, range_limits_m=WINDOW_M)), window)
-    peak = divmod(int(np.argmax(found.power)), found.range_m.size)
+    peak = divmod(int(np.argmax(found.plane_power)), found.range_m.size)
     assert peak == (row, 400)
     assert found.velocity_mps[row] == pytest.approx(rate_mps)
     # it moves by 0.1 cells during the burst: some 0.01 dB
-    assert found.power_db[peak] == pytest.approx(0, abs=0.03)
+    assert found.power_db[0][peak] == pytest.approx(0, abs=0.03)
 
 
 @pytest.mark.parametrize("rate_mps", [10.0, -10.0, 3.217, -0.9])
@@ -134,7 +134,7 @@ def test_empty_map_has_the_floor_everywhere_and_no_peaks() -> None:
     radar = radar_of(16)
     echoes = synthesize([], radar, range_limits_m=WINDOW_M)
     found = range_doppler(range_process(echoes))
-    assert not found.power.any()
+    assert not found.plane_power.any()
     assert (found.power_db == -300).all()
     assert find_peaks(found, 5) == []
     assert leading_edges(expected_power_profile([], radar, range_limits_m=WINDOW_M)) == []

@@ -262,12 +262,12 @@ def test_scale_shows_the_noise() -> None:
     rd_map, noise_w = map_of(
         RADAR, [600.0, 300.0], [5.0, 0.0], [1e-12, 1e-9], (0.0, 900.0), noise_figure_db=3.0
     )
-    top = rd_map.power.max()
+    top = rd_map.plane_power.max()
     noise_db = 10 * np.log10(noise_w / top)
     # the mean of what the map holds away from the targets
-    empty = rd_map.power[5:15, :150]
+    empty = rd_map.plane_power[5:15, :150]
     assert 10 * np.log10(empty.mean() / top) == pytest.approx(noise_db, abs=1.0)
-    floor_db = picture_floor_db(rd_map.power, noise_w)
+    floor_db = picture_floor_db(rd_map.plane_power, noise_w)
     assert noise_db - 15 <= floor_db <= noise_db - 10
     figure = plot_range_doppler(rd_map, noise_power=noise_w, unit="dBW")
     image = figure.axes[0].images[0]
@@ -277,7 +277,7 @@ def test_scale_shows_the_noise() -> None:
     level = f"{10 * np.log10(top):.1f}".replace("-", "\N{MINUS SIGN}")
     assert bar.get_ylabel() == f"power [dB re strongest cell = {level} dBW]"
     # a notebook that does not tell the noise sees it all the same
-    assert picture_floor_db(rd_map.power) == pytest.approx(floor_db, abs=5.0)
+    assert picture_floor_db(rd_map.plane_power) == pytest.approx(floor_db, abs=5.0)
 
 
 def test_rounding_of_the_adc_counts_as_noise() -> None:
@@ -286,13 +286,13 @@ def test_rounding_of_the_adc_counts_as_noise() -> None:
     reception = apply_receiver(echoes, Receiver(noise_figure_db=40.0, adc_bits=3))
     assert reception.step is not None
     assert reception.floor_power_w > 1.1 * reception.noise_power_w  # it matters
-    error = reception.echoes.samples - echoes.samples
+    error = reception.echoes.plane - echoes.plane
     measured = float(np.mean(np.abs(error) ** 2))
     assert measured == pytest.approx(reception.floor_power_w, rel=0.03)
 
 
 def test_scale_without_noise_is_80_db(plain_map: RangeDopplerMap) -> None:
-    assert picture_floor_db(plain_map.power) == -80.0
+    assert picture_floor_db(plain_map.plane_power) == -80.0
     assert picture_floor_db(np.zeros((4, 5))) == -80.0
     assert picture_floor_db(np.ones((4, 5))) == -20.0
 

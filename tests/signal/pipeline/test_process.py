@@ -75,7 +75,7 @@ def test_files_of_a_frame(folder: Path) -> None:
         "frame_0001_rings.png", "frame_0001_summary.json",
     ]  # fmt: skip
     with np.load(folder / "products/frame_0001_map.npz", allow_pickle=False) as arrays:
-        assert arrays["power"].shape == (arrays["doppler_hz"].size, arrays["range_m"].size)
+        assert arrays["power"].shape == (1, arrays["doppler_hz"].size, arrays["range_m"].size)
         np.testing.assert_array_equal(arrays["power"], result.rd_map.power)
         assert arrays["velocity_mps"][0] > 0  # lowest Doppler: receding
     with np.load(folder / "products/frame_0001_profile.npz", allow_pickle=False) as arrays:
@@ -111,7 +111,7 @@ def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
     setup = Setup(rings=2)
     folder = write_run(tmp_path / "run", setup, lambda *_: empty(setup))
     (result,) = results(folder, ProcessOptions(plots=False))
-    assert not result.rd_map.power.any()
+    assert not result.rd_map.plane_power.any()
     assert result.statistics.nearest_m is None
     assert result.warnings == ["No echo at all: the map is empty."]
     assert (
@@ -134,7 +134,7 @@ def test_ambiguities_are_warned_about(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "far", setup, points(setup, [(1, 1, 800.0, 0.0, 1.0)]))
     (result,) = results(folder)
     assert "beyond the unambiguous range 749.481 m" in result.warnings[0]
-    assert result.rd_map.range_m[result.rd_map.power.max(axis=0).argmax()] == pytest.approx(
+    assert result.rd_map.range_m[result.rd_map.plane_power.max(axis=0).argmax()] == pytest.approx(
         800, abs=1.5
     )
     folder = write_run(tmp_path / "fast", SETUP, points(SETUP, [(1, 1, 300.0, 15.0, 1.0)]))
@@ -189,8 +189,8 @@ def test_numpy_engine_gives_the_same_map(folder: Path) -> None:
         results(folder, ProcessOptions(products=False, plots=False, nufft_backend=method))[0].rd_map
         for method in ("finufft", "numpy")  # type: ignore[arg-type]
     ]
-    scale = np.abs(maps[0].values).max()
-    np.testing.assert_allclose(maps[0].values, maps[1].values, atol=1e-8 * scale)
+    scale = np.abs(maps[0].plane).max()
+    np.testing.assert_allclose(maps[0].plane, maps[1].plane, atol=1e-8 * scale)
 
 
 def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:

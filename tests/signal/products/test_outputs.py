@@ -114,10 +114,10 @@ def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
 def test_mti_takes_out_the_wall(folder: Path) -> None:
     options = ProcessOptions(products=False, plots=False, mti=3, cfar=Cfar("ca", 1e-6))
     result = result_of(folder, options)
-    assert result.rd_map.values.shape[0] == 62
+    assert result.rd_map.plane.shape[0] == 62
     assert result.detections is not None
     assert abs(result.detections.targets[0].velocity_mps - 5.0) < 0.05
-    stripe = result.rd_map.power[31]
+    stripe = result.rd_map.plane_power[31]
     assert stripe[np.argmin(np.abs(result.rd_map.range_m - 300))] < 1e-12 * stripe.size
 
 
@@ -132,7 +132,7 @@ def test_hdf5_says_what_it_holds(folder: Path) -> None:
         assert json.loads(file.attrs["waveform"])["carrier_hz"] == 5.3e9
         np.testing.assert_array_equal(file["echoes/samples"], result.echoes.samples)
         np.testing.assert_array_equal(file["map/values"], result.rd_map.values)
-        assert file["map/values"].dims[1][0].name == "/map/range_m"
+        assert file["map/values"].dims[2][0].name == "/map/range_m"
         assert file["map/velocity_mps"][0] > 0 > file["map/doppler_hz"][0]
         names: list[str] = []
         file.visititems(lambda name, item: names.append(name) if hasattr(item, "dims") else None)
@@ -161,11 +161,11 @@ def test_sigmf_is_a_valid_recording(folder: Path, waveform: object) -> None:
     result = result_of(folder, ProcessOptions(products=False, plots=False, sigmf=True, radar=radar))
     recording = package.sigmffile.fromfile(str(folder / "products/frame_0001"))
     recording.validate()
-    shape = result.echoes.samples.shape
+    shape = result.echoes.plane.shape
     assert recording.sample_count == shape[0] * shape[1]
     samples = recording.read_samples().reshape(shape)
-    scale = np.abs(result.echoes.samples).max()
-    np.testing.assert_allclose(samples, result.echoes.samples, atol=1e-7 * scale)
+    scale = np.abs(result.echoes.plane).max()
+    np.testing.assert_allclose(samples, result.echoes.plane, atol=1e-7 * scale)
     assert recording.get_captures()[0]["core:frequency"] == 5.3e9
     assert len(recording.get_annotations()) == 64
     meta = json.loads((folder / "products/frame_0001.sigmf-meta").read_text("utf-8"))
@@ -177,7 +177,7 @@ def test_phase_noise_of_the_run_is_the_seeds(folder: Path) -> None:
     for seed in (1, 1, 2):
         receiver = Receiver(phase_noise=PhaseNoise((1e2, 1e4), (-60.0, -60.0)), noise_seed=seed)
         options = ProcessOptions(products=False, plots=False, receiver=receiver)
-        samples.append(result_of(folder, options).echoes.samples)
+        samples.append(result_of(folder, options).echoes.plane)
     np.testing.assert_array_equal(samples[0], samples[1])
     assert np.abs(samples[0] - samples[2]).max() > 1e-3 * np.abs(samples[0]).max()
 

@@ -103,7 +103,7 @@ def test_stepped_frequency_repeats_after_c_over_two_steps() -> None:
         synthesize(unit_paths(radar, [12.0 + period_m]), radar, range_limits_m=range_limits_m),
         "none",
     )
-    np.testing.assert_allclose(np.abs(far.values), np.abs(near.values), atol=1e-6)
+    np.testing.assert_allclose(np.abs(far.plane), np.abs(near.plane), atol=1e-6)
     assert near.range_m[-1] < period_m
 
 
@@ -116,24 +116,24 @@ def test_stepped_samples_are_the_tones_phases() -> None:
     times_s = line_times_s(radar)[:, None] + (steps + 0.5) * STEPPED.step_time_s
     truth = np.exp(-4j * np.pi * tones_hz * (12.0 + rate_mps * times_s) / SPEED_OF_LIGHT_MPS)
     # left out: B T v / 2c = 0.011 cycles at the ends
-    assert np.abs(echoes.samples - truth).max() < 0.08
+    assert np.abs(echoes.plane - truth).max() < 0.08
     slow = synthesize(unit_paths(radar, [12.0], [0.004]), radar, range_limits_m=(0.0, 70.0))
     truth = np.exp(-4j * np.pi * tones_hz * (12.0 + 0.004 * times_s) / SPEED_OF_LIGHT_MPS)
-    assert np.abs(slow.samples - truth).max() < 8e-5
+    assert np.abs(slow.plane - truth).max() < 8e-5
 
 
 def test_pmcw_sidelobes_are_minus_one_nth() -> None:
     radar = burst_of(PMCW, 2)
     cell_m = PMCW.sample_spacing_m
     echoes = synthesize(unit_paths(radar, [40 * cell_m]), radar, range_limits_m=(0.0, 38.0))
-    assert echoes.samples.shape == (8, 255), "one row a code"
+    assert echoes.plane.shape == (8, 255), "one row a code"
     code = np.roll(np.array(m_sequence(8)), 40)
     carrier = np.exp(-4j * np.pi * 40 * cell_m / PMCW.wavelength_m)
-    np.testing.assert_allclose(echoes.samples[0], code * carrier, atol=1e-6)
+    np.testing.assert_allclose(echoes.plane[0], code * carrier, atol=1e-6)
     profile = range_process(echoes, "hamming", 1)
     assert profile.range_taper == "none", "a code's sidelobes are its own"
-    assert profile.values.shape == (2, 254)
-    values = profile.values[0] / carrier
+    assert profile.plane.shape == (2, 254)
+    values = profile.plane[0] / carrier
     assert values[40] == pytest.approx(1, abs=1e-6)
     np.testing.assert_allclose(np.delete(values, 40), -1 / 255, atol=1e-6)
 
@@ -143,7 +143,7 @@ def test_pmcw_loses_what_doppler_turns_during_the_repeats() -> None:
     radar = burst_of(waveform, 16)
     rate_mps = 0.35 * 2 * radar.max_unambiguous_velocity_mps
     echoes = synthesize(unit_paths(radar, [20.0], [rate_mps]), radar, range_limits_m=(0.0, 50.0))
-    peak = np.abs(range_process(echoes, oversample=8).values).max(axis=1)
+    peak = np.abs(range_process(echoes, oversample=8).plane).max(axis=1)
     turn = 0.35  # cycles from pulse to pulse
     expected = abs(np.sin(np.pi * turn) / (64 * np.sin(np.pi * turn / 64)))
     # a sixteenth of a cell off the raster: 0.6 %
@@ -162,7 +162,7 @@ def test_barker_pulse_has_sidelobes_of_one_thirteenth() -> None:
     profile = range_process(
         synthesize(unit_paths(radar, [range_m]), radar, range_limits_m=(100.0, 500.0)), "none", 1
     )
-    magnitude = np.abs(profile.values[0])
+    magnitude = np.abs(profile.plane[0])
     assert magnitude[100] == pytest.approx(1, abs=1e-6)
     lags = np.arange(1, 13) * BARKER13.samples_per_chip
     expected = [0, 1 / 13] * 6
@@ -184,7 +184,7 @@ def test_samples_of_a_chirp_give_what_the_chirp_gives(tmp_path: Path) -> None:
         echoes = synthesize(
             unit_paths(radar, [700.0], [20.0]), radar, range_limits_m=(500.0, 900.0)
         )
-        results.append((echoes.samples, range_process(echoes, "taylor:4:-35").values))
+        results.append((echoes.plane, range_process(echoes, "taylor:4:-35").plane))
     np.testing.assert_allclose(results[1][0], results[0][0], atol=1e-12)
     np.testing.assert_allclose(results[1][1], results[0][1], atol=1e-12)
 
@@ -199,10 +199,10 @@ def test_a_path_of_power_p_peaks_at_p(waveform: AnyWaveform, window: str) -> Non
     paths = make_paths(power * 4 * math.pi / waveform.wavelength_m**2, 2 * range_m)
     found = range_process(synthesize(paths, radar, range_limits_m=(0.0, top_m)), window, 2)
     column = round(range_m / (waveform.sample_spacing_m / 2))
-    assert np.abs(found.values[0, column]) ** 2 == pytest.approx(power, rel=1e-6)
-    assert int(np.argmax(np.abs(found.values[0]))) == column
+    assert np.abs(found.plane[0, column]) ** 2 == pytest.approx(power, rel=1e-6)
+    assert int(np.argmax(np.abs(found.plane[0]))) == column
     profile = expected_power_profile(paths, radar, range_limits_m=(0.0, top_m), range_taper=window)
     np.testing.assert_allclose(
-        profile.power[:: 2], np.abs(found.values[0, : -(-profile.power.size // 2)]) ** 2,
+        profile.power[:: 2], np.abs(found.plane[0, : -(-profile.power.size // 2)]) ** 2,
         atol=2e-5 * power,
     )  # fmt: skip

@@ -27,7 +27,7 @@ def face(pixels: int) -> signal.Paths:
 
 def peak_power(paths: signal.Paths, seed: int | None) -> float:
     echoes = signal.synthesize(paths, RADAR, range_limits_m=WINDOW_M, speckle_seed=seed)
-    return float((np.abs(signal.range_process(echoes).values) ** 2).max())
+    return float((np.abs(signal.range_process(echoes).plane) ** 2).max())
 
 
 @pytest.mark.parametrize("pixels", [100, 400])
@@ -58,7 +58,7 @@ def test_phases_do_not_depend_on_how_paths_are_split() -> None:
     joined = np.concatenate([signal.path_phasors(part, 7) for part in parts])
     assert (joined == signal.path_phasors(paths, 7)).all()
     whole, split = (
-        signal.synthesize(p, RADAR, range_limits_m=WINDOW_M, speckle_seed=7).samples
+        signal.synthesize(p, RADAR, range_limits_m=WINDOW_M, speckle_seed=7).plane
         for p in (paths, parts)
     )
     np.testing.assert_allclose(split, whole, atol=1e-9 * np.abs(whole).max())
@@ -66,4 +66,4 @@ def test_phases_do_not_depend_on_how_paths_are_split() -> None:
 
 def test_phases_are_the_same_at_every_pulse() -> None:
     echoes = signal.synthesize(face(100), RADAR, range_limits_m=WINDOW_M, speckle_seed=1)
-    assert (echoes.samples == echoes.samples[0]).all()
+    assert (echoes.plane == echoes.plane[0]).all()

@@ -380,7 +380,7 @@ def test_map_shows_the_speckle(tmp_path: Path) -> None:
         options = ProcessOptions(speckle_seed=seed, plots=False, products=False)
         for event in process_run(folder, options):
             if isinstance(event, FrameResult):
-                peaks.append(event.rd_map.power.max())
+                peaks.append(event.rd_map.plane_power.max())
                 reports.append(event.speckle)
     expected = float(table["power_w"].sum())
     error = np.std(peaks, ddof=1) / math.sqrt(len(peaks))

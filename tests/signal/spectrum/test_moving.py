@@ -118,7 +118,7 @@ def limb(range_m: float) -> Body:
 
 @pytest.mark.parametrize("range_m", [10.0, 100.0])
 @pytest.mark.parametrize("carrier_hz", [77e9, 5.3e9])
-@pytest.mark.parametrize("last_body", [static, receding, crossing, accelerating, rotor, limb])
+@pytest.mark.parametrize("body", [static, receding, crossing, accelerating, rotor, limb])
 def test_beat_against_continuous_time(body, carrier_hz, range_m) -> None:
     place = body(range_m)
     amplitude = np.random.default_rng(0).uniform(0.1, 1, place(np.longdouble(0)).shape[0])
