@@ -51,9 +51,10 @@ class AtomicFile:
                 "links. Remove the link, or choose another output folder."
             )
         self.path = path
-        # Libraries choose a format by the suffix.
+        # Libraries choose a format by the suffix; who looks for files by the beginning of their
+        # names does not find this one.
         unique = f"{os.getpid():x}-{secrets.token_hex(4)}"
-        self.temporary = path.with_name(f"{path.stem}.{unique}.part{path.suffix}")
+        self.temporary = path.with_name(f".part-{unique}-{path.name}")
         try:
             # Exclusive: neither a file nor a link that somebody has put there is written to.
             os.close(os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))

@@ -1,29 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text from files, made safe to print. Standard library only."""
+"""Text from files, made safe to print."""
 
 from __future__ import annotations
 
 import unicodedata
 
-#: Unicode categories that steer a terminal or end a line: controls, formats (which change the
+#: Unicode categories that steer a terminal or end a line: controls, formats (which turn the
 #: direction of writing), halves of surrogates, line and paragraph separators.
 _STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def printable(text: str) -> str:
-    """Return text on one line, with the characters that steer a terminal escaped.
+    """Text on one line that no terminal obeys: control characters as Python escapes them.
 
-    Names of objects may hold any character, and files may come from strangers.
-
-    Parameters
-    ----------
-    text
-        Any text.
-
-    Returns
-    -------
-    str
-        The text; each control or format character as Python escapes it (``\\x1b``).
+    Names of objects may hold any character, and files come from strangers.
     """
     return "".join(
         character.encode("unicode_escape").decode("ascii")

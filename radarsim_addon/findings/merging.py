@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..printable import printable
+from ..terminal_text import printable
 from .catalogue import CATALOGUE
 from .records import Finding, Value, written
 from .texts import frames_text

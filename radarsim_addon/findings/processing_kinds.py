@@ -47,48 +47,49 @@ PROCESSING = {
     ),
     "range-ambiguous-paths": Kind(
         "caution",
-        "{count:#path} exceed the unambiguous range of {unambiguous_range_m:.6g} m, which the "
-        "{limit} sets.",
+        "The frame has {count:#path} beyond the unambiguous range of {unambiguous_range_m:.6g} m, "
+        "which the {limit} sets.",
         "Their echoes appear at wrong, smaller ranges, as in a radar.",
         "For a larger unambiguous range lower the PRF, take smaller frequency steps, or use a "
         "longer code.",
     ),
     "paths-beyond-sampled-band": Kind(
         "caution",
-        "{count:#path} exceed the {unambiguous_range_m:.6g} m that the sampling rate covers.",
+        "The frame has {count:#path} beyond the {unambiguous_range_m:.6g} m that the sampling rate "
+        "covers.",
         "The anti-alias filter of the ADC removes their echoes.",
         "Raise the sampling rate, or lower the sweep slope.",
     ),
     "doppler-ambiguous-paths": Kind(
         "caution",
-        "{count:#path} exceed the maximum unambiguous velocity of "
+        "The frame has {count:#path} faster than the maximum unambiguous velocity of "
         "{max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
         "Their echoes appear at a wrong Doppler, as in a radar.",
         "Raise the PRF.",
     ),
     "paths-outside-range-limits": Kind(
         "info",
-        "{count:#path} lie outside the range limits.",
+        "The frame has {count:#path} outside the range limits.",
         "Their echoes are in no result.",
         "Widen the range limits to include them.",
     ),
     "range-encoding-underflow": Kind(
         "caution",
-        "{count:#pixel} have an echo whose range encoding is below what float32 carries (red "
-        "channel).",
+        "The frame has {count:#pixel} with an echo whose range encoding is below what float32 can "
+        "hold (red channel).",
         "radarsim skips these pixels.",
         "Render fewer or narrower rings, so that the range encoding covers their ranges.",
     ),
     "no-range-encoding": Kind(
         "caution",
-        "{count:#pixel} have more red than blue: light without range encoding.",
+        "The frame has {count:#pixel} with more red than blue: light without range encoding.",
         "radarsim skips these pixels.",
         "Give every object a Radar Material and hide all other lights.",
     ),
     "no-range-rate": Kind(
         "caution",
-        "{rejected:#path} change their range between the snapshots faster than Max range rate "
-        "allows, and {single:#path} have an echo in the first snapshot only.",
+        "The frame has {rejected:#path} whose range changes between the snapshots faster than Max "
+        "range rate allows, and {single:#path} with an echo in the first snapshot only.",
         "Edges of moving objects cause this, and runs with one snapshot. radarsim treats these "
         "paths as stationary.",
         "Raise the resolution, or take two snapshots.",
@@ -150,7 +151,7 @@ PROCESSING = {
     ),
     "frame-incomplete": Kind(
         "caution",
-        "radarsim skipped the frame: {missing:#render} are missing.",
+        "radarsim skipped the frame because it lacks {missing:#render}.",
         "The frame has no results.",
         "Render the run again; it resumes where it stopped.",
     ),

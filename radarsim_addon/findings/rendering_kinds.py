@@ -63,6 +63,19 @@ SCENE = {
         "Nothing behind these objects returns an echo.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
     ),
+    "unused-material-not-evaluated": Kind(
+        "info",
+        "The medium of {subjects} cannot be evaluated: {reason}",
+        "No rendered object has this material, so the results are right.",
+        "Correct the medium before you assign the material.",
+    ),
+    "medium-not-connected": Kind(
+        "caution",
+        "The Radar Material of {subjects} does not feed the Surface of the material output alone.",
+        "Its numbers do not follow the carrier, whatever medium it has.",
+        "Connect the Radar Material to Surface directly; reroutes and your own groups may be "
+        "between.",
+    ),
     "not-a-layer": Kind(
         "info",
         "Less than {least_fraction:percent} of the surface of {subjects} is one pair of parallel "
@@ -249,8 +262,8 @@ MOTION = {
     ),
     "motion-unresolved": Kind(
         "caution",
-        "{samples:#motion sample} per burst do not resolve the motion of {subjects}: the fit "
-        "misses it by up to {miss_m:.2g} m.",
+        "With {samples:#motion sample} per burst, the fit misses the motion of {subjects} by up to "
+        "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
@@ -279,8 +292,8 @@ MOTION = {
 RUNS = {
     "frames-left-to-others": Kind(
         "info",
-        "{subjects} render {count:#frame} of this run.",
-        "This process left these frames to them.",
+        "This process left {count:#frame} of the run to {subjects}.",
+        "The run is complete when the other processes have finished, too.",
         "Wait for them before you process the run. If one of them fails, start the same command "
         "again.",
     ),

@@ -9,7 +9,7 @@ from .antennas import PATTERNS, PeakedAntenna, self_contained
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system
-from .parameter_checks import find_suspicious_parameters, length_text
+from .parameter_checks import find_suspicious_parameters, range_limit
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
 from .pulse_replicas import (
     band_window,
@@ -52,11 +52,11 @@ __all__ = [
     "find_suspicious_parameters",
     "frequencies_hz",
     "half_power_width_rad",
-    "length_text",
     "load_radar",
     "make_system",
     "matched_filter",
     "peak_direction",
+    "range_limit",
     "read_system",
     "replica",
     "replica_count",

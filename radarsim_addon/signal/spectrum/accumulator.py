@@ -327,4 +327,4 @@ class SpectrumAccumulator:
             ramp_residual_phase_rad=self._moving.left_out_rad,
             wall_s=self._wall_s,
             notes=[_RAMP_NOTE] if values is not None and self._sums.ramp is not None else [],
-        ).with_warnings()
+        )

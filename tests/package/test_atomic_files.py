@@ -82,7 +82,7 @@ def test_a_link_in_place_of_the_temporary_file_is_refused(
     monkeypatch.setattr("secrets.token_hex", lambda _: "known")
     target = tmp_path / "target"
     target.write_text("mine")
-    (tmp_path / f"a.{os.getpid():x}-known.part.json").symlink_to(target)
+    (tmp_path / f".part-{os.getpid():x}-known-a.json").symlink_to(target)
     with pytest.raises(OutputError, match="File exists"):
         write_text(tmp_path / "a.json", "yours")
     assert target.read_text() == "mine"
@@ -128,7 +128,7 @@ def test_arrays_and_json(tmp_path: Path) -> None:
 
 
 def test_leftovers_are_removed(tmp_path: Path) -> None:
-    for name in ("run.12-ab.part.json", "old.exr.part", "run.json"):
+    for name in (".part-12-ab-run.json", "old.exr.part", "run.json"):
         (tmp_path / name).touch()
     atomic_files.remove_temporaries(tmp_path)
     assert names(tmp_path) == ["run.json"]

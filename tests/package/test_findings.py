@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import json
 import math
 import string
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from radarsim_addon.contract import RunRecord
 from radarsim_addon.errors import FrameFileError
 from radarsim_addon.findings import (
     Finding,
@@ -26,6 +28,9 @@ from radarsim_addon.findings import (
 )
 from radarsim_addon.findings.__main__ import reference_page
 from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS
+from radarsim_addon.sidecar import read_record, write_record
+from radarsim_addon.signal.pipeline import main
+from tests.signal.synthetic import Setup, points, run_record, write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "radarsim_addon"
@@ -45,10 +50,11 @@ def test_numbers_and_names_are_in_the_text() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "text"), [(1, "1 path lie"), (3, "3 paths lie"), (12345, "12,345 paths lie")]
+    ("count", "text"),
+    [(1, "has 1 path out"), (3, "has 3 paths out"), (12345, "has 12,345 paths out")],
 )
 def test_counts_have_their_noun(count: int, text: str) -> None:
-    assert finding("paths-outside-range-limits", count=count).text.startswith(text)
+    assert text in finding("paths-outside-range-limits", count=count).text
 
 
 def test_percentages_have_two_digits() -> None:
@@ -182,10 +188,10 @@ def test_frames_that_follow_one_another_are_joined() -> None:
 def test_lines_name_code_severity_and_frames() -> None:
     found = [finding("paths-outside-range-limits", count=n).in_frame(n) for n in (1, 2)]
     (line,) = finding_lines(found, frames=[1, 2, 3])
-    assert line.startswith("info: frames 1-2: 1 to 2 paths lie outside")
+    assert line.startswith("info: frames 1-2: The frame has 1 to 2 paths outside")
     assert line.endswith("[paths-outside-range-limits]")
     (line,) = finding_lines(found[:1], frames=[1])
-    assert line.startswith("info: 1 path lie")
+    assert line.startswith("info: The frame has 1 path outside")
 
 
 def test_names_cannot_steer_a_terminal() -> None:
@@ -267,3 +273,58 @@ def codes_used() -> tuple[set[str], list[str]]:
                 else:
                     strange.append(f"{path}:{node.lineno}")
     return used, strange
+
+
+def test_the_package_uses_every_code_and_no_other() -> None:
+    used, strange = codes_used()
+    assert not strange, "give `finding` a literal code"
+    assert used == set(CATALOGUE)
+
+
+# -- where they are shown --------------------------------------------------------------------------
+def test_old_runs_are_read(tmp_path: Path) -> None:
+    """Their warnings were sentences."""
+    path = tmp_path / "run.json"
+    write_record(path, run_record(Setup()))
+    data = json.loads(path.read_text())
+    del data["findings"]
+    path.write_text(json.dumps(data | {"warnings": ["The rings end at 5 m.", "No Doppler."]}))
+    record = read_record(path, RunRecord)
+    assert [(item.code, item.text) for item in record.findings] == [
+        ("note", "The rings end at 5 m."),
+        ("note", "No Doppler."),
+    ]
+
+
+def test_records_hold_findings(tmp_path: Path) -> None:
+    found = merge([finding("single-snapshot"), finding("no-radar-material", "Wall")])
+    path = tmp_path / "run.json"
+    write_record(path, dataclasses.replace(run_record(Setup()), findings=found))
+    assert read_record(path, RunRecord).findings == found
+    assert json.loads(path.read_text())["findings"] == [to_json(item) for item in found]
+    path.write_text(path.read_text().replace('"info"', '"dire"'))
+    with pytest.raises(FrameFileError, match=r"findings\[0\]: severity is 'dire'"):
+        read_record(path, RunRecord)
+
+
+def test_process_shows_each_finding_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the console merged over the frames; in each frame's summary its own."""
+    setup = Setup(frames=(1, 2, 3, 4))
+    # beyond +-14.1 m/s at 1000 Hz, in every frame
+    folder = write_run(tmp_path / "run", setup, points(setup, [(5, 6, 600.0, 30.0, 1e-6)]))
+    next((folder / "frames" / "frame_0003").glob("*.exr")).unlink()
+    assert main(["process", str(folder), "--no-plots", "--allow-incomplete"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.endswith("]")]
+    doppler, incomplete = lines
+    assert doppler.startswith("caution: frames 1-2, 4: The frame has 1 path faster")
+    assert doppler.endswith("[doppler-ambiguous-paths]")
+    assert incomplete.startswith(
+        "caution: frame 3: radarsim skipped the frame because it lacks 1 render."
+    )
+    for frame in (1, 2, 4):
+        path = folder / "products" / f"frame_{frame:04d}_summary.json"
+        (stored,) = json.loads(path.read_text())["findings"]
+        assert (stored["code"], stored["frames"]) == ("doppler-ambiguous-paths", [frame])
+        assert from_json(stored, path.name).numbers["count"] == 1
