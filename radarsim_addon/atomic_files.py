@@ -1,45 +1,145 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writing result files whole or not at all."""
+"""Files that appear whole or not at all: written under a temporary name, synced, then renamed.
+
+Each temporary name is unique, so that several processes may write the same file: the last rename
+wins, and no reader ever sees a mixture. Standard library, and numpy for :func:`write_arrays`.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .errors import OutputError
+
+#: Pattern of temporary names, for tidying up after a killed process.
+TEMPORARY_PATTERN = "*.part*"
+
+
+def cannot_write(path: Path, error: object) -> OutputError:
+    """Return the error that names a file and why it cannot be written."""
+    return OutputError(
+        f"Cannot write {path}: {getattr(error, 'strerror', None) or error}. "
+        "Choose an output folder that exists, is writable and has room."
+    )
+
+
+class AtomicFile:
+    """A file in the making: write to `temporary`, then `commit` or `discard`.
+
+    Parameters
+    ----------
+    path
+        The file that is to appear. Its folder must exist.
+
+    Raises
+    ------
+    OutputError
+        The folder is missing, read-only or full, or the path is a symbolic link: radarsim does not
+        write to a place that a link names.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.is_symlink():
+            raise OutputError(
+                f"{path} is a symbolic link; expected a file. radarsim does not write through "
+                "links. Remove the link, or choose another output folder."
+            )
+        self.path = path
+        # Libraries choose a format by the suffix; who looks for files by the beginning of their
+        # names does not find this one.
+        unique = f"{os.getpid():x}-{secrets.token_hex(4)}"
+        self.temporary = path.with_name(f".part-{unique}-{path.name}")
+        try:
+            # Exclusive: neither a file nor a link that somebody has put there is written to.
+            os.close(os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        except OSError as error:
+            raise cannot_write(path, error) from error
+
+    def commit(self) -> None:
+        """Make the file appear; `temporary` must be closed.
+
+        Raises
+        ------
+        OutputError
+            It cannot be synced or renamed.
+        """
+        try:
+            with open(self.temporary, "rb+") as stream:
+                os.fsync(stream.fileno())
+            os.replace(self.temporary, self.path)
+        except OSError as error:
+            raise cannot_write(self.path, error) from error
+        _sync_folder(self.path.parent)
+
+    def discard(self) -> None:
+        """Remove the temporary file where it is still there."""
+        with contextlib.suppress(OSError):
+            self.temporary.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, and rename it to `path` when all went well.
 
+    Parameters
+    ----------
+    path
+        The file that is to appear.
+
+    Yields
+    ------
+    Path
+        An empty file beside `path`, with the same suffix.
+
     Raises
     ------
     OutputError
-        The folder is missing, read-only or full.
+        The folder is missing, read-only or full, or `path` is a symbolic link.
     """
-    temporary = path.with_name(f"{path.stem}.part{path.suffix}")
+    file = AtomicFile(path)
     try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot write {path}: {error.strerror or error}. "
-            "Choose an output folder that exists, is writable and has room."
-        ) from error
+        try:
+            yield file.temporary
+        except OSError as error:
+            raise cannot_write(path, error) from error
+        file.commit()
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        file.discard()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text as UTF-8."""
+    with replaced(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON without NaN or Inf."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write plain arrays and numbers as .npz; ``numpy.load`` needs no pickle for it."""
+    import numpy as np  # only here: records are written without numpy, too
+
+    with replaced(path) as temporary:
+        np.savez(temporary, **arrays)
 
 
 def make_folder(path: Path) -> Path:
-    """Make a folder for results, parents included, or raise OutputError."""
+    """Make a folder for results, parents included.
+
+    Raises
+    ------
+    OutputError
+        It cannot be made.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -51,41 +151,39 @@ def make_folder(path: Path) -> Path:
 
 
 def remove_file(path: Path) -> None:
-    """Remove a file where there is one, or raise OutputError."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot remove {path}, which is of an earlier processing: {error.strerror or error}. "
-            "Remove it, or choose another output folder."
-        ) from error
-
-
-def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
-    """Write plain arrays and numbers as .npz; ``numpy.load`` needs no pickle for it."""
-    with replaced(path) as temporary:
-        np.savez(temporary, **arrays)
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Write JSON without NaN or Inf."""
-    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
-    with replaced(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
-
-
-def replace_file(temporary: Path, final: Path) -> None:
-    """Rename a finished file into its place.
+    """Remove a file of an earlier run where there is one.
 
     Raises
     ------
     OutputError
-        It cannot be renamed.
+        It cannot be removed.
     """
     try:
-        os.replace(temporary, final)
+        path.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{temporary} cannot be renamed to {final.name}: {error.strerror or error}. "
-            "Choose an output folder that is writable."
+            f"Cannot remove {path} of an earlier run: {error.strerror or error}. "
+            "Remove it, or choose another output folder."
         ) from error
+
+
+def remove_temporaries(folder: Path) -> None:
+    """Remove what killed processes left half-written in a folder; its subfolders are not searched.
+
+    Call it only where no other process is writing.
+    """
+    for path in folder.glob(TEMPORARY_PATTERN):
+        with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
+            path.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename survive a power failure, where the system can."""
+    if os.name != "posix":
+        return
+    with contextlib.suppress(OSError):  # some file systems cannot sync folders
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

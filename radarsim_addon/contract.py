@@ -29,6 +29,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from .findings import Finding
 from .options import documented, setting
 
 SCHEMA_VERSION = 2
@@ -290,7 +291,7 @@ class PathsRecord:
     motion_sha256: str = ""
     column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"
     schema_version: int = SCHEMA_VERSION
@@ -353,7 +354,7 @@ class MotionRecord:
     deforming_surfaces_file: str
     deforming_surfaces_sha256: str
     epoch_offset_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
-    warnings: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/motion"
     schema_version: int = SCHEMA_VERSION
@@ -419,7 +420,7 @@ class RunRecord:
     blend_file: str
     fingerprint: str
     visibility_updates: int = 1
-    warnings: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
     link_budget: LinkBudget | None = None

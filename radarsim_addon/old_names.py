@@ -57,6 +57,7 @@ _TODAY = {
     "track": "last_surface_point",
     "first_track": "first_surface_point",
     "shift": "replicate",
+    "warnings": "findings",
 }
 
 #: Files of a frame.

@@ -11,14 +11,15 @@ import dataclasses
 import hashlib
 import json
 import math
-import os
 import types
 import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
 from . import contract
-from .errors import FrameFileError, OutputError, SchemaError
+from .atomic_files import write_json
+from .errors import FrameFileError, SchemaError
+from .findings import Finding, from_json
 from .old_names import todays_names
 from .textfile import TextTooLongError, read_text
 
@@ -38,24 +39,14 @@ def file_sha256(path: Path) -> str:
 
 
 def write_record(path: Path, record: Any) -> None:
-    """Write a record as JSON under a temporary name, then rename.
+    """Write a record as JSON; it appears whole or not at all.
 
     Raises
     ------
     OutputError
         The folder is missing, read-only or full.
     """
-    text = json.dumps(dataclasses.asdict(record), indent=1, allow_nan=False, ensure_ascii=False)
-    temporary = path.with_name(path.name + ".part")
-    try:
-        temporary.write_text(text + "\n", encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OutputError(
-            f"Cannot write {path}: {error.strerror or error}. "
-            "Choose an output folder that exists, is writable and has room."
-        ) from error
+    write_json(path, dataclasses.asdict(record))
 
 
 def read_record(path: Path, kind: type[Record]) -> Record:
@@ -113,6 +104,8 @@ def _belonging(kind: Any) -> str:
 def _build(kind: Any, value: Any, where: str) -> Any:
     """Turn parsed JSON into the annotated type, naming the place of what does not fit."""
     origin = typing.get_origin(kind)
+    if kind is Finding:
+        return from_json(value, where)
     if dataclasses.is_dataclass(kind):
         if not isinstance(value, dict):
             raise FrameFileError(f"{where} is {value!r:.60}; expected a JSON object.")

@@ -23,6 +23,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from radarsim_addon.atomic_files import write_json, write_text  # noqa: E402
 from scripts.benchmarks.scaling import measure_one, run_scaling  # noqa: E402
 
 #: Parts of the benchmark: error against time in the paper's scene, cost against the number of
@@ -55,11 +56,9 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     out.mkdir(parents=True, exist_ok=True)
     result = measure(arguments.only or PARTS, arguments.large, arguments.quick)
-    temporary = out / "bench.json.part"
-    temporary.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    temporary.replace(out / "bench.json")
+    write_json(out / "bench.json", result)
     text = table(result)
-    (out / "bench.txt").write_text(text + "\n", encoding="utf-8")
+    write_text(out / "bench.txt", text + "\n")
     print("\n" + text)
     for path in draw(result, out):
         print(f"wrote {path}")

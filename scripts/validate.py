@@ -29,6 +29,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from radarsim_addon.atomic_files import write_text  # noqa: E402
 from scripts.validation.case import (  # noqa: E402
     Bench,
     Group,
@@ -192,9 +193,7 @@ def _work(keys: list[str], quick: bool, result: Path) -> None:
         "curves": curves,
         "sections": sections,
     }
-    temporary = result.with_suffix(".part")
-    temporary.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-    temporary.replace(result)
+    write_text(result, json.dumps(record, allow_nan=False))
 
 
 def _machine() -> dict[str, Any]:
@@ -252,9 +251,7 @@ def _write(
         "validation.json": json.dumps(record, indent=1, allow_nan=False) + "\n",
     }
     for name, content in files.items():
-        temporary = out / f"{name}.part"
-        temporary.write_text(content, encoding="utf-8")
-        temporary.replace(out / name)
+        write_text(out / name, content)
         print(f"wrote {out / name}")
 
 

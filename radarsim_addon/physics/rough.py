@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..array_types import Real
 from ..errors import ConfigError
+from ..findings import Finding, finding
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
 from .fresnel import unpolarised_reflectance
 
@@ -140,7 +141,7 @@ def kirchhoff_limits(
     correlation_length_m: float,
     wavelength_m: float,
     cos_incidence: float = 1.0,
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     """Return the reasons why the Kirchhoff geometric-optics model is invalid.
 
     Ulaby, Moore and Fung II, 12-4: k l > 6 and mean radius of curvature above the wavelength,
@@ -157,8 +158,8 @@ def kirchhoff_limits(
 
     Returns
     -------
-    tuple of str
-        Sentences; empty if the model is valid.
+    tuple of Finding
+        Without subjects; empty if the model is valid.
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -167,26 +168,16 @@ def kirchhoff_limits(
     wavenumber = 2 * np.pi / wavelength
     reasons = []
     if wavenumber * length <= 6:
-        reasons.append(
-            f"k*l = {wavenumber * length:.3g} is not above 6: the surface varies within a "
-            "wavelength, which needs the small perturbation model."
-        )
+        reasons.append(finding("kirchhoff-short-correlation", k_l=wavenumber * length))
     if length**2 <= 2.76 * height * wavelength:
-        reasons.append(
-            f"l^2/(h lambda) = {length**2 / (height * wavelength):.3g} is not above 2.76: "
-            "facets curve within a wavelength."
-        )
-    if (2 * wavenumber * height * cosine) ** 2 <= 10:
-        reasons.append(
-            f"2*k*h*cos = {2 * wavenumber * height * cosine:.3g} is not above 3.16: a coherent, "
-            "mirror-like part remains that the rough lobe does not contain."
-        )
+        curvature = length**2 / (height * wavelength)
+        reasons.append(finding("kirchhoff-curved-facets", curvature=curvature))
+    phase_rad = 2 * wavenumber * height * cosine
+    if phase_rad**2 <= 10:
+        reasons.append(finding("kirchhoff-coherent-part", phase_rad=phase_rad))
     slope = float(rms_slope(height, length))
     if slope > 0.4:
-        reasons.append(
-            f"rms slope {slope:.3g} is above 0.4: masking and multiple scattering between facets "
-            "matter, and single scattering loses their power."
-        )
+        reasons.append(finding("kirchhoff-steep-slopes", slope=slope))
     return tuple(reasons)
 
 

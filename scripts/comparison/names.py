@@ -113,7 +113,7 @@ EXCLUDED: tuple[Removed, ...] = (
     Removed(r".*", r"(.*\.)?blend_file", "where the scene lies"),
     Removed(r".*", r"(.*\.)?render_time_s", "how long it took"),
     Removed(r".*", r"(.*\.)?(cpu_s|wall_s)", "how long it took"),
-    Removed(r".*", r"(.*[.@])?warnings\.length", "texts for people"),
+    Removed(r".*", r"(.*[.@])?(warnings|findings)(\..*|\[.*)?", "texts for people"),
     Removed(r"demo/summary\.json", r"time_s\..*", "how long it took"),
     Removed(r"demo/summary\.json", r"peak_memory_mib\..*", "how much memory it took"),
 )

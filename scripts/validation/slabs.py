@@ -191,7 +191,7 @@ def limits(bench: Bench) -> list[Check]:
     checks = _checks(f"{limit_db - 8:.0f} dB", found)
     run, *_ = measure(bench, index, thickness_for(index, 5.3e9, limit_db + 15), 0.0)
     said = any(
-        "below what float32 carries" in text for text in open_run(run.folder).record.warnings
+        item.code == "absorption-below-float32" for item in open_run(run.folder).record.findings
     )
     checks.append(
         Check(
@@ -202,7 +202,7 @@ def limits(bench: Bench) -> list[Check]:
             1.0 - float(said),
             0.0,
             "1",
-            "a warning (1) or none (0)",
+            "a finding (1) or none (0)",
         )
     )
     return checks

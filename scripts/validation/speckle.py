@@ -192,14 +192,14 @@ def too_few(bench: Bench) -> list[Check]:
     run = _patch(bench, 24)
     report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
     assert report is not None
-    said = float(any("fewer than" in text for text in report.warnings))
+    said = float(any(found.code == "few-scatterers" for found in report.findings))
     return [
         absolute_check(
             f"too few scatterers are reported ({report.median_scatterers:.0f} in a range cell)",
             1.0,
             said,
             0.0,
-            "a warning (1) or none (0)",
+            "a finding (1) or none (0)",
         )
     ]
 

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from radarsim_addon.atomic_files import write_text
+
 from .case import Check, Outcome
 from .report import number
 
@@ -78,9 +80,7 @@ def keep(
     records = read(folder) | {machine["blender"]: summary(machine, outcomes)}
     records = {version: records[version] for version in sorted(records, reverse=True)}
     folder.mkdir(parents=True, exist_ok=True)
-    temporary = folder / f"{FILE}.part"
-    temporary.write_text(json.dumps(records, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    temporary.replace(folder / FILE)
+    write_text(folder / FILE, json.dumps(records, indent=1, allow_nan=False) + "\n")
     return records
 
 

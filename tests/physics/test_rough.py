@@ -127,13 +127,15 @@ def test_slope_of_a_gaussian_surface_by_its_spectrum() -> None:
 def test_limits_of_kirchhoff() -> None:
     assert rough.kirchhoff_limits(0.03, 0.3, 0.0566) == ()
     smooth = rough.kirchhoff_limits(0.001, 0.3, 0.0566)
-    assert len(smooth) == 1 and "coherent" in smooth[0]
+    assert [item.code for item in smooth] == ["kirchhoff-coherent-part"]
     fine = rough.kirchhoff_limits(0.003, 0.01, 0.0566)
-    assert any("k*l = 1.11" in reason for reason in fine)
+    (short,) = [item for item in fine if item.code == "kirchhoff-short-correlation"]
+    assert short.numbers["k_l"] == pytest.approx(1.11, abs=0.005)
     steep = rough.kirchhoff_limits(0.2, 0.3, 0.0566)
-    assert len(steep) == 1 and "slope 0.943" in steep[0]
+    assert [item.code for item in steep] == ["kirchhoff-steep-slopes"]
+    assert steep[0].numbers["slope"] == pytest.approx(0.943, abs=5e-4)
     curved = rough.kirchhoff_limits(0.2, 0.1, 0.0566)
-    assert any("curve" in reason for reason in curved)
+    assert "kirchhoff-curved-facets" in [item.code for item in curved]
     # Oblique incidence needs more height.
     assert rough.kirchhoff_limits(0.03, 0.3, 0.0566, 0.3) != ()
 

@@ -9,15 +9,15 @@ import shutil
 import signal as signals
 import sys
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ...errors import ConfigError, RadarSimError, SceneError
-from ...framewarnings import FrameWarnings
+from ...findings import Finding, finding_lines
 from ...signal.pipeline import FrameResult, process_run
-from ...terminal_text import printable
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..scene import active_radar, radars
@@ -100,8 +100,7 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
         )
         job.file_just_opened = arguments.blend is not None
         with job:
-            known = len(job.warnings)
-            print_warnings(job.warnings, stream)
+            print_findings(job.run_findings, job.frames, stream)
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             try:
@@ -114,7 +113,7 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
                     progress.show(job.done, job.total, job.seconds_left)
                 progress.show(job.done, job.total, None)
             finally:  # of the frames that are done, whatever ended the run
-                print_warnings(job.warnings[known:], stream)
+                print_findings(job.frame_findings, job.frames, stream)
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
@@ -122,24 +121,26 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
             process(folder, stream, stop)
 
 
-def print_warnings(warnings: list[str], stream: Any) -> None:
-    """One line each; a name in it must not steer the terminal."""
-    for warning in warnings:
-        print(f"radarsim: warning: {printable(warning)}", file=stream, flush=True)
+def print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
+    """Print findings of `frames`, one line each."""
+    for line in finding_lines(findings, frames):
+        print(f"radarsim: {line}", file=stream, flush=True)
 
 
 def process(folder: Path, stream: Any, stop: StopRequest) -> None:
     """Run the companion module over the run's folder."""
-    warnings = FrameWarnings()
+    findings: list[Finding] = []
+    frames: list[int] = []
     try:
         for event in process_run(folder):
             if stop.asked:
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
                 print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
-                warnings.add(event.frame, event.warnings)
+                findings += event.findings
+                frames.append(event.frame)
     finally:
-        print_warnings(warnings.lines(), stream)
+        print_findings(findings, frames, stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
 
 

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ...array_types import Real
+from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
@@ -139,7 +140,7 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
     return thickness if area[outer].sum() >= MIN_PLATE_FRACTION * area.sum() else None
 
 
-def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
+def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
     """Set normal and thickness of the layer on each object with a penetrable physical material.
 
     Linked objects are changed in memory. Properties that the user has set do not change; a normal
@@ -154,8 +155,8 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
 
     Returns
     -------
-    list of str
-        A warning that names the objects that are no layers.
+    list of Finding
+        Names the objects that are no layers.
     """
     others = []
     for item, materials in assigned_materials(depsgraph):
@@ -176,15 +177,14 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[str]:
         item.update_tag()
     if not others:
         return []
-    named = ", ".join(repr(name) for name in others[:5])
-    more = f" and {len(others) - 5} more" if len(others) > 5 else ""
-    text = (
-        f"{named}{more}: less than {LAYER_SHARE:.0%} of the surface is one pair of parallel faces, "
-        "so absorption and delay inside are taken as at normal incidence, whatever the angle. For "
-        f"a thick wall give the object the property {attributes.OBJECT_LAYER_NORMAL} (three "
-        "numbers: the wall's normal in the object's own axes)."
-    )
-    return [text]
+    return [
+        finding(
+            "not-a-layer",
+            *others,
+            least_fraction=LAYER_SHARE,
+            property=attributes.OBJECT_LAYER_NORMAL,
+        )
+    ]
 
 
 def is_entered(material: Any) -> bool:
@@ -203,8 +203,8 @@ def is_entered(material: Any) -> bool:
     )
 
 
-def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
-    """Warnings about objects whose absorption leaves nothing that a render can hold.
+def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
+    """Find objects whose absorption leaves nothing that a render can hold.
 
     Parameters
     ----------
@@ -234,12 +234,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[str]:
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
         if loss_db > limit_db:
             deep[item.name] = loss_db
-    if not deep:
-        return []
-    shown = ", ".join(f"{name!r} ({loss:.0f} dB)" for name, loss in list(deep.items())[:5])
-    more = f" and {len(deep) - 5} more" if len(deep) > 5 else ""
-    text = (
-        f"Absorption both ways through {shown}{more} is below what float32 carries in this "
-        f"Blender ({limit_db:.0f} dB): nothing behind will echo."
-    )
-    return [text]
+    return [
+        finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
+        for name, loss_db in deep.items()
+    ]

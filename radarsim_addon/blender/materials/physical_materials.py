@@ -29,6 +29,7 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, RadarSimError
+from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE, material_model
 from ...physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
@@ -300,7 +301,7 @@ def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
 
 def update_materials(
     carrier_hz: float, recorder: SettingsRestorer | None = None, worn: Collection[Any] | None = None
-) -> list[str]:
+) -> list[Finding]:
     """Evaluate all physical materials of the file at a carrier.
 
     Materials that are linked from another file are set in memory; that file is not changed.
@@ -316,7 +317,7 @@ def update_materials(
 
     Returns
     -------
-    list of str
+    list of Finding
         Materials that cannot be evaluated and that no rendered object has; and assigned materials
         with a medium that keep their numbers, because their group is not at the output.
 
@@ -328,7 +329,7 @@ def update_materials(
     """
     if worn is None:
         worn = _in_slots(bpy.data.objects)
-    failures = []
+    findings = []
     owners: dict[int, tuple[Any, float]] = {}
     # Assigned materials are first: their numbers have priority in a common node group.
     for material in sorted(bpy.data.materials, key=lambda m: (m not in worn, m.name_full)):
@@ -341,14 +342,12 @@ def update_materials(
         except ConfigError as error:
             if material in worn:
                 raise
-            failures.append(str(error))
-        if material in worn and _keeps_numbers(material):
-            failures.append(
-                f"Material {material.name!r} has a medium, but its Radar Material does not feed "
-                "the output's Surface alone: its numbers do not follow the carrier. Connect the "
-                "group to Surface directly (groups of your own and reroutes may be between)."
+            findings.append(
+                finding("unused-material-not-evaluated", material.name, reason=str(error))
             )
-    return failures
+        if material in worn and _keeps_numbers(material):
+            findings.append(finding("medium-not-connected", material.name))
+    return findings
 
 
 def _shared(first: Any, second: Any) -> str:
@@ -385,14 +384,15 @@ def refresh_materials(carrier_hz: float) -> None:
             update_material(material, carrier_hz)
 
 
-def limits_of(material: Any, carrier_hz: float) -> tuple[str, ...]:
-    """Why the model of a material's rough surface does not hold there; empty where it does."""
+def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
+    """Find why the model of a material's rough surface does not hold at a carrier."""
     surface = surface_of(material)
     if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
         return ()
-    return kirchhoff_limits(
+    found = kirchhoff_limits(
         surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
     )
+    return tuple(item.about(material.name) for item in found)
 
 
 def _in_slots(objects: Iterable[Any]) -> set[Any]:

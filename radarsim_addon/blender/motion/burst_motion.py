@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ... import contract
+from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.motion import (
     BodyMotion,
@@ -79,7 +80,7 @@ class BurstMotion:
         self._kind = receiver_kind
         self._names = names
         self._units = plan.metres_per_unit
-        self.warnings: list[str] = []
+        self.findings: list[Finding] = []
         #: Power with approximated motion, without a known body, and in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
@@ -126,11 +127,7 @@ class BurstMotion:
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
         if changing:
-            self.warnings.append(
-                f"The mesh of {', '.join(map(repr, changing))} changes its vertices during the "
-                "burst (their number): it is moved by the object's matrix alone. Use modifiers "
-                "that keep vertices, or a shorter burst."
-            )
+            self.findings.append(finding("vertex-count-changes", *changing))
         return deforming
 
     # -- rows --------------------------------------------------------------------------------------
@@ -199,16 +196,20 @@ class BurstMotion:
                 break
             elapsed_s = time.monotonic() - start_s
             if elapsed_s > _PATIENCE_S:
-                self.warnings.append(
-                    f"Motion was sampled {len(grid)} times only, as that took {elapsed_s:.0f} s. "
-                    f"Displacements are known to {fits.displacement_error_bound_m:.2g} m."
+                self.findings.append(
+                    finding(
+                        "motion-sampling-slow",
+                        samples=len(grid),
+                        elapsed_s=elapsed_s,
+                        displacement_error_bound_m=fits.displacement_error_bound_m,
+                    )
                 )
                 break
             while count < min(more, plan.max_samples):
                 count = 2 * count - 1
         self._show(plan.rendered[1])
         self._samples = len(grid)
-        self.warnings += fits.warnings()
+        self.findings += fits.findings()
         tracks = None
         if self._deformations.body:
             tracks = self._tracks(fits)
@@ -289,16 +290,16 @@ class BurstMotion:
         total = self._power_w or 1.0
         wavelengths = self._bound_m / self._plan.wavelength_m
         if self._approximated_w > 1e-3 * total:
-            self.warnings.append(
-                f"{100 * self._approximated_w / total:.2g} % of the power moves in paths of three "
-                "and more reflections: the way between their first and last scatterer is taken "
-                "for a straight line that changes with both."
+            self.findings.append(
+                finding("motion-approximated", fraction=self._approximated_w / total)
             )
         if wavelengths > _WARN_WAVELENGTHS:
-            self.warnings.append(
-                f"Displacements during the burst are known to {self._bound_m:.2g} m, "
-                f"{wavelengths:.2g} wavelengths, from Blender's float32. Bring the scene nearer to "
-                "the world's origin, or allow more motion samples."
+            self.findings.append(
+                finding(
+                    "displacement-error",
+                    displacement_error_bound_m=self._bound_m,
+                    wavelengths=wavelengths,
+                )
             )
         record = contract.MotionRecord(
             frame=self._plan.frame,
@@ -315,7 +316,7 @@ class BurstMotion:
             deforming_surfaces_file=tracks_file,
             deforming_surfaces_sha256=digest,
             epoch_offset_s=self._plan.rendered[0],
-            warnings=list(self.warnings),
+            findings=merge(self.findings),
             versions=versions,
         )
         path = folder / contract.MOTION_FILE

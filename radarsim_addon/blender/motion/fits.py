@@ -8,6 +8,7 @@ import itertools
 
 import numpy as np
 
+from ...findings import Finding, finding
 from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices
 from .bodies import Part
 from .samples import Sampler, SamplingPlan
@@ -129,30 +130,25 @@ class Fits:
                 )
         return found
 
-    def warnings(self) -> list[str]:
-        """What did not fit."""
+    def findings(self) -> list[Finding]:
+        """Return what did not fit."""
         found = []
         parts = self._sampler.parts
-        bad = ["an antenna" if index < 2 else repr(parts[index - 2].name) for index in self._missed]
-        if bad:
+        if self._missed:
+            bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]
             found.append(
-                f"Motion of {', '.join(dict.fromkeys(bad))} is not resolved by "
-                f"{len(self._sampler.poses)} samples in the burst (misses of up to "
-                f"{max(self._missed.values()):.2g} m): it turns or shakes too fast. Shorten the "
-                "burst or allow more motion samples."
+                finding(
+                    "motion-unresolved",
+                    *bad,
+                    samples=len(self._sampler.poses),
+                    miss_m=max(self._missed.values()),
+                )
             )
         if self._sampler.lost:
-            names = {repr(parts[index - 2].name) for index in self._sampler.lost if index > 1}
-            found.append(
-                f"Instances of {', '.join(sorted(names))} are not there during the whole burst; "
-                "they are taken to be."
-            )
+            names = {parts[index - 2].name for index in self._sampler.lost if index > 1}
+            found.append(finding("instances-appear-or-vanish", *sorted(names)))
         if self._sampler.changed:
-            found.append(
-                f"The mesh of {', '.join(map(repr, sorted(self._sampler.changed)))} changes its "
-                "vertices during the burst (their number): it is moved by the object's matrix "
-                "alone."
-            )
+            found.append(finding("vertex-count-changes", *sorted(self._sampler.changed)))
         return found
 
 

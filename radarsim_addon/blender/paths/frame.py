@@ -15,6 +15,7 @@ import numpy as np
 
 from ... import contract
 from ...array_types import Mask
+from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import PathRows, write_table
 from ..motion import BurstMotion
@@ -22,7 +23,7 @@ from ..plan import FINEST_PITCH
 from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .inset_tiles import add_inset_tiles
-from .missed_objects import missed_objects_warning
+from .missed_objects import missed_objects_findings
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import MOST_TILED, in_sight, rank_by_error, small_boxes
@@ -36,23 +37,20 @@ _ROUND_SHARE = 0.8
 _SHARE_FOR_TILES = 0.5
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
-#: Objects that a warning names.
-_MOST_NAMED = 5
 
 
-def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) -> list[str]:
-    """Objects that the error target, a mean over all of them, leaves much more uncertain."""
-    worse = sorted((n for n, e in errors.items() if e > 2 * target), key=lambda n: -errors[n])
-    if not worse:
-        return []
-    named = ", ".join(f"{names[n - 1]!r} ({100 * errors[n]:.2g} %)" for n in worse[:_MOST_NAMED])
-    if len(worse) > _MOST_NAMED:
-        named += f" and {len(worse) - _MOST_NAMED} more"
-    text = (
-        "The error target is one over all objects. The power of these is more than twice as "
-        f"uncertain: {named}. Lower the target, or raise the shifts."
-    )
-    return [text]
+def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) -> list[Finding]:
+    """Find objects that the error target, a mean over all of them, leaves much more uncertain."""
+    return [
+        finding(
+            "object-error-above-target",
+            names[number - 1],
+            stderr_fraction=error,
+            target_fraction=target,
+        )
+        for number, error in sorted(errors.items(), key=lambda item: -item[1])
+        if error > 2 * target
+    ]
 
 
 class Progress(Protocol):
@@ -328,7 +326,7 @@ class FrameWork:
             table_sha256=file_sha256(table),
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
-            warnings=self._warnings(quality),
+            findings=self._findings(quality),
         )
         write_record(self._folder / contract.PATHS_FILE, record)
         self._parts.remove()
@@ -347,28 +345,24 @@ class FrameWork:
         for number, measured in self._tiles.items():
             yield from self._parts.chunks(measured.key, number)
 
-    def _warnings(self, quality: QualitySums) -> list[str]:
-        """What a user should know of the frame."""
+    def _findings(self, quality: QualitySums) -> list[Finding]:
+        """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
-        warnings = quality.warnings(self._run.measurement.waveform.wavelength_m, scene.objects)
+        findings = quality.findings(self._run.measurement.waveform.wavelength_m, scene.objects)
         met = quality.seen | quality.echoing | scene.hidden
-        unseen = missed_objects_warning(
+        findings += missed_objects_findings(
             self._motion.poses, scene.objects, met, self._receiver, self._whole
         )
-        if unseen:
-            warnings.append(unseen)
         if self._tiled < self._small:
-            warnings.append(
-                f"{self._small:,} small objects are in view and {self._tiled} of them got tiles of "
-                "their own: those in sight of fewest pixels whose echo counts. The others are "
-                "measured by the rays of the frame. Raise the resolution for those."
+            findings.append(
+                finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        warnings += self._motion.warnings
+        findings += self._motion.findings
         # where it was not met, `stop_reason` says so
         if (
             target
             and self._budget.relative_error() <= target
             and self._options.refine_for != "ranges"
         ):
-            warnings += _uncertain(self._budget.object_errors(), scene.objects, target)
-        return warnings
+            findings += _uncertain(self._budget.object_errors(), scene.objects, target)
+        return [item.in_frame(self._tracer.frame) for item in merge(findings)]

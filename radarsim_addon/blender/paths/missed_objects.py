@@ -8,23 +8,23 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from ... import contract
+from ...findings import Finding, finding
 from ..scene import Poses
 from ..views import ViewWindow
 from .screen_boxes import projected_bounds
 
 #: Objects of fewer pixels than this can lie between all rays of a view.
 _SURELY_HIT_PX = 2.0
-_NAMES_SHOWN = 5
 
 
-def missed_objects_warning(
+def missed_objects_findings(
     poses: Poses,
     names: Sequence[str],
     met: Collection[int],
     receiver: contract.ReceiverRecord,
     frame: ViewWindow,
-) -> str | None:
-    """What to say of objects that no ray met although they are in sight.
+) -> list[Finding]:
+    """Find objects that no ray met although they are in sight.
 
     Refinement follows echoes: what gave none is never refined, and its power is missing from the
     error estimate too. Larger objects that were not met are hidden by others: nothing is said.
@@ -44,12 +44,4 @@ def missed_objects_warning(
     # The side of fewer pixels decides whether it can slip through between rays.
     slips = np.minimum(*boxes.pixels(frame)) < _SURELY_HIT_PX
     small = [names[number - 1] for number in np.unique(boxes.number[slips])]
-    if not small:
-        return None
-    shown_names = ", ".join(map(repr, small[:_NAMES_SHOWN]))
-    more = f" and {len(small) - _NAMES_SHOWN} more" if len(small) > _NAMES_SHOWN else ""
-    return (
-        f"In view, but smaller than the pixels and met by no ray: {shown_names}{more}. Their echo "
-        "is missing, and no error estimate knows of it. Raise the resolution or the shifts, or "
-        "narrow the field of view."
-    )
+    return [finding("object-missed-by-rays", *small)] if small else []

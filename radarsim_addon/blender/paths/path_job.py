@@ -178,7 +178,9 @@ class PathJob(MeasurementJob):
 
     def pending(self) -> Iterator[Any]:
         """Renders that are still to be made; each depends on the ones before."""
-        for frame in self._frames_left:
+        for frame in self._claimed(self._frames_left):
+            if self._is_done(frame):  # by another process, meanwhile
+                continue
             try:
                 yield from self._frame_tasks(frame)
             except (OSError, RadarSimError):
@@ -252,8 +254,10 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
         work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
         stop_reason = yield from work.measure()
+        if not self.keeps_frame():  # another process has taken over: it writes the frame
+            return
         record = work.write(stop_reason)
-        self.frame_warnings.add(frame, record.warnings)
+        self.frame_findings += record.findings
         known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
         self.summary = (
             f"{record.path_count:,} paths, standard error {known}, lengths known to "

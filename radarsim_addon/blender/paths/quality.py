@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...findings import Finding, finding
 from ...signal.paths import PathFlag, PathRows
 from ..views import TracedReplicate
 
@@ -18,7 +19,6 @@ from ..views import TracedReplicate
 _WARN_SHARE = 1e-3
 #: A length known worse than this share of a wavelength spoils coherent sums: 2 pi / 20 of phase.
 _WARN_WAVELENGTHS = 0.05
-_NAMES_SHOWN = 5
 
 
 class QualitySums:
@@ -128,52 +128,31 @@ class QualitySums:
             "length_sigma_wavelengths": self.length_sigma_m / wavelength_m,
         }
 
-    def warnings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[str]:
-        """What a user should know of this frame; `objects` names the numbers from 1."""
+    def findings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[Finding]:
+        """Find what to know of this frame; `objects` names the numbers from 1."""
         found = []
-        left = self.share(self.truncated_reflections_w)
-        if max(left, self.truncated_reflections_stderr) > _WARN_SHARE:
-            found.append(
-                f"{100 * left:.2g} % (standard error "
-                f"{100 * self.truncated_reflections_stderr:.1g} %) of the "
-                "power is in more reflections than were followed. Raise the order."
-            )
-        for share, text in (
-            (
-                self.share(self.truncated_transparency_w),
-                "of the power is behind more transparent surfaces, or below the residual.",
-            ),
-            (
-                self.share(self.mixed_w),
-                "of the power is in pixels that hold several paths even so (subsurface, volumes).",
-            ),
-            (
-                self.share(self.unranged_w),
-                "of the power carries no range code; it is in the table without a length.",
-            ),
-        ):
-            if share > _WARN_SHARE:
-                found.append(f"{100 * share:.2g} % {text}")
+        left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
+        if max(left, stderr) > _WARN_SHARE:
+            found.append(finding("reflections-truncated", fraction=left, fraction_stderr=stderr))
+        behind = self.share(self.truncated_transparency_w)
+        if behind > _WARN_SHARE:
+            found.append(finding("transparency-truncated", fraction=behind))
+        mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
+        if mixed > _WARN_SHARE:
+            found.append(finding("mixed-paths", fraction=mixed))
+        if unranged > _WARN_SHARE:
+            found.append(finding("unranged-power", fraction=unranged))
         if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
             found.append(
-                f"Path lengths are known to {self.length_sigma_m:.2g} m, "
-                f"{self.length_sigma_m / wavelength_m:.2g} wavelengths: phase cannot be trusted at "
-                "this carrier, powers and ranges can."
+                finding(
+                    "phase-unreliable",
+                    length_sigma_m=self.length_sigma_m,
+                    length_sigma_wavelengths=self.length_sigma_m / wavelength_m,
+                )
             )
         silent = [objects[n - 1] for n in sorted(self.seen - self.echoing) if 0 < n <= len(objects)]
         if silent and self.total_w > 0:
-            shown = ", ".join(map(repr, silent[:_NAMES_SHOWN]))
-            more = f" and {len(silent) - _NAMES_SHOWN} more" if len(silent) > _NAMES_SHOWN else ""
-            found.append(
-                f"Seen, but without any echo: {shown}{more}. A point lamp is not found in mirrors "
-                "(roughness 0): give them some roughness. Black, wholly transparent or shadowed "
-                "objects give no echo either."
-            )
+            found.append(finding("object-without-echo", *silent))
         if self.total_w == 0:
-            found.append(
-                "Nothing echoes. A mirror that faces the radar returns nothing either: a point "
-                "lamp is found by scattering surfaces only. Give it some roughness. Other causes: "
-                "the emitter is inside a closed mesh; objects are scaled to 0, or have in Object > "
-                "Visibility Ray Visibility > Camera off, or Holdout or Shadow Catcher on."
-            )
+            found.append(finding("no-echo"))
         return found

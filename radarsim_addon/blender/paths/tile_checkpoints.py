@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from ... import contract
-from ...atomic_files import replace_file
-from ...errors import OutputError, RadarSimError
+from ...atomic_files import AtomicFile, cannot_write
+from ...errors import RadarSimError
 from ...sidecar import file_sha256, read_record, write_record
 from ...signal.paths import PATH_DTYPE, PathRows
 from .quality import QualitySums
@@ -93,7 +93,7 @@ class TileCheckpoints:
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
-            raise _cannot_write(self._folder, error) from error
+            raise cannot_write(self._folder, error) from error
         return PartWriter(self.rows_file(key))
 
     def keep(self, key: str, record: TileRecord) -> None:
@@ -122,13 +122,12 @@ class PartWriter:
     """Writes rows under a temporary name; leaving it without `finish` removes them."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._temporary = path.with_name(path.name + ".part")
+        self._file = AtomicFile(path)
         self._digest = hashlib.sha256()
         try:
-            self._stream = open(self._temporary, "wb")  # noqa: SIM115 (closed in __exit__)
+            self._stream = open(self._file.temporary, "wb")  # noqa: SIM115 (closed in __exit__)
         except OSError as error:
-            raise _cannot_write(self._temporary, error) from error
+            raise cannot_write(path, error) from error
 
     def __enter__(self) -> PartWriter:
         return self
@@ -140,15 +139,15 @@ class PartWriter:
         try:
             self._stream.write(data.data)
         except OSError as error:
-            raise _cannot_write(self._temporary, error) from error
+            raise cannot_write(self._file.path, error) from error
 
     def finish(self) -> str:
-        """All rows are there; returns their SHA-256."""
+        """Make the file appear; returns the SHA-256 of all rows."""
         try:
             self._stream.close()
         except OSError as error:
-            raise _cannot_write(self._temporary, error) from error
-        replace_file(self._temporary, self._path)
+            raise cannot_write(self._file.path, error) from error
+        self._file.commit()
         return self._digest.hexdigest()
 
     def __exit__(
@@ -159,12 +158,4 @@ class PartWriter:
     ) -> None:
         with contextlib.suppress(OSError):  # a full disk refuses to close, too
             self._stream.close()
-        with contextlib.suppress(OSError):
-            self._temporary.unlink(missing_ok=True)
-
-
-def _cannot_write(path: Path, error: OSError) -> OutputError:
-    return OutputError(
-        f"Cannot write {path}: {error.strerror or error}. "
-        "Choose an output folder that exists, is writable and has room."
-    )
+        self._file.discard()

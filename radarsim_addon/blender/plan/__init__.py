@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
-from .config_warnings import derive, warnings_for
+from .config_warnings import config_findings, derive
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings
@@ -35,6 +35,7 @@ __all__ = [
     "automatic_rings",
     "check_frame_rate",
     "check_unit_scale",
+    "config_findings",
     "derive",
     "fingerprint",
     "given_settings",
@@ -45,5 +46,4 @@ __all__ = [
     "preset_settings",
     "render_settings",
     "run_record",
-    "warnings_for",
 ]

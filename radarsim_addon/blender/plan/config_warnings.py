@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What follows from a measurement's numbers, and where they do not fit together. No bpy.
 
-The panel shows both; the run's file keeps the warnings.
+The panel shows both; the run's file keeps the findings.
 """
 
 from __future__ import annotations
@@ -9,16 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...signal.radar import find_suspicious_parameters
+from ...findings import Finding, finding
+from ...signal.radar import find_suspicious_parameters, range_limit
 from .measurement import Measurement
-
-_FOLD = "fold back to small ranges. Lower the PRF."
-#: What becomes of echoes from beyond the unambiguous range, by kind of waveform.
-_BEYOND = {
-    "fmcw": "are taken out by the ADC's filter. Sample faster, or sweep less in the same time.",
-    "stepped": "fold back to small ranges. Take smaller steps.",
-    "pmcw": "fold back to small ranges. Take a longer code.",
-}
 
 
 @dataclass(frozen=True)
@@ -50,15 +43,15 @@ def derive(measurement: Measurement, rings: int) -> Derived:
     )
 
 
-def warnings_for(
+def config_findings(
     measurement: Measurement,
     rings: int,
     farthest_m: float | None = None,
     frame_interval_s: float | None = None,
     sampling_mode: str = "rings",
     animation_s: float | None = None,
-) -> list[str]:
-    """Sentences about numbers that do not fit together; empty when all is well.
+) -> list[Finding]:
+    """Find numbers that do not fit together; nothing when all is well.
 
     Parameters
     ----------
@@ -81,36 +74,45 @@ def warnings_for(
     reach_m = covered_m if farthest_m is None else min(covered_m, farthest_m)
     known_m = reach_m if math.isfinite(reach_m) else None
     found = find_suspicious_parameters(radar, known_m, animation_s)
-    if of_rings and farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
-        found.append(
-            f"The rings end at {covered_m:.6g} m, the scene at {farthest_m:.6g} m: echoes from "
-            "beyond are not rendered. Add rings or widen the ring step."
-        )
+    if of_rings:
+        found += _ring_findings(measurement, covered_m, reach_m, farthest_m)
     unambiguous_m = radar.unambiguous_range_m
     if known_m is not None and known_m > unambiguous_m:
-        found.append(
-            f"Targets beyond the unambiguous range of {unambiguous_m:.6g} m (the scene reaches "
-            f"{known_m:.6g} m) " + _BEYOND.get(radar.waveform.kind, _FOLD)
-        )
-    coarse = radar.waveform.range_resolution_m > reach_m  # said already
-    if of_rings and not coarse and measurement.ring_step_m < radar.waveform.range_resolution_m:
-        found.append(
-            f"The ring step of {measurement.ring_step_m:.4g} m is below the range resolution of "
-            f"{radar.waveform.range_resolution_m:.4g} m: more renders, no more detail."
-        )
-    if of_rings and measurement.snapshots == 1:
-        found.append("One pass gives no Doppler: every echo will be at 0 m/s. Take two passes.")
-    elif of_rings and measurement.snapshot_interval_s < 0.002:
-        found.append(
-            f"Delta t of {measurement.snapshot_interval_s * 1e3:.4g} ms is short: "
-            "Blender keeps animation in "
-            "float32, which at 1 ms costs about 1 % of the velocity. 10 ms is a good value."
-        )
+        numbers = {"farthest_m": known_m, "unambiguous_range_m": unambiguous_m}
+        if radar.waveform.kind == "fmcw":
+            found.append(finding("scene-beyond-sampled-band", **numbers))
+        else:
+            limit = range_limit(radar.waveform)
+            found.append(finding("scene-beyond-unambiguous-range", **numbers, limit=limit))
     if frame_interval_s is not None and len(measurement.frames) > 1:
         burst_s = radar.burst.pulses / radar.burst.prf_hz
         if burst_s > frame_interval_s * (1 + 1e-6):
             found.append(
-                f"A burst lasts {burst_s:.4g} s, but the next frame begins after "
-                f"{frame_interval_s:.4g} s: bursts overlap. Fewer pulses, or every n-th frame."
+                finding("bursts-overlap", burst_s=burst_s, frame_interval_s=frame_interval_s)
             )
+    return found
+
+
+def _ring_findings(
+    measurement: Measurement, covered_m: float, reach_m: float, farthest_m: float | None
+) -> list[Finding]:
+    """Find rings and snapshots that do not fit the scene or the waveform."""
+    found = []
+    if farthest_m is not None and farthest_m > covered_m * (1 + 1e-6):
+        found.append(finding("scene-beyond-rings", covered_m=covered_m, farthest_m=farthest_m))
+    resolution_m = measurement.radar.waveform.range_resolution_m
+    coarse = resolution_m > reach_m  # another finding reports it
+    if not coarse and measurement.ring_step_m < resolution_m:
+        found.append(
+            finding(
+                "ring-step-below-resolution",
+                ring_step_m=measurement.ring_step_m,
+                range_resolution_m=resolution_m,
+            )
+        )
+    if measurement.snapshots == 1:
+        found.append(finding("single-snapshot"))
+    elif measurement.snapshot_interval_s < 0.002:
+        interval_s = measurement.snapshot_interval_s
+        found.append(finding("short-snapshot-interval", snapshot_interval_s=interval_s))
     return found

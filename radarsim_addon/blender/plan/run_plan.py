@@ -15,6 +15,7 @@ import numpy as np
 
 from ... import contract
 from ...errors import ConfigError
+from ...findings import Finding
 from ...signal.radar import waveform_to_dict
 from .measurement import MAX_RINGS, Measurement
 
@@ -267,7 +268,7 @@ def run_record(
     plan: Plan,
     scene_digest: str,
     blend_file: str,
-    warnings: list[str],
+    findings: list[Finding],
     versions: dict[str, str],
 ) -> contract.RunRecord:
     """The record that ``run.json`` holds."""
@@ -293,7 +294,7 @@ def run_record(
         burst=dataclasses.asdict(measurement.burst),
         blend_file=blend_file,
         fingerprint=fingerprint(plan, scene_digest, versions),
-        warnings=warnings,
+        findings=findings,
         versions=versions,
         link_budget=measurement.link_budget,
     )

@@ -31,10 +31,10 @@ class RadarProgress(bpy.types.PropertyGroup):
     text: bpy.props.StringProperty(
         name="Status", options={"SKIP_SAVE"}, description="State of the last job"
     )
-    warnings: bpy.props.StringProperty(
-        name="Warnings",
+    findings: bpy.props.StringProperty(
+        name="Findings",
         options={"SKIP_SAVE"},
-        description="Warnings of the last job, one a line",
+        description="Findings of the last job, as JSON",
     )
 
 

@@ -7,12 +7,13 @@ moment a run is killed at, a file with a sidecar is whole, and the next run goes
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
-from ...atomic_files import replace_file
+from ...atomic_files import AtomicFile
 from ...errors import RadarSimError, RenderError
 from ...sidecar import write_record
 from ..plan import Task
@@ -28,6 +29,7 @@ class RingJob(MeasurementJob):
         super().__init__(*arguments, **keywords)
         self._pending: list[Task] = []
         self._scene_written: int | None = None
+        self._frame_lost = False
 
     def _plan_renders(self) -> None:
         self._pending = [
@@ -38,7 +40,15 @@ class RingJob(MeasurementJob):
 
     def pending(self) -> Iterator[Task]:
         """Renders that are still to be made, in order."""
-        yield from self._pending
+        groups = itertools.groupby(self._pending, key=lambda task: task.frame)
+        tasks = {frame: list(group) for frame, group in groups}
+        for frame in self._claimed(list(tasks)):
+            self._frame_lost = False
+            for task in tasks[frame]:
+                if output_folder.is_done(self.folder, task):  # by another process, meanwhile
+                    self.done += 1
+                elif not self._frame_lost:
+                    yield task
 
     def start(self, task: Task) -> None:
         """Set time and ring for a render, and note where the antennas are.
@@ -86,18 +96,23 @@ class RingJob(MeasurementJob):
         """
         assert self._records is not None
         final = self.folder / task.exr_path
-        temporary = final.with_name(final.name + ".part")
         # Blender would make the folder anew, without the rest of the run.
         output_folder.check_there(self.folder, task.frame)
         try:
-            save_render(self._scene, temporary)
-            verify_exr(temporary, self._measurement.width_px, self._measurement.height_px)
-            replace_file(temporary, final)
+            file = AtomicFile(final)
+            try:
+                save_render(self._scene, file.temporary)
+                verify_exr(file.temporary, self._measurement.width_px, self._measurement.height_px)
+                if not self.keeps_frame():  # another process has taken over: it renders this one
+                    self._frame_lost = True
+                    return
+                file.commit()
+            finally:
+                file.discard()
             record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
             write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
             output_folder.check_there(self.folder, task.frame)
-            temporary.unlink(missing_ok=True)
             raise
         self._rendered += 1
         self.done += 1

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ... import contract
+from ...atomic_files import TEMPORARY_PATTERN, remove_temporaries
 from ...errors import OutputError, RadarSimError
 from ...sidecar import file_sha256, read_record
 from ..plan import Task
@@ -134,7 +135,7 @@ def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> N
         if not overwrite:
             raise
         clear_run(folder)
-    if earlier is not None and not _continues(earlier, fingerprints):
+    if earlier is not None and not continues(earlier, fingerprints):
         if not overwrite:
             raise OutputError(
                 f"The output folder {folder} holds frames of another run (scene, "
@@ -145,8 +146,8 @@ def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> N
     clear_partial(folder)
 
 
-def _continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
-    """Whether an earlier run's frames are frames of this one.
+def continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
+    """Return whether an earlier run's frames are frames of this one.
 
     A saved file is compared as a file. Where one of the two runs was made with unsaved
     changes only geometry and animation can be compared; that is not enough where both are
@@ -180,12 +181,10 @@ def clear_run(folder: Path) -> None:
 
 def clear_partial(folder: Path) -> None:
     """Remove what a killed run left half written."""
-    halves = [
-        *_frame_files(folder, "*.part"),
-        *_frame_files(folder, f"{contract.TILES_DIR}/*.part"),
-    ]
-    for path in [*folder.glob("*.part"), *halves]:
-        _remove(path)
+    frames = folder / contract.FRAMES_DIR
+    tiles = f"frame_*/{contract.TILES_DIR}"
+    for place in (folder, *frames.glob("frame_*"), *frames.glob(tiles)):
+        remove_temporaries(place)
 
 
 def is_done(folder: Path, task: Task) -> bool:
@@ -210,7 +209,7 @@ def _own_files(folder: Path) -> list[Path]:
         f"burst_*/{contract.TILES_DIR}/*",
         contract.GROUND_TRUTH_FILE,
         f"{contract.TILES_DIR}/*",
-        "*.part",
+        TEMPORARY_PATTERN,
     )
     return [path for name in names for path in _frame_files(folder, name)]
 

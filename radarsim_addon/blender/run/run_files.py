@@ -11,45 +11,35 @@ import bpy
 
 from ... import contract
 from ...errors import RadarSimError
+from ...findings import Finding
 from ...sidecar import file_sha256, read_record, write_record
 from ..plan import Instant, Plan, Task, fingerprint, run_record
 from ..scene import Rig
 from ..scene import ground_truth as ground_truth
 
 
-def write_run(
-    folder: Path,
-    plan: Plan,
-    digests: Sequence[str],
-    warnings: list[str],
-    versions: dict[str, str],
-) -> None:
-    """Write ``run.json``.
+def plan_record(
+    plan: Plan, digests: Sequence[str], findings: list[Finding], versions: dict[str, str]
+) -> contract.RunRecord:
+    """Return what ``run.json`` holds.
 
     Parameters
     ----------
-    folder
-        Of the run.
     plan
         What is measured.
     digests
         Of the scene: of its file where nothing has changed since, and last of its geometry.
-    warnings
-        What the user was told before the run.
+    findings
+        What is known before the first render.
     versions
         Of the programs, by name.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
     """
     file_name = Path(bpy.data.filepath).name
-    record = run_record(plan, digests[0], file_name, warnings, versions)
+    record = run_record(plan, digests[0], file_name, findings, versions)
     record.extra["geometry_fingerprint"] = fingerprint(plan, digests[-1], versions)
     record.extra["unsaved_changes"] = len(digests) == 1
     record.extra["polarisation"] = plan.measurement.polarisation
-    write_record(folder / contract.RUN_FILE, record)
+    return record
 
 
 def write_scene(

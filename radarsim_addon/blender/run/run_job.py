@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,7 +23,7 @@ from typing import Any
 import bpy
 
 from ... import __version__, contract
-from ...framewarnings import FrameWarnings
+from ...findings import Finding, finding, merge
 from ...options import shortest_decimal
 from ..materials import is_physical
 from ..nodes import refresh_groups
@@ -34,10 +34,10 @@ from ..plan import (
     Plan,
     check_frame_rate,
     check_unit_scale,
+    config_findings,
     fingerprint,
     instant_at,
     make_plan,
-    warnings_for,
 )
 from ..scene import (
     Rig,
@@ -49,8 +49,8 @@ from ..scene import (
 from ..scene import ground_truth as ground_truth
 from ..state import SettingsRestorer, evaluated_depsgraph
 from . import output_folder, run_files
-from .folder_lock import FolderLock
 from .scene_state import MeasurementSettings
+from .shared_folder import SharedFolder
 
 
 class MeasurementJob:
@@ -98,7 +98,7 @@ class MeasurementJob:
         self._antennas = (camera, emitter)
         self._settings: MeasurementSettings | None = None
         self._shown_for_run = SettingsRestorer()
-        self._lock = FolderLock(folder)
+        self._shared = SharedFolder(folder)
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
         self._shown: Instant | None = None
         self._started_s = 0.0
@@ -107,8 +107,9 @@ class MeasurementJob:
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
-        self.frame_warnings = FrameWarnings()
-        self._run_warnings: list[str] = []
+        #: What is known before the first render, and of the frames that are done.
+        self.run_findings: list[Finding] = []
+        self.frame_findings: list[Finding] = []
         self.summary = ""
         self.unrestored: list[str] = []
         self.versions = {
@@ -141,7 +142,6 @@ class MeasurementJob:
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not self.folder.exists()
         output_folder.prepare_folder(self.folder)
-        self._lock.acquire()
         try:
             self._prepare()
         except BaseException:
@@ -169,14 +169,14 @@ class MeasurementJob:
         if any(is_physical(material) for material in bpy.data.materials):
             at = f"+{self._measurement.waveform.carrier_hz!r} Hz"
             digests = [digest + at for digest in digests]
-        output_folder.open_folder(
-            self.folder,
+        self._settings = self._make_settings()
+        self._settings.apply()
+        self.run_findings = self._settings.findings + self._config_findings()
+        self._shared.open(
+            run_files.plan_record(self.plan, digests, self.run_findings, self.versions),
             [fingerprint(self.plan, digest, self.versions) for digest in digests],
             self._overwrite,
         )
-        self._settings = self._make_settings()
-        self._settings.apply()
-        self._write_plan(digests)
         self._plan_renders()
         self._started_s = time.monotonic()
 
@@ -236,13 +236,12 @@ class MeasurementJob:
         ground_truth.check_surfaces(depsgraph)
         return depsgraph
 
-    def _write_plan(self, digests: list[str]) -> None:
-        assert self._settings is not None
+    def _config_findings(self) -> list[Finding]:
         interval_s = None
         frames = self._measurement.frames
         if len(frames) > 1:
             interval_s = min(abs(b - a) for a, b in itertools.pairwise(frames)) / self.plan.fps
-        self._run_warnings = self._settings.warnings + warnings_for(
+        return config_findings(
             self._measurement,
             self.plan.rings,
             self.plan.extent.from_emitter_m or None,
@@ -250,9 +249,19 @@ class MeasurementJob:
             self.plan.sampling_mode,
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
         )
-        run_files.write_run(self.folder, self.plan, digests, self._run_warnings, self.versions)
 
     # -- renders -----------------------------------------------------------------------------------
+
+    def _claimed(self, frames: Sequence[int]) -> Iterator[int]:
+        """Frames that this process may measure, one after another."""
+        left = yield from self._shared.claimed(frames)
+        if left:
+            who = self._shared.holders(left)
+            self.frame_findings.append(finding("frames-left-to-others", *who, count=len(left)))
+
+    def keeps_frame(self) -> bool:
+        """Whether the frame is still this process's; another takes it over from a late one."""
+        return self._shared.keeps_frame()
 
     def pending(self) -> Iterator[Any]:
         """Renders that are still to be made, in order."""
@@ -313,9 +322,14 @@ class MeasurementJob:
         self._scene.frame_step = self._scene.frame_step
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         """Those of the run, known before the first render, then those of its frames so far."""
-        return self._run_warnings + self.frame_warnings.lines()
+        return merge(self.run_findings + self.frame_findings)
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """Radar frames of the run."""
+        return tuple(self._measurement.frames)
 
     @property
     def scene_name(self) -> str:
@@ -340,4 +354,4 @@ class MeasurementJob:
         if self._settings is not None:
             self.unrestored += self._settings.restore()
         self.unrestored += self._shown_for_run.restore()
-        self._lock.release()
+        self._shared.close()

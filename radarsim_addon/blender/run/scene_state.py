@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 
 from ...errors import SceneError
+from ...findings import Finding
 from ..materials import (
     EXACT_FACETS,
     assigned_materials,
@@ -60,7 +61,7 @@ class MeasurementSettings:
         self._plan = plan
         self._any_material = any_material
         self._recorder = SettingsRestorer()
-        self.warnings: list[str] = []
+        self.findings: list[Finding] = []
 
     def __enter__(self) -> MeasurementSettings:
         self.apply()
@@ -89,9 +90,9 @@ class MeasurementSettings:
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            self.warnings = self._set_materials()
+            self.findings = self._set_materials()
             depsgraph = evaluated_depsgraph(self._view_layer)
-            self.warnings += isolate(
+            self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
             )
         except BaseException:
@@ -268,7 +269,7 @@ class MeasurementSettings:
             put(linking, "receiver_collection", None)
             put(linking, "blocker_collection", None)
 
-    def _set_materials(self) -> list[str]:
+    def _set_materials(self) -> list[Finding]:
         """Physical materials at the run's carrier, and the layers that waves go through."""
         for material in bpy.data.materials:
             if is_radar_material(material):

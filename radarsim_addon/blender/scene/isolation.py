@@ -14,6 +14,7 @@ from typing import Any
 
 import bpy
 
+from ...findings import Finding, finding
 from ..materials import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from ..nodes import is_radar_material
 from ..state import SettingsRestorer
@@ -26,12 +27,11 @@ _SCATTERING_NODES = {
     "ShaderNodeVolumeScatter",
 }
 ABSORBER_NAME = "radarsim absorber (temporary)"
-_NAMES_SHOWN = 5
 
 
 def isolate(
     recorder: SettingsRestorer, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
-) -> list[str]:
+) -> list[Finding]:
     """Hide other lights than the transmitter, and what cannot echo.
 
     Parameters
@@ -49,8 +49,8 @@ def isolate(
 
     Returns
     -------
-    list of str
-        Warnings about objects that give no echo.
+    list of Finding
+        Objects that give no echo.
     """
     _hide_other_lights(recorder, emitter)
     if any_material:
@@ -66,21 +66,15 @@ def isolate(
     for item in rendered:
         if item.type in UNSUPPORTED_TYPES:
             _hide(recorder, item)
-    warnings = []
+    findings = []
     if silent:
-        warnings.append(
-            f"No Radar Material on {_names(silent)}: no echo, but a radar shadow. "
-            "Select and press Radar > Material > Assign."
-        )
+        findings.append(finding("no-radar-material", *silent))
     if unsupported:
-        warnings.append(
-            f"Left out of the measurement: {_names(unsupported)} (volumes and grease pencil have "
-            "no radar model). Convert to a mesh to measure it."
-        )
-    return warnings
+        findings.append(finding("object-without-surface", *unsupported))
+    return findings
 
 
-def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[str]:
+def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[Finding]:
     fog = [
         item
         for item in _rendered(scene)
@@ -100,18 +94,12 @@ def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[str]:
         recorder.set(material.cycles, "emission_sampling", "NONE")
         if not is_radar_material(material) and _scatters_inside(material):
             scattering.append(material.name)
-    warnings = []
+    findings = []
     if fog:
-        warnings.append(
-            f"Left out of the measurement: {_names([item.name for item in fog])} (fog, volumes and "
-            "grease pencil have no single point of reflection)."
-        )
+        findings.append(finding("object-without-surface", *(item.name for item in fog)))
     if scattering:
-        warnings.append(
-            f"Materials {_names(scattering)} scatter below their surface: ranges of these echoes "
-            "are smeared. Set Subsurface to 0 to be rid of it."
-        )
-    return warnings
+        findings.append(finding("subsurface-scattering", *scattering))
+    return findings
 
 
 def _is_fog(material: Any) -> bool:
@@ -168,12 +156,6 @@ def _rendered(scene: Any) -> list[Any]:
         if item.instance_type == "COLLECTION" and item.instance_collection is not None:
             waiting += item.instance_collection.all_objects
     return sorted(found, key=lambda item: item.name_full)
-
-
-def _names(names: list[str]) -> str:
-    shown = ", ".join(repr(name) for name in names[:_NAMES_SHOWN])
-    more = len(names) - _NAMES_SHOWN
-    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _hide_other_lights(recorder: SettingsRestorer, emitter: Any) -> None:

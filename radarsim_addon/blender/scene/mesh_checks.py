@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
+from ...findings import Finding, finding
 from ..nodes.group_search import group_node
 from ..state import evaluated_objects, read_numbers
 
@@ -23,8 +24,6 @@ MOST_NESTED = 31
 #: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
 #: distance is sufficient.
 _COINCIDENT = 2e-7
-#: Names in one message.
-_NAMES_SHOWN = 5
 #: Maximum number of faces of one object in one plane that are compared with another object.
 _MOST_FACES = 4000
 #: Maximum number of objects with an interior for the check of nesting.
@@ -54,8 +53,8 @@ class Faces:
     defect: str = ""
 
 
-def check_meshes(depsgraph: Any) -> list[str]:
-    """Warnings about the meshes of a scene, by name of object; empty where none is found.
+def check_meshes(depsgraph: Any) -> list[Finding]:
+    """Find meshes of a scene that Cycles cannot trace as objects with an interior.
 
     Parameters
     ----------
@@ -158,30 +157,22 @@ def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -
     return "inside out" if (volume < 0) != mirrored else ""
 
 
-def _defects(found: list[Faces]) -> list[str]:
-    texts = {
-        "open": (
-            "open (a face is missing, or vertices are double): depths inside will be wrong. "
-            "Close the mesh (Mesh > Merge by Distance, Fill), or disconnect Volume"
-        ),
-        "flipped": (
-            "of faces turned against each other: depths inside will be wrong. "
-            "Mesh > Normals > Recalculate Outside"
-        ),
-        "inside out": (
-            "inside out (normals point inwards): depths will be counted outside. "
-            "Mesh > Normals > Recalculate Outside, or Flip"
-        ),
+def _defects(found: list[Faces]) -> list[Finding]:
+    names = {
+        defect: [item.name for item in found if item.defect == defect]
+        for defect in ("open", "flipped", "inside out")
     }
-    warnings = []
-    for defect, text in texts.items():
-        names = list(dict.fromkeys(item.name for item in found if item.defect == defect))
-        if names:
-            warnings.append(f"Mesh with an interior {_listed(names)} is {text}.")
-    return warnings
+    findings = []
+    if names["open"]:
+        findings.append(finding("mesh-open", *names["open"]))
+    if names["flipped"]:
+        findings.append(finding("mesh-flipped", *names["flipped"]))
+    if names["inside out"]:
+        findings.append(finding("mesh-inside-out", *names["inside out"]))
+    return findings
 
 
-def coincident_faces(found: list[Faces]) -> list[str]:
+def coincident_faces(found: list[Faces]) -> list[Finding]:
     """Pairs of objects, one of them with an interior, that share a part of a plane exactly."""
     low = np.min([item.low.min(axis=0) for item in found], axis=0)
     high = np.max([item.high.max(axis=0) for item in found], axis=0)
@@ -208,20 +199,8 @@ def coincident_faces(found: list[Faces]) -> list[str]:
         for group in np.flatnonzero(least != most):
             members = order[begin[group] : end[group]]
             _pairs_in_plane(members, owner, offset, found, entered, tolerance, pairs)
-    named = {
-        tuple(sorted((found[a].name, found[b].name))): None for a, b in sorted(pairs) if a != b
-    }
-    if not named:
-        return []
-    shown = ", ".join(f"{a!r} and {b!r}" for a, b in list(named)[:_NAMES_SHOWN])
-    more = f" and {len(named) - _NAMES_SHOWN} more pairs" if len(named) > _NAMES_SHOWN else ""
-    return [
-        (
-            f"Faces of {shown}{more} coincide exactly: rays lose count of which object they "
-            "are in, and depths or shadows will be wrong. Leave a gap or an overlap of "
-            f"{50 * tolerance:.1g} Blender units or more."
-        )
-    ]
+    named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
+    return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
 
 
 def _pairs_in_plane(
@@ -255,8 +234,8 @@ def _pairs_in_plane(
                 pairs.add((int(a), int(b)))
 
 
-def nested_too_deep(found: list[Faces]) -> list[str]:
-    """A warning where the boxes of more than 31 objects with an interior share a point."""
+def nested_too_deep(found: list[Faces]) -> list[Finding]:
+    """Find where the boxes of more than 31 objects with an interior share a point."""
     boxes = [item for item in found if item.entered]
     if not MOST_NESTED < len(boxes) <= _MOST_BOXES:
         return []
@@ -268,16 +247,6 @@ def nested_too_deep(found: list[Faces]) -> list[str]:
         if max(inside) > MOST_NESTED:
             name = boxes[int(np.argmax(inside))].name
             return [
-                (
-                    f"Around {name!r} up to {max(inside)} objects with an interior lie in one "
-                    f"another; Cycles keeps track of {MOST_NESTED} and leaves out the rest. Join "
-                    "some, or disconnect their Volume."
-                )
+                finding("interiors-nested-too-deep", name, count=max(inside), limit=MOST_NESTED)
             ]
     return []
-
-
-def _listed(names: list[str]) -> str:
-    shown = ", ".join(repr(name) for name in names[:_NAMES_SHOWN])
-    more = len(names) - _NAMES_SHOWN
-    return f"{shown} and {more} more" if more > 0 else shown

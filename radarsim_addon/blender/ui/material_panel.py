@@ -15,7 +15,8 @@ from ..materials import is_entered
 from ..materials import physical_materials as pm
 from ..nodes.physical_material import EXTINCTION, INDEX
 from ..rig_settings import MATERIAL_PROPERTY, carrier_hz, choose_medium
-from .panels import wrapped
+from .fields import wrapped
+from .shown_findings import draw_findings
 
 
 class RADARSIM_OT_make_physical(bpy.types.Operator):
@@ -99,8 +100,7 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
             return
         try:
             layout.label(text=f"Rms slope {surface.slope:.4g}")
-            for reason in pm.limits_of(material, carrier_hz(context.scene)):
-                wrapped(context, layout, f"Kirchhoff's model does not hold: {reason}", "ERROR")
+            draw_findings(context, layout, pm.limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
 

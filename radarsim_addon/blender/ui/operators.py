@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ...errors import RadarSimError
+from ...findings import Finding
 from ..headless import ProgressLine, make_job, progress_text, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
 from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
@@ -15,6 +16,7 @@ from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .results import ProcessingJob, show_images
+from .shown_findings import findings_text, report_findings
 
 #: Seconds between two looks at a running job.
 TICK_S = 0.01
@@ -74,11 +76,11 @@ class _TimedOperator:
 
     _timer: Any = None
 
-    def _begin(self, context: Any, warnings: list[str]) -> set[str]:
+    def _begin(self, context: Any, findings: list[Finding]) -> set[str]:
         self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         progress.running = True
-        progress.warnings = "\n".join(warnings)
+        progress.findings = findings_text(findings)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -159,7 +161,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
             return {"CANCELLED"}
         try:
             self._run = InteractiveRender(job, context.preferences)
-            return self._begin(context, job.warnings)
+            return self._begin(context, job.findings)
         except BaseException:
             job.restore()
             raise
@@ -211,7 +213,8 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         if job.summary:
             text = f"{job.summary}. {text}"
         # Some is known only at the end: what was left out, what was not met by any ray.
-        getattr(context.window_manager, PROGRESS_PROPERTY).warnings = "\n".join(job.warnings)
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        progress.findings = findings_text(job.findings)
         self._finish(context, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
@@ -231,9 +234,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         """Without a window: all renders, one after the other, with a progress line."""
         try:
             with quiet_blender() as stream, job_of(context) as job:
-                known = len(job.warnings)
-                for warning in job.warnings:
-                    self.report({"WARNING"}, warning)
+                report_findings(self, job.run_findings)
                 line = ProgressLine(stream, job.unit)
                 line.show(job.done, job.total, None)
                 for task in job.pending():
@@ -244,8 +245,7 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         except RadarSimError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for warning in job.warnings[known:]:
-            self.report({"WARNING"}, warning)
+        report_findings(self, job.frame_findings, job.frames)
         self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
         return {"FINISHED"}
 
@@ -311,8 +311,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
 
     def _report_end(self) -> None:
         assert self._job is not None
-        for warning in self._job.warnings:
-            self.report({"WARNING"}, warning)
+        report_findings(self, self._job.findings, self._job.frames)
         self.report({"INFO"}, self._job.text)
 
     def cancel(self, context: Any) -> None:

@@ -8,15 +8,15 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
+from ...findings import Finding, length_text
 from ...options import declared, shortest_decimal
-from ...signal.radar import length_text
 from ..plan import (
     Extent,
     Measurement,
     automatic_rings,
     check_unit_scale,
+    config_findings,
     derive,
-    warnings_for,
 )
 from ..rig_settings import (
     PROGRESS_PROPERTY,
@@ -38,6 +38,7 @@ from ..scene import (
     scene_extent,
 )
 from .fields import active_group, draw_fields, wrapped
+from .shown_findings import draw_findings, read_findings
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
 _DRAWN_INSTANCES = 2000
@@ -189,8 +190,8 @@ class RADARSIM_PT_results(_RadarPanel, bpy.types.Panel):
         layout.operator("radarsim.open_output", icon="FILE_FOLDER")
 
 
-def _draw_plan(context: Any, layout: Any) -> list[str]:
-    """Number of renders, and warnings where numbers do not fit together; returns the warnings."""
+def _draw_plan(context: Any, layout: Any) -> list[Finding]:
+    """Number of renders, and findings where numbers do not fit together; returns the findings."""
     measurement = _measurement(context, layout)
     if measurement is None:
         return []
@@ -212,19 +213,19 @@ def _draw_plan(context: Any, layout: Any) -> list[str]:
     box.label(text=f"{rings} rings to {length_text(numbers.covered_range_m)}")
     if farthest_m is not None:
         box.label(text=f"Scene reaches {length_text(farthest_m)}")
-    return _draw_warnings(context, layout, measurement, rings, farthest_m)
+    return _draw_findings(context, layout, measurement, rings, farthest_m)
 
 
-def _draw_warnings(
+def _draw_findings(
     context: Any, layout: Any, measurement: Measurement, rings: int, farthest_m: float | None
-) -> list[str]:
-    """Warnings where numbers do not fit together; returns them."""
+) -> list[Finding]:
+    """Findings where numbers do not fit together; returns them."""
     scene = context.scene
     frame_s = shortest_decimal(scene.render.fps_base) / scene.render.fps
     interval_s = None
     if len(measurement.frames) > 1:
         interval_s = (measurement.frames[1] - measurement.frames[0]) * frame_s
-    found = warnings_for(
+    found = config_findings(
         measurement,
         rings,
         farthest_m,
@@ -232,12 +233,11 @@ def _draw_warnings(
         settings(active_radar(scene)).sampling_mode,
         (scene.frame_end - scene.frame_start) * frame_s,
     )
-    for warning in found:
-        wrapped(context, layout, warning, "ERROR")
+    draw_findings(context, layout, found)
     return found
 
 
-def _draw_path_plan(context: Any, layout: Any) -> list[str]:
+def _draw_path_plan(context: Any, layout: Any) -> list[Finding]:
     """What the acquisition "paths" will do; how many renders it takes shows as they are made."""
     measurement = _measurement(context, layout)
     if measurement is None:
@@ -253,11 +253,11 @@ def _draw_path_plan(context: Any, layout: Any) -> list[str]:
     box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
     box.label(text="Tiles are refined" if options.refines else "No refinement")
     farthest_m = extent.from_emitter_m or None if extent is not None else None
-    return _draw_warnings(context, layout, measurement, 1, farthest_m)
+    return _draw_findings(context, layout, measurement, 1, farthest_m)
 
 
-def _draw_progress(context: Any, layout: Any, shown: list[str]) -> None:
-    """How far the run is; its warnings, but for those that are `shown` already."""
+def _draw_progress(context: Any, layout: Any, shown: list[Finding]) -> None:
+    """How far the run is; its findings without those that are `shown` already."""
     progress = getattr(context.window_manager, PROGRESS_PROPERTY)
     if progress.running:
         layout.progress(factor=progress.fraction, text=f"{progress.fraction * 100:.0f} %")
@@ -265,9 +265,9 @@ def _draw_progress(context: Any, layout: Any, shown: list[str]) -> None:
         layout.label(text="Esc stops", icon="EVENT_ESC")
     elif progress.text:
         wrapped(context, layout, progress.text, "INFO")
-    for warning in progress.warnings.splitlines():
-        if warning not in shown:
-            wrapped(context, layout, warning, "ERROR")
+    draw_findings(
+        context, layout, [item for item in read_findings(progress.findings) if item not in shown]
+    )
 
 
 def _measurement(context: Any, layout: Any) -> Measurement | None:

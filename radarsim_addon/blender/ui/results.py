@@ -12,7 +12,7 @@ import numpy as np
 from ... import contract
 from ...array_types import Single
 from ...errors import OutputError
-from ...framewarnings import FrameWarnings
+from ...findings import Finding
 from .pictures import draw_map, draw_profile
 
 MAP_IMAGE = "Radar range-Doppler map"
@@ -48,7 +48,8 @@ class ProcessingJob:
         self._events = process_run(folder, ProcessOptions(plots=False))
         self.fraction = 0.0
         self.text = "Processing"
-        self._warnings = FrameWarnings()
+        self.findings: list[Finding] = []
+        self.frames: list[int] = []
         self.images: list[Any] = []
 
     def step(self) -> bool:
@@ -74,16 +75,12 @@ class ProcessingJob:
             self.text = event.text
         return False
 
-    @property
-    def warnings(self) -> list[str]:
-        """Each of the frames' warnings once, with the frames it concerns."""
-        return self._warnings.lines()
-
     def _take(self, result: Any) -> None:
         """Draw the pictures of a frame in place of those of the frame before."""
         title = f"frame {result.frame}, t = {result.time_s:.4g} s"
         unit = "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB"
-        self._warnings.add(result.frame, result.warnings)
+        self.findings += result.findings
+        self.frames.append(result.frame)
         self.images = [
             as_image(
                 MAP_IMAGE,

@@ -9,8 +9,8 @@ from .detections import Detection, Detections, detect_targets, target_count
 from .moving_targets import SLOWEST_CELLS, find_moving_targets, received_recording
 from .objects import matching_objects, object_echoes
 from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
-from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_warnings
-from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_warnings
+from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_findings
+from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_findings
 from .summary_peaks import find_edges
 
 __all__ = [
@@ -37,8 +37,8 @@ __all__ = [
     "object_echoes",
     "peak_to_background_db",
     "predicted_snr",
-    "projection_warnings",
+    "projection_findings",
     "received_recording",
-    "statistics_warnings",
+    "statistics_findings",
     "target_count",
 ]

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...findings import Finding, finding
 from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
 from ..decoding import FrameInput
@@ -87,15 +88,15 @@ class BudgetReport:
         By the object's name, where there is a system and the object is in the map.
     excluded_reason
         Why an object is not in the map, by its name.
-    warnings
-        In whole sentences.
+    findings
+        What to know before you trust the powers.
     """
 
     received_w: float
     noise_w: float | None
     objects: list[ObjectEcho] = field(default_factory=list)
     snr: dict[str, SnrPrediction] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     excluded_reason: dict[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
@@ -224,24 +225,19 @@ class FrameBudget:
                         )
                         burst_db = point.burst_db + 10 * math.log10(left)
                         snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
-        warnings = [*projection_warnings(self._input), *self._warnings()]
-        return BudgetReport(received_w, noise_w, objects, snr, warnings, absent)
+        findings = [*projection_findings(self._input), *self._findings()]
+        return BudgetReport(received_w, noise_w, objects, snr, findings, absent)
 
-    def _warnings(self) -> list[str]:
+    def _findings(self) -> list[Finding]:
         link = self.link
         if link is None or link.seen_w == 0 or link.guessed_w < _GUESSED_SHARE * link.seen_w:
             return []
-        share = 100 * link.guessed_w / link.seen_w
-        text = (
-            f"{share:.2g} % of the power is in {link.guessed} paths whose last scatterer is "
-            "unknown; the transmit gain is taken where a single reflection would lie. Measure by "
-            "paths, or rings without bounces, to be rid of it."
-        )
-        return [text]
+        fraction = link.guessed_w / link.seen_w
+        return [finding("transmit-gain-approximated", fraction=fraction, count=link.guessed)]
 
 
-def projection_warnings(frame_input: FrameInput) -> list[str]:
-    """Warn about a frame's powers for the projection of its receiver.
+def projection_findings(frame_input: FrameInput) -> list[Finding]:
+    """Find what to know of a frame's powers for the projection of its receiver.
 
     Parameters
     ----------
@@ -255,13 +251,7 @@ def projection_warnings(frame_input: FrameInput) -> list[str]:
     """
     if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []
-    text = (
-        "The receiver is orthographic: its powers are not received watts, but R^2 times as much "
-        "(R in metres, from receiver to scatterer), and neither are levels, SNR and detections "
-        "against thermal noise those of a radar. Ranges and cross sections are right. For watts "
-        "and SNR measure with a perspective receiver."
-    )
-    return [text]
+    return [finding("orthographic-power")]
 
 
 def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:

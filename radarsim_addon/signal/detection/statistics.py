@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sums over the paths of a radar frame, and warnings about them."""
+"""Sums over the paths of a radar frame, and findings about them."""
 
 from __future__ import annotations
 
@@ -7,27 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...findings import Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..paths import PathCounts, PathFlag, Paths, path_power_w
-from ..radar import Radar
+from ..radar import Radar, range_limit
 from ..runs import RadarFrame
 
 #: Share of the received power in mixed pixels above which a frame carries a warning.
 MIXED_POWER_WARNING = 0.05
-
-_BEYOND_PRF = (
-    "(c / 2 PRF). Echoes that fall into the range window stand folded, as in a radar. "
-    "Lower the PRF to be rid of the ambiguity."
-)
-#: What becomes of paths beyond the unambiguous range, by kind of waveform.
-_BEYOND = {
-    "fmcw": "(the ADC's band). The anti-alias filter takes them out. Sample faster, or lower the "
-    "slope.",
-    "stepped": "(c / 2 step). They fold back, as in a radar. Take smaller steps to be rid of the "
-    "ambiguity.",
-    "pmcw": "(the code's length). They fold back, as in a radar. Take a longer code to be rid of "
-    "the ambiguity.",
-}
 
 
 @dataclass(frozen=True)
@@ -144,51 +131,44 @@ def frame_statistics(
     return total.result(0.0)
 
 
-def statistics_warnings(statistics: FrameStatistics, radar: Radar) -> list[str]:
-    """What a user should know before trusting a frame's products, in whole sentences."""
+def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Finding]:
+    """Find what to know before you trust a frame's products."""
     counts, found = statistics.counts, []
     if counts.paths == 0:
-        found.append("No echo at all: the map is empty.")
+        found.append(finding("no-echo"))
     if statistics.beyond_unambiguous_range:
-        found.append(
-            f"{statistics.beyond_unambiguous_range} paths lie beyond the unambiguous range "
-            f"{radar.unambiguous_range_m:.6g} m " + _BEYOND.get(radar.waveform.kind, _BEYOND_PRF)
-        )
+        numbers = {
+            "count": statistics.beyond_unambiguous_range,
+            "unambiguous_range_m": radar.unambiguous_range_m,
+        }
+        if radar.waveform.kind == "fmcw":
+            found.append(finding("paths-beyond-sampled-band", **numbers))
+        else:
+            limit = range_limit(radar.waveform)
+            found.append(finding("range-ambiguous-paths", **numbers, limit=limit))
     if statistics.beyond_max_velocity:
         found.append(
-            f"{statistics.beyond_max_velocity} paths move faster than the unambiguous "
-            f"{radar.max_unambiguous_velocity_mps:.4g} m/s (lambda PRF / 4): they fold "
-            "in Doppler, as in a "
-            "radar. Raise the PRF to be rid of the ambiguity."
+            finding(
+                "doppler-ambiguous-paths",
+                count=statistics.beyond_max_velocity,
+                max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
+            )
         )
     if statistics.outside_range_limits >= 0.5:
-        found.append(
-            f"{statistics.outside_range_limits:.0f} paths lie outside the range window "
-            "and are left out."
-        )
+        count = round(statistics.outside_range_limits)
+        found.append(finding("paths-outside-range-limits", count=count))
     if counts.range_encoding_underflow:
-        found.append(
-            f"{counts.range_encoding_underflow} pixels have an echo beyond the range code (red "
-            "below what float32 carries) and are left out."
-        )
+        found.append(finding("range-encoding-underflow", count=counts.range_encoding_underflow))
     if counts.no_range_encoding:
-        found.append(
-            f"{counts.no_range_encoding} pixels have more R than B and are left out: "
-            "light that does not "
-            "carry the range code. Give every object a Radar Material and hide other lights."
-        )
+        found.append(finding("no-range-encoding", count=counts.no_range_encoding))
     if counts.range_rate_rejected or counts.single_snapshot:
         found.append(
-            f"{counts.range_rate_rejected} paths changed range by more than the speed "
-            "limit between the "
-            f"passes and {counts.single_snapshot} have an echo in the first pass only "
-            "(edges of moving "
-            "objects, or a run with one pass); they count as standing still."
+            finding(
+                "no-range-rate",
+                rejected=counts.range_rate_rejected,
+                single=counts.single_snapshot,
+            )
         )
     if statistics.mixed_power_fraction > MIXED_POWER_WARNING:
-        found.append(
-            f"{100 * statistics.mixed_power_fraction:.0f} % of the power is in pixels that mix "
-            "several ranges; their range is a mixture. Use one sample per pixel, or more "
-            "pixels."
-        )
+        found.append(finding("mixed-pixels", fraction=statistics.mixed_power_fraction))
     return found

@@ -165,11 +165,6 @@ class StretchSynthesizer:
             # every path was added for two delays, but is lost only once
             report.outside = float(self._beyond) if self._filtered else 0.0
         report.range_ambiguous_count = 0 if self._filtered else self._beyond
-        report = report.with_warnings(
-            f"lie beyond the waveform's {waveform.unambiguous_range_m:.6g} m and stand folded at a "
-            "shorter range, as in a radar. Take smaller frequency steps, or a longer code, to be "
-            "rid of the ambiguity."
-        )
         if isinstance(waveform, PmcwWaveform):
             code = np.fft.fft(replica(waveform))
             samples = np.fft.ifft(np.fft.ifftshift(samples, axes=-1) * code)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 from ...errors import ConfigError
+from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
 from ..paths import (
@@ -71,16 +72,11 @@ class ExpectedPower:
     gaps_from_m: float = math.inf
 
     @property
-    def warnings(self) -> list[str]:
-        """In whole sentences."""
+    def findings(self) -> list[Finding]:
+        """Gaps between single rays, where there are any."""
         if math.isinf(self.gaps_from_m):
             return []
-        text = (
-            f"From {self.gaps_from_m:.3g} m on a pixel covers more than a range cell: echoes and "
-            "map show single rays there, with gaps between them that are not in the scene (the "
-            "expected power has none). Raise the resolution or the shifts, or refine by ranges."
-        )
-        return [text]
+        return [finding("range-gaps-between-rays", range_m=self.gaps_from_m)]
 
 
 def expected_power(

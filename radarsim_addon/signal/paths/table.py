@@ -7,7 +7,6 @@ parts and joined without holding them in memory, so a run may be larger than the
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,9 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
+from ...atomic_files import replaced
 from ...contract import ColumnGroupRecord, ColumnRecord
-from ...errors import FrameFileError, OutputError
+from ...errors import FrameFileError
 from ...old_names import todays_name
 
 PathRows = NDArray[np.void]
@@ -96,29 +96,19 @@ def write_table(path: Path, parts: Iterable[PathRows]) -> int:
     OutputError
         The folder is missing, read-only or full. Nothing half-written is left.
     """
-    temporary = path.with_name(path.name + ".part")
     rows = 0
-    try:
-        with open(temporary, "wb") as stream:
-            _write_header(stream, MAX_ROWS)  # room for any count; overwritten below
-            start = stream.tell()
-            for part in parts:
-                if part.dtype != PATH_DTYPE:
-                    raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE")
-                stream.write(np.ascontiguousarray(part).tobytes())
-                rows += part.size
-            stream.seek(0)
-            _write_header(stream, rows)
-            if stream.tell() != start:
-                raise AssertionError("the header changed its length")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(
-            f"Cannot write {path}: {error.strerror or error}. "
-            "Choose an output folder that exists, is writable and has room."
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replaced(path) as temporary, open(temporary, "wb") as stream:
+        _write_header(stream, MAX_ROWS)  # room for any count; overwritten below
+        start = stream.tell()
+        for part in parts:
+            if part.dtype != PATH_DTYPE:
+                raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE")
+            stream.write(np.ascontiguousarray(part).tobytes())
+            rows += part.size
+        stream.seek(0)
+        _write_header(stream, rows)
+        if stream.tell() != start:
+            raise AssertionError("the header changed its length")
     return rows
 
 

@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from ... import __version__
 from ...errors import RadarSimError
-from ...framewarnings import FrameWarnings
-from ...terminal_text import printable
+from ...findings import Finding, finding_lines
 from ..detection import target_count
 from ..maps import level_unit
 from ..results import FrameResult
@@ -92,23 +91,26 @@ def _process(chosen: argparse.Namespace) -> int:
         frames=chosen.frames,
         allow_incomplete=chosen.allow_incomplete,
     )
-    warnings = FrameWarnings()
+    findings: list[Finding] = []
+    frames: list[int] = []
     try:
         for event in events:
             if isinstance(event, FrameResult):
                 if live:
                     print(end="\r\x1b[K", file=sys.stderr)
                 _print_frame(event)
-                warnings.add(event.frame, event.warnings)
-            elif "skipped" in event.text:
-                print(event.text, file=sys.stderr)
-            elif event.text.startswith("animation"):
+                findings += event.findings
+                frames.append(event.frame)
+            elif event.finding is not None:
+                findings.append(event.finding)
+                frames += event.finding.frames
+            elif event.file is not None:
                 print(event.text)
             elif live:
                 _show(event)
     finally:  # of the frames that are done, whatever ended the run
-        for line in warnings.lines():
-            print(f"warning: {printable(line)}")
+        for line in finding_lines(findings, frames):
+            print(line)
     return 0
 
 

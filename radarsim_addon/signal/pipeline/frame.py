@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Generator
 
+from ...findings import Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
     SLOWEST_CELLS,
@@ -19,7 +20,7 @@ from ..detection import (
     find_edges,
     find_moving_targets,
     received_recording,
-    statistics_warnings,
+    statistics_findings,
 )
 from ..echoes import (
     Echoes,
@@ -145,7 +146,7 @@ def frame_steps(
         edges=find_edges(profile),
         moving_targets=_moving_targets(frame_input, options, received, first_map, recording),
         budget=report,
-        warnings=_warnings(frame_input, statistics, report, speckle, expected, received),
+        findings=_findings(frame_input, statistics, report, speckle, expected, received),
         expected=expected,
         speckle=speckle.report(),
         detections=_detections(options, first_map, recording),
@@ -257,57 +258,50 @@ def _detections(
     return detect_targets(rd_map, options.cfar, dynamics, wide=recording.rd_map)
 
 
-def _warnings(
+def _findings(
     frame_input: FrameInput,
     statistics: FrameStatistics,
     budget: BudgetReport,
     speckle: FrameSpeckle,
     expected: ExpectedPower | None,
     received: ReceivedSignal,
-) -> list[str]:
-    """What to know before trusting the frame, from every stage."""
-    scatterers = speckle.report()
-    return [
-        *statistics_warnings(statistics, frame_input.radar),
-        *budget.warnings,
-        *speckle.warnings,
-        *(expected.warnings if expected is not None else []),
-        *_accuracy_warnings(received.echoes),
-        *(scatterers.warnings if scatterers is not None else []),
-        *_radar_warnings(frame_input, statistics.power_w > 0),
-        *_receiver_warnings(received),
-    ]
+) -> list[Finding]:
+    """Find what to know before trusting the frame, from every stage."""
+    scatterers, report = speckle.report(), received.echoes.report
+    found = itertools.chain(
+        statistics_findings(statistics, frame_input.radar),
+        budget.findings,
+        speckle.findings,
+        [] if expected is None else expected.findings,
+        [] if report is None else report.accuracy_findings(),
+        [] if scatterers is None else scatterers.findings,
+        _radar_findings(frame_input, statistics.power_w > 0),
+        _receiver_findings(received),
+    )
+    return [item.in_frame(frame_input.frame.number) for item in found]
 
 
-def _accuracy_warnings(echoes: Echoes) -> list[str]:
-    """Where the echoes may miss their tolerance."""
-    if echoes.report is None:
-        return []
-    texts = [echoes.report.accuracy_warning(), echoes.report.ramp_warning()]
-    return [text for text in texts if text]
-
-
-def _radar_warnings(frame_input: FrameInput, echoing: bool) -> list[str]:
+def _radar_findings(frame_input: FrameInput, echoing: bool) -> list[Finding]:
     radar, stop_m = frame_input.radar, frame_input.range_limits_m[1]
-    # A run without an echo ends where it begins: its window tells nothing of a scene.
+    # A run without an echo ends where it begins: its range limits tell nothing of a scene.
     found = find_suspicious_parameters(radar, stop_m if echoing else None)
     own_hz, now_hz = frame_input.frame.run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
     if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
+        found.append(finding("carrier-differs-from-run", carrier_hz=now_hz, run_carrier_hz=own_hz))
+    unambiguous_m = radar.waveform.unambiguous_range_m
+    if stop_m > unambiguous_m * (1 + 1e-9):
         found.append(
-            f"The carrier is {now_hz / 1e9:g} GHz, the run was rendered for {own_hz / 1e9:g} GHz: "
-            "materials are those of the latter. Render again where they depend on frequency."
-        )
-    if stop_m > radar.waveform.unambiguous_range_m * (1 + 1e-9):
-        found.append(
-            f"The range window reaches to {stop_m:g} m, the waveform to "
-            f"{radar.waveform.unambiguous_range_m:.6g} m: profile and map end there."
+            finding(
+                "range-limits-beyond-unambiguous-range",
+                range_limit_m=stop_m,
+                unambiguous_range_m=unambiguous_m,
+            )
         )
     return found
 
 
-def _receiver_warnings(received: ReceivedSignal) -> list[str]:
+def _receiver_findings(received: ReceivedSignal) -> list[Finding]:
     if not received.clipped:
         return []
     samples = received.echoes.samples.size
-    text = f"The ADC clipped {received.clipped} values of I and Q of {samples} samples"
-    return [f"{text}. Raise its full scale, or let it be chosen."]
+    return [finding("adc-clipped", count=received.clipped, samples=samples)]

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from ...contract import PathsRecord
-from ...terminal_text import printable
+from ...findings import finding_lines
 from ..decoding import open_frame
-from ..detection import frame_statistics, statistics_warnings
+from ..detection import frame_statistics, statistics_findings
 from ..runs import Run, open_run
 
 #: Rounding of the range code in float32, relative to code length or path length, whichever is more.
@@ -42,8 +42,8 @@ def _info(folder: str) -> int:
         rows += _noise_rows(run)
     for name, text in rows:
         print(f"{name:18} {text}")
-    for warning in record.warnings:
-        print(f"warning: {printable(warning)}")
+    for line in finding_lines(record.findings):
+        print(line)
     if gaps:
         print(f"incomplete: frame {gaps[0].frame}: {gaps[0].reason}; {len(gaps)} in all")
     missing_frames = {gap.frame for gap in gaps}
@@ -65,8 +65,8 @@ def _info(folder: str) -> int:
             f"{counts.range_rate_rejected} too fast, "
             f"{counts.single_snapshot} in the first only"
         )
-        for warning in statistics_warnings(statistics, radar):
-            print(f"  warning: {printable(warning)}")
+        for line in finding_lines(statistics_findings(statistics, radar)):
+            print(f"  {line}")
     return 0
 
 
@@ -127,8 +127,8 @@ def _print_quality(record: PathsRecord) -> None:
         f"{100 * record.mixed_power_fraction:.2g} %, range bias at most "
         f"{record.mixed_bias_bound_m:.2g} m"
     )
-    for warning in record.warnings:
-        print(f"  warning: {printable(warning)}")
+    for line in finding_lines(record.findings):
+        print(f"  {line}")
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:

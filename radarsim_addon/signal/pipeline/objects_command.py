@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ...errors import FrameFileError
+from ...findings import Finding, finding_lines
 from ...terminal_text import printable
 from ..decoding import open_frame
 from ..detection import (
@@ -13,7 +14,7 @@ from ..detection import (
     FrameBudget,
     matching_objects,
     object_echoes,
-    projection_warnings,
+    projection_findings,
 )
 from ..radar import read_system
 from ..runs import open_run
@@ -53,7 +54,7 @@ def print_objects(
     run = open_run(folder)
     link_budget = None if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
-    warnings: dict[str, None] = {}
+    findings: list[Finding] = []
     for frame in chosen:
         gaps = frame.missing()
         if gaps:
@@ -73,7 +74,7 @@ def print_objects(
                     "W come by way of "
                     "other objects too and are not in its cross section"
                 )
-        warnings |= dict.fromkeys(projection_warnings(frame_input))
-    for warning in warnings:
-        print(f"warning: {warning}")
+        findings += (found.in_frame(frame.number) for found in projection_findings(frame_input))
+    for line in finding_lines(findings, [frame.number for frame in chosen]):
+        print(line)
     return 0

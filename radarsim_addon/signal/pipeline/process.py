@@ -17,6 +17,7 @@ from pathlib import Path
 from ...atomic_files import make_folder, remove_file
 from ...contract import PRODUCTS_DIR
 from ...errors import FrameFileError, OutputError, RadarSimError
+from ...findings import Finding, finding
 from ..maps import power_unit
 from ..pictures import (
     ANTENNA_PICTURE,
@@ -50,11 +51,17 @@ class Progress:
         Steps that are done, and all steps of the whole run.
     text
         What the step did.
+    finding
+        Why a frame was skipped.
+    file
+        What was written for all frames together.
     """
 
     done: int
     total: int
     text: str
+    finding: Finding | None = None
+    file: Path | None = None
 
 
 def process_run(
@@ -129,10 +136,9 @@ def _process_frames(
     for frame in chosen:
         if not _is_complete(frame, allow_incomplete):
             finished += steps
-            text = (
-                f"frame {frame.number} skipped: {len(frame.missing())} of its renders are missing"
-            )
-            yield Progress(finished, total, text)
+            skipped = finding("frame-incomplete", missing=len(frame.missing()))
+            text = f"frame {frame.number} skipped"
+            yield Progress(finished, total, text, skipped.in_frame(frame.number))
             continue
         for event in _process_frame(frame, folder, options, draws):
             if isinstance(event, FrameResult):
@@ -149,7 +155,7 @@ def _process_frames(
     path = folder / ANIMATION_FILE
     if options.animate or (options.animate is None and draws and len(maps) > 1):
         animate_maps(maps, path, common_scale(maps, power_unit(options.amplitude_model)))
-        yield Progress(total, total, f"animation: {path}")
+        yield Progress(total, total, f"animation: {path}", file=path)
     else:
         remove_file(path)
 

@@ -7,6 +7,7 @@ import dataclasses
 from pathlib import Path
 
 from ...atomic_files import write_arrays, write_json
+from ...findings import merge, to_json
 from ..echoes import ReceivedSignal
 from ..maps import level_unit
 from ..radar import waveform_to_dict
@@ -65,7 +66,7 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
 
 @result_writer("json", "_summary.json")
 def write_summary(result: FrameResult, folder: Path) -> list[Path]:
-    """Write numbers and warnings of a frame as JSON; see docs/files.md.
+    """Write numbers and findings of a frame as JSON; see docs/files.md.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "receiver": _receiver_record(result.received),
             "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
             "link_budget": result.budget.summary(),
-            "warnings": result.warnings,
+            "findings": [to_json(found) for found in merge(result.findings)],
         },
     )
     return [path]

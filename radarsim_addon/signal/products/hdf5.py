@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...atomic_files import replaced
 from ...errors import MissingDependencyError
+from ...findings import merge, to_json
 from ..detection import Detection, Detections
 from ..echoes import line_times_s
 from ..maps import ExpectedPower, level_unit
@@ -99,7 +100,7 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
         file.attrs["prf_hz"] = radar.burst.prf_hz
         file.attrs["pulses"] = radar.burst.pulses
         file.attrs["options"] = json.dumps(result.options)
-        file.attrs["warnings"] = json.dumps(result.warnings)
+        file.attrs["findings"] = json.dumps([to_json(item) for item in merge(result.findings)])
         _write_channels(file.create_group("channels"), radar.channels)
         _write_echoes(file.create_group("echoes"), result)
         _write_profile(file.create_group("profile"), result)

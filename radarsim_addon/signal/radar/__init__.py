@@ -10,7 +10,7 @@ from .channels import SINGLE_CHANNEL, Channel, Element
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .link_budget import RadarSystem, make_system, read_system
-from .parameter_checks import find_suspicious_parameters, length_text
+from .parameter_checks import find_suspicious_parameters, range_limit
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
 from .pulse_replicas import (
     band_window,
@@ -57,12 +57,12 @@ __all__ = [
     "find_suspicious_parameters",
     "frequencies_hz",
     "half_power_width_rad",
-    "length_text",
     "load_radar",
     "make_antenna",
     "make_system",
     "matched_filter",
     "peak_direction",
+    "range_limit",
     "read_system",
     "replica",
     "replica_count",

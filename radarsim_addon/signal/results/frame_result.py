@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...findings import Finding
 from ..decoding import FrameInput
 from ..detection import BudgetReport, Detections, FrameStatistics, LeadingEdge, Peak
 from ..echoes import Echoes, ReceivedSignal
@@ -50,8 +51,8 @@ class FrameResult:
         Peaks of the map that move, the foremost first.
     budget
         Received power, noise, and the objects that echo.
-    warnings
-        What to know before trusting the frame, in whole sentences.
+    findings
+        What to know before trusting the frame.
     expected
         Expected power with standard errors; sampling mode "paths" with watts alone, whose sub-pixel
         replicates give the errors.
@@ -74,7 +75,7 @@ class FrameResult:
     edges: list[LeadingEdge]
     moving_targets: list[Peak]
     budget: BudgetReport
-    warnings: list[str]
+    findings: list[Finding]
     expected: ExpectedPower | None = None
     speckle: SpeckleReport | None = None
     detections: Detections | None = None

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Single
-from ...atomic_files import replaced
+from ...atomic_files import cannot_write, replaced
 from ...contract import CHANNELS
 from ...errors import FrameFileError, MissingDependencyError
 from .exr_header import read_header
@@ -179,12 +179,10 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
     write = _write_openexr if kind == "OpenEXR" else _write_openimageio
     with replaced(path) as temporary:
         try:
-            # the libraries' own messages hide why a file cannot be made; touch() tells
-            temporary.touch()
             write(module, temporary, planes)
             read_header(temporary)  # a full disk can end a file without an error
         except (RuntimeError, FrameFileError) as error:
-            raise OSError(str(error)) from error
+            raise cannot_write(path, error) from error
 
 
 def _write_openexr(module: Any, path: Path, planes: Mapping[str, Single]) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...contract import GroundTruthRecord
+from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import KinematicMotion
@@ -17,8 +18,6 @@ from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
 #: Factors below this are none.
 _LEAST_FACTOR = 1e-6
-#: Objects whose surface is warned of one by one.
-_MOST_NAMED = 8
 
 
 class FrameSpeckle:
@@ -39,7 +38,7 @@ class FrameSpeckle:
     ) -> None:
         self._speckle: SurfaceSpeckle | None = None
         waveform, scene = frame_input.radar.waveform, frame_input.ground_truth
-        self._warnings = kirchhoff_warnings(scene, waveform.wavelength_m)
+        self.findings = kirchhoff_findings(scene, waveform.wavelength_m)
         if seed is None or not frame_input.tables:
             return
         table = frame_input.table
@@ -108,11 +107,6 @@ class FrameSpeckle:
         )
         return Paths.join([own, scattered])
 
-    @property
-    def warnings(self) -> list[str]:
-        """Objects on which the Kirchhoff model does not hold at the carrier, in whole sentences."""
-        return self._warnings
-
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
@@ -136,19 +130,14 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
     return bodies, ("first_body", "last_body")
 
 
-def kirchhoff_warnings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[str]:
-    """Objects of known roughness on which the rough lobe is no model of it, and why."""
-    found = []
-    for item in scene.objects if scene is not None else []:
-        if not item.rms_height_m or not item.correlation_length_m:
-            continue
-        reasons = kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
-        if reasons:
-            found.append(f"{item.name!r}: the Kirchhoff model does not hold. {' '.join(reasons)}")
-    if len(found) > _MOST_NAMED:
-        rest = len(found) - _MOST_NAMED
-        found = [*found[:_MOST_NAMED], f"The Kirchhoff model does not hold on {rest} objects more."]
-    return found
+def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[Finding]:
+    """Find objects of known roughness on which the rough lobe is no model of it, and why."""
+    return [
+        limit.about(item.name)
+        for item in (scene.objects if scene is not None else [])
+        if item.rms_height_m and item.correlation_length_m
+        for limit in kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
+    ]
 
 
 def roughness_of(scene: GroundTruthRecord | None, objects: list[str]) -> Mapping[int, Roughness]:

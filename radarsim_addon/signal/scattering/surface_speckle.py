@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Real
 from ...contract import PathsRecord
 from ...errors import ConfigError
+from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import PathRows, iter_rows
 from .random_phases import hash_step, uniform
@@ -95,18 +96,18 @@ class SpeckleReport:
     undersampled_power_fraction: float
 
     @property
-    def warnings(self) -> list[str]:
-        """In whole sentences."""
+    def findings(self) -> list[Finding]:
+        """Too few scatterers for speckle, where it is so."""
         if self.undersampled_power_fraction < 0.2:
             return []
-        text = (
-            f"{100 * self.undersampled_power_fraction:.0f} % of the power is in range "
-            "cells of fewer than "
-            f"{ENOUGH_SCATTERERS} independent scatterers (median {self.median_scatterers:.3g}): "
-            "there speckle is not exponential, and a map shows one realisation of few. More pixels "
-            "or shifts give more; the expected-power profile does not depend on it."
-        )
-        return [text]
+        return [
+            finding(
+                "few-scatterers",
+                fraction=self.undersampled_power_fraction,
+                enough=ENOUGH_SCATTERERS,
+                median=self.median_scatterers,
+            )
+        ]
 
 
 @dataclass(frozen=True)

@@ -341,4 +341,4 @@ class SpectrumAccumulator:
                 *([_RAMP_NOTE] if values is not None and self._sums.ramp is not None else []),
                 *([_GAIN_NOTE] if self._varying.values is not None else []),
             ],
-        ).with_warnings()
+        )

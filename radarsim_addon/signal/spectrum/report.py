@@ -3,18 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
+
+from ...findings import Finding, finding
+from ..radar import Radar, range_limit
 
 Motion = Literal["still", "linear", "smooth", "sampled"]
 Transform = Literal["once", "type 3", "pulse by pulse", "direct sum"]
 
 #: Phase left out of the motion within a ramp that is worth a word: sidelobes at -66 dB.
 _RAMP_SLACK_RAD = 1e-3
-_FOLDS = (
-    "are longer than the pulse interval and stand folded at a shorter range, as in a radar. "
-    "Lower the PRF to be rid of the ambiguity."
-)
 
 
 @dataclass
@@ -84,8 +83,6 @@ class SynthesisReport:
         Time spent in all [s].
     notes
         What else was done beside the steps, in whole sentences.
-    warnings
-        What a user should know, in whole sentences.
     """
 
     backend: str
@@ -104,7 +101,6 @@ class SynthesisReport:
     ramp_residual_phase_rad: float = 0.0
     wall_s: float = 0.0
     notes: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
     def count(
         self, motion: Motion, transform: Transform, paths: int, transforms: int, cpu_s: float
@@ -120,37 +116,43 @@ class SynthesisReport:
         step.transforms += transforms
         step.cpu_s += cpu_s
 
-    def accuracy_warning(self) -> str | None:
-        """Where the error may be more than was asked for."""
-        if self.error_estimate <= self.tolerance:
-            return None
-        return (
-            f"Echoes of the paths cancel to {self.cancellation_db or 0:.0f} dB, so that the error "
-            f"may be {self.error_estimate:.1e} of the result, more than the {self.tolerance:g} "
-            "asked for. Ask for a smaller tolerance."
-        )
+    def accuracy_findings(self) -> list[Finding]:
+        """Return where the samples may miss the tolerance or the motion."""
+        found = []
+        if self.error_estimate > self.tolerance:
+            found.append(
+                finding(
+                    "echoes-cancel",
+                    cancellation_db=self.cancellation_db or 0.0,
+                    error_estimate=self.error_estimate,
+                    tolerance=self.tolerance,
+                )
+            )
+        if self.ramp_residual_phase_rad > _RAMP_SLACK_RAD:
+            found.append(finding("uneven-motion-in-sweep", phase_rad=self.ramp_residual_phase_rad))
+        return found
 
-    def ramp_warning(self) -> str | None:
-        """Where the motion within a ramp is not followed well enough."""
-        if self.ramp_residual_phase_rad <= _RAMP_SLACK_RAD:
-            return None
-        return (
-            f"Paths move unevenly while the frequencies go by: up to about "
-            f"{self.ramp_residual_phase_rad:.2g} rad of their phase is left out. Shorten the ramp."
-        )
-
-    def with_warnings(self, folds: str = _FOLDS) -> SynthesisReport:
-        """This report, its warnings written; `folds` says why paths stand folded in range."""
-        found = [text for text in [self.accuracy_warning(), self.ramp_warning()] if text]
+    def findings(self, radar: Radar) -> list[Finding]:
+        """Return what to know of the samples, which were formed for `radar`."""
+        found = self.accuracy_findings()
         if self.range_ambiguous_count:
-            found.append(f"{self.range_ambiguous_count} paths {folds}")
+            found.append(
+                finding(
+                    "range-ambiguous-paths",
+                    count=self.range_ambiguous_count,
+                    unambiguous_range_m=radar.unambiguous_range_m,
+                    limit=range_limit(radar.waveform),
+                )
+            )
         if self.doppler_ambiguous_count:
             found.append(
-                f"{self.doppler_ambiguous_count} paths turn by more than half a cycle "
-                "from pulse to pulse "
-                "and stand folded in Doppler, as in a radar. Raise the PRF to be rid of it."
+                finding(
+                    "doppler-ambiguous-paths",
+                    count=self.doppler_ambiguous_count,
+                    max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
+                )
             )
-        return replace(self, warnings=found)
+        return found
 
     def lines(self) -> list[str]:
         """The report for people, a line each."""

@@ -254,8 +254,10 @@ def test_mesh_checks_see_it(way: Callable[[Path], None], tmp_path: Path) -> None
     touching = rh.add_box((-2, 5 + THICKNESS / 2, -2), (2, 6, 2), rh.lambert(0.5, "grey"))
     touching.name = "Touching"
     bpy.context.view_layer.update()
-    (text,) = check_meshes(bpy.context.evaluated_depsgraph_get())
-    assert "Touching" in text and WALL in text
+    (found,) = check_meshes(bpy.context.evaluated_depsgraph_get())
+    (pair,) = found.subjects
+    assert found.code == "coincident-faces"
+    assert "Touching" in pair and WALL in pair
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
@@ -315,8 +317,8 @@ def test_group_behind_a_mix_is_named() -> None:
     tree.links.new(mix.outputs[0], output.inputs["Surface"])
     rh.add_box((0, 0, 0), (1, 1, 1), made)
     assert find_group(made) is None
-    (text,) = pm.update_materials(RUN_HZ)
-    assert "'Soil' has a medium" in text and "does not feed" in text
+    (found,) = pm.update_materials(RUN_HZ)
+    assert (found.code, found.subjects) == ("medium-not-connected", ("Soil",))
 
 
 def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) -> None:
@@ -358,7 +360,9 @@ def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: P
     instanced(collection)
     options = {"max_reflections": 1, "range_encoding": "materials"}
     run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
-    assert any("No Radar Material on 'Bare'" in text for text in run.job.warnings)
+    assert [item.subjects for item in run.job.findings if item.code == "no-radar-material"] == [
+        ("Bare",)
+    ]
     lengths = run.table()["length_m"]
     assert len(lengths) and lengths.min() > 39
     assert list(bare.data.materials) == before

@@ -130,7 +130,8 @@ def test_kirchhoff_limits_are_told() -> None:
     fine = {"rms_height_m": 0.02, "correlation_length_m": 0.2}
     good = pm.make_physical_material("good", "concrete", carrier_hz=10e9, **fine)
     assert pm.limits_of(good, 10e9) == ()
-    assert "k*l" in " ".join(pm.limits_of(good, 1e9 / 4))
+    limits = {item.code: item.subjects for item in pm.limits_of(good, 1e9 / 4)}
+    assert limits["kirchhoff-short-correlation"] == (good.name,)
     assert pm.limits_of(pm.make_physical_material("s", "concrete", carrier_hz=5e9), 5e9) == ()
 
 
@@ -219,10 +220,10 @@ def test_what_float32_cannot_carry_is_said(tmp_path: Path) -> None:
         item = rh.add_box((-40, 10 - depth, -40), (40, 10, 40), made)
         item.name = name
     run = ph.run_paths(tmp_path, width_px=8, height_px=8)
-    (warning,) = [text for text in run.job.warnings if "float32" in text]
-    assert "'Sea' (" in warning and "Puddle" not in warning
+    (found,) = [item for item in run.job.findings if item.code == "absorption-below-float32"]
+    assert found.subjects == ("Sea",)
     alpha = 4 * math.pi * complex(library("sea_water", 5.3e9)).imag * 5.3e9 / 299_792_458.0
-    assert f"({20 * alpha * 5 / math.log(10):.0f} dB)" in warning
+    assert found.numbers["loss_db"] == pytest.approx(20 * alpha * 5 / math.log(10), rel=1e-4)
 
 
 # -- rough surfaces --------------------------------------------------------------------------------
@@ -310,7 +311,7 @@ def test_panel_tells_index_band_and_limits() -> None:
         made = pm.make_physical_material("m", "sea_water", carrier_hz=5.3e9, **rough)
         text = drawn(made)
         assert "Klein" in text and "temperature_c" in text and "n = 8." in text
-        assert "Kirchhoff's model does not hold: k*l = 0.555 is not above 6" in text
+        assert "Kirchhoff model does not apply to 'm': k l = 0.555 is not above 6" in text
         rs.radar().carrier_ghz = 24.0
         assert "0.3 to 10 GHz" in drawn(made)
         plain = bpy.data.materials.new("plain")

@@ -155,18 +155,19 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_reflections": 3})
     record = run.record()
     assert (record.path_count, record.total_power_w) == (0, 0.0)
-    assert any("mirror that faces the radar" in text for text in record.warnings)
+    assert [item.code for item in record.findings] == ["no-echo"]
     # Beside something that echoes it must not go unsaid either.
     plate.name = "Looking-glass"
     bpy.data.objects["Looking-glass"].location.x = 21
     wall = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("Wall", [(-20, 10, -20), (0, 10, -20), (0, 10, 20), (-20, 10, 20)], wall)
     run = ph.run_paths(tmp_path / "both", width_px=8, height_px=8)
-    said = [text for text in run.record().warnings if "without any echo" in text]
-    assert len(said) == 1
-    assert "'Looking-glass'" in said[0]
-    assert "'Wall'" not in said[0]
-    assert run.job.warnings[-len(run.record().warnings) :] == run.record().warnings
+    findings = run.record().findings
+    assert [item.subjects for item in findings if item.code == "object-without-echo"] == [
+        ("Looking-glass",)
+    ]
+    assert run.job.frame_findings == findings
+    assert run.job.findings[-len(findings) :] == findings
 
 
 def test_nothing_in_sight(tmp_path: Path) -> None:
@@ -176,4 +177,4 @@ def test_nothing_in_sight(tmp_path: Path) -> None:
     record = run.record()
     assert (record.path_count, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
     assert run.table().size == 0
-    assert any("Nothing echoes" in text for text in record.warnings)
+    assert [item.code for item in record.findings] == ["no-echo"]

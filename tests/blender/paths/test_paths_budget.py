@@ -17,6 +17,7 @@ from radarsim_addon.blender.paths.frame import _uncertain
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.findings import merge
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths import PATH_DTYPE, replicate_offset_px
 
@@ -175,8 +176,14 @@ def test_objects_beyond_the_target_are_named() -> None:
     assert errors == pytest.approx({1: 0.05, 2: 0.025})  # the third one is too faint to count
     names = ["Strip", "Square", "Faint"]
     assert _uncertain(errors, names, 0.03) == []
-    (said,) = _uncertain(errors, names, 0.02)
-    assert "'Strip' (5 %)" in said and "Square" not in said
+    (found,) = _uncertain(errors, names, 0.02)
+    assert (found.code, found.subjects) == ("object-error-above-target", ("Strip",))
+    assert found.numbers == {
+        "stderr_fraction": pytest.approx(0.05),
+        "target_fraction": 0.02,
+    }
     many = {n: 0.5 + n / 100 for n in range(1, 9)}
-    (said,) = _uncertain(many, [str(n) for n in many], 0.1)
-    assert "'8' (58 %)" in said and said.count("%") == 5 and "and 3 more" in said
+    (found,) = merge(_uncertain(many, [str(n) for n in many], 0.1))
+    assert found.subjects == tuple("87654321")
+    assert found.numbers["stderr_fraction"] == (0.51, 0.58)
+    assert "'8', '7', '6' and 5 more has" in found.text

@@ -22,6 +22,8 @@ from tests.blender.paths.test_paths_wide import DISTANCE, add_target, lambert, w
 
 IDENTITY = np.eye(4).tolist()
 
+SHARED = "small-objects-share-tiles"
+
 
 def sphere_camera(left: float = -math.pi, right: float = math.pi) -> contract.ReceiverRecord:
     """At the origin, looking along -z."""
@@ -132,9 +134,8 @@ def test_tiles_go_to_the_small_in_sight(
     record, rows = run.record(), run.table()
     small = 19 if kind == "PANO" else 18  # there the wall is small, too
     assert (record.small_objects, record.small_objects_tiled) == (small, 6)
-    assert any(
-        f"{small} small objects are in view and 6 of them" in text for text in record.warnings
-    )
+    (found,) = [item for item in record.findings if item.code == SHARED]
+    assert found.numbers == {"small": small, "tiled": 6}
     pixel = {"PANO": 2 * math.pi / 64, "PERSP": 2 * math.tan(math.radians(40)) / 64, "ORTHO": 0.25}
     per_metre = 1.0 if kind == "ORTHO" else 1 / DISTANCE
     for i, half in enumerate(visible):
@@ -158,7 +159,7 @@ def test_few_small_objects_all_get_tiles(tmp_path: Path) -> None:
         tmp_path, options={"replicates": 2, "max_standard_error": 0.05}, width_px=32, height_px=16
     ).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 5)
-    assert not any("small objects" in text for text in record.warnings)
+    assert SHARED not in [item.code for item in record.findings]
 
 
 @pytest.mark.blender
@@ -171,4 +172,4 @@ def test_a_time_budget_limits_the_tiles(tmp_path: Path) -> None:
     options = {"replicates": 2, "time_limit_s": 1e-6}
     record = ph.run_paths(tmp_path, options=options, width_px=32, height_px=16).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 0)
-    assert any("small objects" in text for text in record.warnings)
+    assert SHARED in [item.code for item in record.findings]

@@ -71,9 +71,9 @@ def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
 def test_a_target_between_the_rays_is_said(tmp_path: Path) -> None:
     far_target(0.05)
     record = ph.run_paths(tmp_path, width_px=16, height_px=16).record()
-    said = [text for text in record.warnings if "met by no ray" in text]
-    assert len(said) == 1
-    assert "'Target'" in said[0]
+    assert [item.subjects for item in record.findings if item.code == "object-missed-by-rays"] == [
+        ("Target",)
+    ]
 
 
 # -- far away --------------------------------------------------------------------------------------

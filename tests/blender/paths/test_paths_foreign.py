@@ -44,7 +44,7 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     for name in rows.dtype.names:
         np.testing.assert_array_equal(rows[name], clean[name], err_msg=name)
     assert {1, 2} == set(rows["order"])
-    assert any("Zz fog" in text for text in run.job.warnings)
+    assert any("Zz fog" in item.subjects for item in run.job.findings)
 
 
 def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:

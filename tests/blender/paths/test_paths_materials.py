@@ -161,7 +161,8 @@ def test_a_wholly_transparent_layer_leaves_a_hole(tmp_path: Path, max_depth: int
     if max_depth < 4:
         assert rows.size == 0
         assert record.truncated_transparency_fraction == pytest.approx(1.0)
-        assert any("behind more transparent" in text for text in record.warnings)
+        (found,) = [item for item in record.findings if item.code == "transparency-truncated"]
+        assert found.numbers["fraction"] == pytest.approx(1.0)
         return
     assert set(rows["transparent_depth"]) == {4}
     cosine = rows["direction"][:, 1]

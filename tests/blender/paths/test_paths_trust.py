@@ -22,7 +22,7 @@ from tests.blender import radar_scenes as rs
 pytestmark = pytest.mark.blender
 
 HALF_M, END_M = 400.0, 5000.0
-PHASE = "phase cannot be trusted"
+PHASE = "phase-unreliable"
 
 
 def corridor() -> None:
@@ -110,14 +110,14 @@ def test_phase_of_coded_lengths(tmp_path: Path, carrier_hz: float) -> None:
     assert plate.size == 64
     assert np.all(plate["flags"] == PathFlag.ENCODED_LENGTH)
     error_m = np.abs(plate["length_m"] - 2 * (4000 + 0.5) / plate["direction"][:, 1])
-    # What the warning goes by is no guess: the lengths are off by about as much.
+    # What the finding goes by is no guess: the lengths are off by about as much.
     assert error_m.max() < 6 * plate["length_sigma_m"].max()
     wavelength_m = ph.C0_MPS / carrier_hz
     assert record.length_sigma_wavelengths == pytest.approx(record.length_sigma_m / wavelength_m)
-    said = [text for text in record.warnings if PHASE in text]
-    assert len(said) == (1 if carrier_hz == 77e9 else 0)
-    if said:
-        assert f"known to {record.length_sigma_m:.2g} m" in said[0]
+    found = [item for item in record.findings if item.code == PHASE]
+    assert len(found) == (1 if carrier_hz == 77e9 else 0)
+    if found:
+        assert found[0].numbers["length_sigma_m"] == record.length_sigma_m
 
 
 def test_phase_of_lengths_from_vertices(tmp_path: Path) -> None:
@@ -129,4 +129,4 @@ def test_phase_of_lengths_from_vertices(tmp_path: Path) -> None:
     waveform = Waveform(77e9, 50e6, 2.5e-6, 60e6)
     run = ph.run_paths(tmp_path, width_px=8, height_px=8, waveform=waveform)
     assert run.table().size == 64
-    assert not any(PHASE in text for text in run.record().warnings)
+    assert PHASE not in [item.code for item in run.record().findings]

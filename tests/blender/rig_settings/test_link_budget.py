@@ -297,7 +297,8 @@ def test_runs_know_collections_and_roughness(bpy: Any, tmp_path: Path) -> None:
     assert matching_objects(frame, "Outer") == ["Plate"]
     radar = open_run(run.folder).radar
     speckle = FrameSpeckle(open_frame(frame, radar=radar), 0)
-    assert "'Plate': the Kirchhoff model does not hold" in speckle.warnings[0]
+    assert {item.subjects for item in speckle.findings} == {("Plate",)}
+    assert speckle.findings[0].code.startswith("kirchhoff-")
     # k h = 0.044: nearly all of the power is coherent, 1 - (2 k h)^2
     factors = speckle.apply(frame_paths(frame)).phasors
     assert factors is not None

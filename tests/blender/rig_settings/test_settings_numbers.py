@@ -19,13 +19,13 @@ from radarsim_addon.blender.headless import console
 from radarsim_addon.blender.plan import (
     Extent,
     Measurement,
+    config_findings,
     derive,
     fingerprint,
     instant_at,
     make_plan,
     measurement,
     parse_frames,
-    warnings_for,
 )
 from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
 from radarsim_addon.blender.rings.exr_check import verify_exr
@@ -90,42 +90,41 @@ def test_derived_numbers_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "rings", "farthest_m", "interval_s", "message"),
+    ("change", "rings", "farthest_m", "interval_s", "code"),
     [
-        ({}, 21, 6000.0, None, "rings end at 5250 m"),
-        ({"ring_step_m": 2500.0}, 100, 200e3, None, "unambiguous range"),
-        ({"ring_step_m": 1.0}, 21, None, None, "below the range resolution"),
-        ({"snapshots": 1}, 21, None, None, "no Doppler"),
-        ({"snapshot_interval_s": 0.001}, 21, None, None, "is short"),
-        ({"frames": (1, 2)}, 21, None, 1 / 24, "bursts overlap"),
+        ({}, 21, 6000.0, None, "scene-beyond-rings"),
+        ({"ring_step_m": 2500.0}, 100, 200e3, None, "scene-beyond-unambiguous-range"),
+        ({"ring_step_m": 1.0}, 21, None, None, "ring-step-below-resolution"),
+        ({"snapshots": 1}, 21, None, None, "single-snapshot"),
+        ({"snapshot_interval_s": 0.001}, 21, None, None, "short-snapshot-interval"),
+        ({"frames": (1, 2)}, 21, None, 1 / 24, "bursts-overlap"),
     ],
 )
-def test_warnings(
+def test_findings(
     change: dict[str, Any],
     rings: int,
     farthest_m: float | None,
     interval_s: float | None,
-    message: str,
+    code: str,
 ) -> None:
-    found = warnings_for(dataclasses.replace(PAPER, **change), rings, farthest_m, interval_s)
-    assert len(found) == 1
-    assert message in found[0]
+    found = config_findings(dataclasses.replace(PAPER, **change), rings, farthest_m, interval_s)
+    assert [item.code for item in found] == [code]
 
 
-def test_no_warning_where_all_fits() -> None:
-    assert warnings_for(PAPER, 21, 5000.0) == []
+def test_no_finding_where_all_fits() -> None:
+    assert config_findings(PAPER, 21, 5000.0) == []
     # of paths rings and their step say nothing
-    assert warnings_for(PAPER, 1, 200e3 * 0.7, sampling_mode="paths") == []
+    assert config_findings(PAPER, 1, 200e3 * 0.7, sampling_mode="paths") == []
 
 
 @pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
 def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(sampling_mode: str) -> None:
     narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))
-    (found,) = warnings_for(narrow, 21, 5200.0, sampling_mode=sampling_mode)
-    assert "150 Hz resolves ranges to c / 2B = 999.31 km, but ranges end at 5200 m" in found
+    (found,) = config_findings(narrow, 21, 5200.0, sampling_mode=sampling_mode)
+    assert "150 Hz resolves 999.31 km (c / 2B), but ranges end at 5200 m" in found.text
     slow = dataclasses.replace(PAPER, burst=Burst(1.0, 128))
-    (found,) = warnings_for(slow, 21, 5200.0, sampling_mode=sampling_mode, animation_s=10.4)
-    assert "lasts 128 s, the animation 10.4 s" in found
+    (found,) = config_findings(slow, 21, 5200.0, sampling_mode=sampling_mode, animation_s=10.4)
+    assert (found.numbers["burst_s"], found.numbers["animation_s"]) == (128.0, 10.4)
 
 
 def test_tasks_cover_frames_passes_and_rings_once() -> None:

@@ -109,8 +109,8 @@ def drawn_plan(settings: Any, kind: str) -> str:
 @pytest.mark.parametrize("kind", ["rings", "paths"])
 def test_the_panel_says_what_is_wrong(settings: Any, kind: str) -> None:
     settings.ring_step_m = 4.0
-    assert "resolves ranges" not in drawn_plan(settings, kind)
+    assert "resolves" not in drawn_plan(settings, kind)
     settings.bandwidth_mhz = 150e-6
-    assert "150 Hz resolves ranges to c / 2B = 999.31 km" in drawn_plan(settings, kind)
+    assert "150 Hz resolves 999.31 km (c / 2B)" in drawn_plan(settings, kind)
     bpy.context.scene.unit_settings.scale_length = math.nan
     assert "Unit Scale of the scene is nan" in drawn_plan(settings, kind)

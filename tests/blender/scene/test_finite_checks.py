@@ -125,13 +125,13 @@ def test_a_frame_of_many_is_refused_before_the_first(tmp_path: Path) -> None:
 def test_nothing_echoes_names_the_usual_causes(tmp_path: Path) -> None:
     rs.new_scene()
     rs.add_plate(10.0).visible_camera = False
-    (said,) = [
-        text
-        for text in ph.run_paths(tmp_path, width_px=8, height_px=8).record().warnings
-        if text.startswith("Nothing echoes")
+    (found,) = [
+        item
+        for item in ph.run_paths(tmp_path, width_px=8, height_px=8).record().findings
+        if item.code == "no-echo"
     ]
-    for cause in ("mirror", "inside a closed mesh", "Camera off", "Holdout"):
-        assert cause in said
+    for cause in ("mirror", "inside a closed mesh", "Camera on", "Holdout"):
+        assert cause in found.message
 
 
 def within_burst(item: Any, path: str, value: float, index: int = -1) -> None:

@@ -18,6 +18,7 @@ from radarsim_addon.blender.materials import set_layer_normals
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.scene import check_meshes
 from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.findings import Finding
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 
@@ -35,7 +36,7 @@ def box(low: tuple[float, ...], high: tuple[float, ...], name: str, **inputs: An
     return item
 
 
-def warnings() -> list[str]:
+def findings() -> list[Finding]:
     bpy.context.view_layer.update()
     return check_meshes(bpy.context.evaluated_depsgraph_get())
 
@@ -64,9 +65,9 @@ def test_what_is_no_layer_is_named() -> None:
     box((9, 5, 0), (13, 9, 3), "Told")[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
     bpy.context.view_layer.update()
     recorder = SettingsRestorer()
-    (text,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
-    assert "'Thick': less than 60%" in text
-    assert "Wall" not in text and "Told" not in text
+    (found,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
+    assert (found.code, found.subjects) == ("not-a-layer", ("Thick",))
+    assert found.numbers["least_fraction"] == 0.6
     wall = bpy.data.objects["Wall"]
     assert attributes.OBJECT_LAYER_NORMAL in wall
     assert wall[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(0.2, rel=1e-6)
@@ -107,24 +108,25 @@ def test_sound_scene_is_silent() -> None:
     half.rotation_euler = (0, 0, 0)
     bpy.ops.mesh.primitive_uv_sphere_add(location=(9, 9, 9))
     bpy.context.object.data.materials.append(physical_material(2, 0.1))
-    assert warnings() == []
+    assert findings() == []
 
 
 def test_open_flipped_and_inside_out_are_named() -> None:
     edit(box((0, 0, 0), (1, 1, 1), "Lid off"), faces=[1])
     edit(box((3, 0, 0), (4, 1, 1), "One face turned"), flip=[2])
     edit(box((6, 0, 0), (7, 1, 1), "All turned"), flip=list(range(6)))
-    found = warnings()
-    assert len(found) == 3
-    assert "'Lid off'" in found[0] and "open" in found[0]
-    assert "'One face turned'" in found[1] and "Recalculate" in found[1]
-    assert "'All turned'" in found[2] and "inside out" in found[2]
+    found = findings()
+    assert [(item.code, item.subjects) for item in found] == [
+        ("mesh-open", ("Lid off",)),
+        ("mesh-flipped", ("One face turned",)),
+        ("mesh-inside-out", ("All turned",)),
+    ]
 
 
 def test_without_interior_nothing_is_checked() -> None:
     edit(box((0, 0, 0), (1, 1, 1), "Open shell", penetrable=False), faces=[1])
     box((1, 0, 0), (2, 1, 1), "Touching shell", penetrable=False)
-    assert warnings() == []
+    assert findings() == []
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 17.0])
@@ -136,21 +138,20 @@ def test_touching_boxes_and_box_on_a_plane(turn_deg: float) -> None:
     for item in bpy.data.objects:
         if item.type == "MESH":
             item.matrix_world = turn @ item.matrix_world
-    (found,) = warnings()
-    assert "'Left' and 'Right'" in found
-    assert "'Floor' and 'Left'" in found
-    assert "'Floor' and 'Right'" not in found
-    assert "coincide" in found
+    (found,) = findings()
+    assert found.code == "coincident-faces"
+    assert found.subjects == ("Floor and Left", "Left and Right")
 
 
 def test_more_than_31_nested() -> None:
     for number in range(31):
         r = 1 + number * 0.1
         box((-r, -r, -r), (r, r, r), f"Shell {number}")
-    assert warnings() == []
+    assert findings() == []
     box((-9, -9, -9), (9, 9, 9), "One too many")
-    (found,) = warnings()
-    assert "32 objects" in found and "31" in found
+    (found,) = findings()
+    assert found.code == "interiors-nested-too-deep"
+    assert found.numbers == {"count": 32, "limit": 31}
 
 
 def test_a_million_faces(capsys: Any) -> None:

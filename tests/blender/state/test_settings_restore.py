@@ -245,7 +245,7 @@ def test_foreign_light_does_not_enter(tmp_path: Path) -> None:
 
 
 def test_objects_without_radar_material_cast_a_shadow_and_give_no_echo(tmp_path: Path) -> None:
-    """Bare, with an empty slot, glowing or shaded as usual: black, and named in a warning."""
+    """Bare, with an empty slot, glowing or shaded as usual: black, and named in a finding."""
     rs.new_scene()
     rs.add_plate(10.0, size=40.0)
     near = rs.add_plate(5.0, size=1.0, preset=None)
@@ -262,7 +262,8 @@ def test_objects_without_radar_material_cast_a_shadow_and_give_no_echo(tmp_path:
     ].default_value = 5.0
     glowing.data.materials.append(material)
     job = rs.run(tmp_path, rings=1, ring_step_m=40.0, width_px=64, height_px=64)
-    assert any(near.name in warning and "No Radar Material" in warning for warning in job.warnings)
+    (bare,) = [item for item in job.findings if item.code == "no-radar-material"]
+    assert near.name in bare.subjects
     (found,) = rs.decoded(tmp_path)
     image = rs.images(tmp_path)[0]["B"]
     # At 5 m a plate of 1 m fills tangents from -0.1 to 0.1; the others lie 0.3 to each side.

@@ -36,7 +36,7 @@ def plate_run(folder: Path, kind: str, name: str = "Plate") -> Path:
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_cross_sections_are_right_and_powers_are_off_by_r2(tmp_path: Path, kind: str) -> None:
-    """What the warning says is so: the cross section in closed form, R^2 in the power."""
+    """What the finding says is so: the cross section in closed form, R^2 in the power."""
     run = open_run(plate_run(tmp_path / "run", kind))
     (echo,) = object_echoes(run.frame(1), pr.WAVEFORM.carrier_hz)
     assert echo.rcs_m2 == pytest.approx(SIGMA_M2, rel=0.02)
@@ -56,16 +56,16 @@ def test_process_says_that_powers_are_not_received_watts(
     system.write_text('{"transmit_power_w": 100.0}')
     given = [f"{word}={system}" if word == "--system" else word for word in noise]
     assert main(["process", str(folder), "--no-plots", *given]) == 0
-    said = "not received watts" in capsys.readouterr().out
+    said = "[orthographic-power]" in capsys.readouterr().out
     assert said == (kind == "orthographic")
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
-    assert any("not received watts" in text for text in summary["warnings"]) == said
+    assert ("orthographic-power" in [item["code"] for item in summary["findings"]]) == said
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_rcs_says_it_once(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     assert main(["rcs", str(plate_run(tmp_path / "run", kind))]) == 0
-    assert capsys.readouterr().out.count("not received watts") == (kind == "orthographic")
+    assert capsys.readouterr().out.count("[orthographic-power]") == (kind == "orthographic")
 
 
 def test_names_do_not_steer_the_terminal(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError, PathDataError
+from radarsim_addon.findings import finding
 from radarsim_addon.signal import (
     Burst,
     Echoes,
@@ -188,8 +189,10 @@ def test_uneven_motion_within_a_long_sweep_is_said() -> None:
         synthesize(swinging(hz), radar, range_limits_m=(0.0, 14.0)).report for hz in (1e-3, 2.0)
     )
     assert slow is not None and fast is not None
-    assert not any("unevenly" in text for text in slow.warnings)
-    assert any("unevenly" in text for text in fast.warnings)
+    assert slow.accuracy_findings() == []
+    assert fast.accuracy_findings() == [
+        finding("uneven-motion-in-sweep", phase_rad=fast.ramp_residual_phase_rad)
+    ]
     # the whole error, against every sample at its own time, is of that size
     for hz, report in ((1e-3, slow), (2.0, fast)):
         moved = swinging(hz)
@@ -214,8 +217,10 @@ def test_what_folds_is_said() -> None:
         1,
         0,
     )
-    assert any("74.94" in text and "frequency steps" in text for text in report.warnings)
-    assert any("folded in Doppler" in text for text in report.warnings)
+    limits = {item.code: item.numbers for item in report.findings(radar)}
+    assert limits["range-ambiguous-paths"]["limit"] == "frequency step"
+    assert limits["range-ambiguous-paths"]["unambiguous_range_m"] == pytest.approx(74.95, abs=0.01)
+    assert limits["doppler-ambiguous-paths"]["count"] == 1
     radar = radar_of(FMCW, 4)
     paths = unit_paths(radar, [5.0, FMCW.unambiguous_range_m + 1], [1.0, 1.0])
     report = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report

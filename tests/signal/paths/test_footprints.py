@@ -117,7 +117,8 @@ def test_ground_at_grazing(tmp_path: Path, roll_deg: float) -> None:
         found = expected(tmp_path / f"run{number}", rows_of(camera, 48, SHIFTS), camera)
         # R^2 / h times the angle of a pixel is four cells of 3 m
         assert found.gaps_from_m == pytest.approx(math.sqrt(4 * 3.0 * 20 / 5.86e-3), abs=6)
-        assert "expected power has none" in found.warnings[0]
+        assert [item.code for item in found.findings] == ["range-gaps-between-rays"]
+        assert found.findings[0].numbers == {"range_m": found.gaps_from_m}
         errors.append(found.profile - truth)
         sigmas.append(found.profile_error)
         truths.append(truth)

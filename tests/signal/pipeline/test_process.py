@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
+from radarsim_addon.findings import finding
 from radarsim_addon.signal import (
     Burst,
     FrameResult,
@@ -59,7 +60,7 @@ def test_run_to_map(folder: Path) -> None:
     # one range only: half power is half the response's width before it
     half_m = 1.303 * SETUP.radar.waveform.range_resolution_m / 2
     assert wall.range_m == pytest.approx(300 - half_m, abs=0.1)
-    assert result.warnings == []
+    assert result.findings == []
 
 
 def test_files_of_a_frame(folder: Path) -> None:
@@ -113,7 +114,7 @@ def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
     (result,) = results(folder, ProcessOptions(plots=False))
     assert not result.rd_map.plane_power.any()
     assert result.statistics.nearest_m is None
-    assert result.warnings == ["No echo at all: the map is empty."]
+    assert result.findings == [finding("no-echo").in_frame(1)]
     assert (
         json.loads((folder / "products/frame_0001_summary.json").read_text())["moving_targets"]
         == []
@@ -133,13 +134,18 @@ def test_ambiguities_are_warned_about(tmp_path: Path) -> None:
     setup = Setup(radar=radar)
     folder = write_run(tmp_path / "far", setup, points(setup, [(1, 1, 800.0, 0.0, 1.0)]))
     (result,) = results(folder)
-    assert "beyond the unambiguous range 749.481 m" in result.warnings[0]
+    found = result.findings[0]
+    assert found.code == "range-ambiguous-paths"
+    assert found.numbers["unambiguous_range_m"] == pytest.approx(749.481, abs=1e-3)
+    assert "749.481 m, which the PRF sets" in found.text
     assert result.rd_map.range_m[result.rd_map.plane_power.max(axis=0).argmax()] == pytest.approx(
         800, abs=1.5
     )
     folder = write_run(tmp_path / "fast", SETUP, points(SETUP, [(1, 1, 300.0, 15.0, 1.0)]))
     (result,) = results(folder)
-    assert "faster than the unambiguous 14.14 m/s" in result.warnings[0]
+    found = result.findings[0]
+    assert found.code == "doppler-ambiguous-paths"
+    assert found.numbers["max_unambiguous_velocity_mps"] == pytest.approx(14.14, abs=5e-3)
     assert result.moving_targets[0].velocity_mps == pytest.approx(15 - 2 * 14.141, abs=0.02)
 
 
@@ -147,7 +153,7 @@ def test_echoes_beyond_the_code_and_without_it_are_warned_about(tmp_path: Path) 
     setup = Setup(range_encoding_length_m=10.0)
     folder = write_run(tmp_path / "a", setup, points(setup, [(1, 1, 900.0, 0, 1e-3)]))
     (result,) = results(folder)
-    assert any("beyond the range code" in text for text in result.warnings)
+    assert finding("range-encoding-underflow", count=1).in_frame(1) in result.findings
     assert result.statistics.counts.range_encoding_underflow == 1
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.findings import merge
 from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
@@ -24,7 +25,7 @@ from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
-from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_warnings
+from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_findings
 from radarsim_addon.signal.scattering.surface_speckle import Body, Roughness, SurfaceSpeckle
 from tests.signal import path_runs as pr
 
@@ -224,12 +225,13 @@ def test_too_few_scatterers_are_told(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "few", size_px=5)
     few = speckle(record, table, 0).report()
     assert few.undersampled_power_fraction == 1.0
-    assert "100 % of the power" in few.warnings[0]
+    (found,) = few.findings
+    assert (found.code, found.numbers["fraction"]) == ("few-scatterers", 1.0)
     record, table, _ = scene(tmp_path / "many", size_px=128)
     many = speckle(record, table, 0).report()
     assert many.undersampled_power_fraction == 0.0
     assert many.median_scatterers > 100
-    assert many.warnings == []
+    assert many.findings == []
 
 
 def two_bounces(record: contract.PathsRecord, rows: PathRows) -> PathRows:
@@ -362,14 +364,15 @@ def test_surfaces_beyond_the_model_are_named() -> None:
         return contract.GroundTruthRecord(1, 0.0, items)
 
     good = ("Sand", 0.02, 0.4)  # k h = 2.2, slope 0.07
-    assert kirchhoff_warnings(record(good), WAVELENGTH_M) == []
-    found = kirchhoff_warnings(record(good, ("Gravel", 0.02, 0.03)), WAVELENGTH_M)
-    assert len(found) == 1
-    assert found[0].startswith("'Gravel': the Kirchhoff model does not hold.")
-    assert "k*l = 3.33" in found[0]
+    assert kirchhoff_findings(record(good), WAVELENGTH_M) == []
+    found = kirchhoff_findings(record(good, ("Gravel", 0.02, 0.03)), WAVELENGTH_M)
+    assert {item.subjects for item in found} == {("Gravel",)}
+    (short,) = [item for item in found if item.code == "kirchhoff-short-correlation"]
+    assert short.numbers["k_l"] == pytest.approx(3.33, abs=0.005)
     many = [(f"Stone {n}", 0.02, 0.03) for n in range(20)]
-    assert kirchhoff_warnings(record(*many), WAVELENGTH_M)[-1].endswith("on 12 objects more.")
-    assert kirchhoff_warnings(None, WAVELENGTH_M) == []
+    merged = merge(kirchhoff_findings(record(*many), WAVELENGTH_M))
+    assert all(len(item.subjects) == 20 and "and 17 more" in item.text for item in merged)
+    assert kirchhoff_findings(None, WAVELENGTH_M) == []
 
 
 def test_map_shows_the_speckle(tmp_path: Path) -> None:

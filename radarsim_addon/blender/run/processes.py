@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processes told apart, also from later ones of the same number. Does not import bpy."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import os
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+
+@functools.cache
+def _identity_of(pid: int) -> dict[str, Any]:
+    space = ""
+    with contextlib.suppress(OSError):  # containers of one machine number processes apart
+        space = os.readlink("/proc/self/ns/pid")
+    return {"pid": pid, "host": socket.gethostname(), "space": space, "began": process_began(pid)}
+
+
+def identity() -> dict[str, Any]:
+    """Return what names this process among those of all machines."""
+    return _identity_of(os.getpid())
+
+
+def process_began(pid: Any) -> str | None:
+    """Return what tells a process from a later one of the same number; None where it is gone.
+
+    Parameters
+    ----------
+    pid
+        Its number on this machine.
+    """
+    if not isinstance(pid, int) or pid <= 0:
+        return None
+    if sys.platform == "win32":
+        return _began_windows(pid)
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return None
+    except OSError:
+        pass  # it runs, for another user
+    try:  # Linux: start in ticks since the machine started, and which start that was
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="utf-8").strip()
+    except OSError:
+        return "running"
+    return f"{boot} {fields[19]}"
+
+
+def _began_windows(pid: int) -> str | None:
+    """The same by the Windows API (os.kill would end the process there)."""
+    if sys.platform != "win32":
+        return None
+    kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+    kernel.OpenProcess.restype = ctypes.c_void_p
+    query_limited = 0x1000
+    handle = kernel.OpenProcess(query_limited, False, pid)
+    if not handle:
+        return None
+    try:
+        times = [ctypes.c_uint64() for _ in range(4)]
+        pointers = [ctypes.byref(value) for value in times]
+        if not kernel.GetProcessTimes(ctypes.c_void_p(handle), *pointers):
+            return "running"
+        # A process that has ended is listed while someone holds a handle of it.
+        return None if times[1].value else str(times[0].value)
+    finally:
+        kernel.CloseHandle(ctypes.c_void_p(handle))

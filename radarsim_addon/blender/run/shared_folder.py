@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A run's folder that several processes may write at the same time. Does not import bpy.
+
+The first process is the coordinator: it tidies the folder up and writes ``run.json``. Others join
+it if they measure the same. Frames are claimed by leases, one at a time; nothing else is locked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import time
+from collections.abc import Generator, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ... import contract
+from ...atomic_files import make_folder
+from ...errors import OutputError
+from ...sidecar import read_record, write_record
+from . import output_folder
+from .leases import STALE_S, Lease, Leases
+
+#: Lease of the process that opens the folder. It is held for a moment only.
+_OPENING = "run"
+_POLL_S = 0.1
+#: Fields of the plan in which processes of one run may differ.
+_OWN_FIELDS: dict[str, Any] = {"findings": [], "fingerprint": "", "blend_file": "", "extra": {}}
+
+
+class SharedFolder:
+    """A run's folder, and the frames of it that this process has claimed.
+
+    Parameters
+    ----------
+    folder
+        Folder that exists and can be written to.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._opening = Leases(folder)
+        self._frames = Leases(folder / contract.FRAMES_DIR)
+        self._lease: Lease | None = None
+        self._plan: dict[str, Any] = {}
+        self._fingerprints: Sequence[str] = ()
+
+    def open(
+        self, record: contract.RunRecord, fingerprints: Sequence[str], overwrite: bool
+    ) -> None:
+        """Write the plan of a run, or join the processes that are at work on it.
+
+        Parameters
+        ----------
+        record
+            The plan.
+        fingerprints
+            Of the run, see :func:`.output_folder.continues`.
+        overwrite
+            Remove the frames of another run.
+
+        Raises
+        ------
+        OutputError
+            The folder holds another run, other processes write another run into it, or it cannot
+            be written to.
+        """
+        self._plan, self._fingerprints = _comparable(record), fingerprints
+        with self._opening_lease():
+            others = self.workers()
+            if others:
+                self._join(others)
+                return
+            output_folder.open_folder(self._folder, fingerprints, overwrite)
+            write_record(self._folder / contract.RUN_FILE, record)
+            frames = make_folder(self._folder / contract.FRAMES_DIR)
+            for left in frames.glob("*.lease"):  # of processes that are gone
+                with contextlib.suppress(OSError):
+                    left.unlink()
+
+    def workers(self) -> list[str]:
+        """Return who has claimed frames of this folder, each once."""
+        if not (self._folder / contract.FRAMES_DIR).is_dir():
+            return []
+        return sorted(set(self._frames.holders().values()))
+
+    def holders(self, frames: Iterable[int]) -> list[str]:
+        """Return who has claimed which of some frames."""
+        found = (self._frames.holder(_name(frame)) for frame in frames)
+        return list(dict.fromkeys(who for who in found if who is not None))
+
+    def claimed(self, frames: Sequence[int]) -> Generator[int, None, list[int]]:
+        """Claim frames, one after another; each is given back when the next one is asked for.
+
+        Frames of other processes come last: some of these may fail. What they still hold then is
+        left to them.
+
+        Parameters
+        ----------
+        frames
+            That are to be measured. Another process may have done one since: look.
+
+        Returns
+        -------
+        list of int
+            Frames that are left to other processes.
+
+        Raises
+        ------
+        OutputError
+            The folder has vanished or holds another plan, or all frames are taken from the start.
+        """
+        waiting, some = list(frames), False
+        while waiting:
+            left = []
+            for frame in waiting:
+                self._lease = self._claim(frame)
+                if self._lease is None:
+                    left.append(frame)
+                    continue
+                with self._lease:
+                    yield frame
+                self._lease = None
+            if len(left) == len(waiting):
+                break
+            waiting, some = left, True
+        if waiting and not some:
+            raise OutputError(
+                f"{' and '.join(self.holders(waiting)) or 'Another process'} is rendering into the "
+                f"output folder {self._folder} already, and no frame is left. Wait for it, stop "
+                "it, or choose another folder."
+            )
+        return waiting
+
+    def keeps_frame(self) -> bool:
+        """Renew the lease of the frame; False where another process has taken the frame over."""
+        return self._lease is not None and self._lease.renew()
+
+    def close(self) -> None:
+        """Give back what is claimed. May be called again."""
+        if self._lease is not None:
+            self._lease.release()
+            self._lease = None
+
+    # -- details -----------------------------------------------------------------------------------
+
+    def _claim(self, frame: int) -> Lease | None:
+        """Claim a frame while nobody opens the folder, and see that the plan is still ours."""
+        deadline_s = time.monotonic() + 2 * STALE_S
+        while time.monotonic() < deadline_s:
+            output_folder.check_there(self._folder)
+            lease = self._frames.claim(_name(frame))
+            if lease is None:
+                return None
+            # Whoever opens the folder looks for leases after this one of its own: it has seen ours,
+            # or we see its.
+            if self._opening.holder(_OPENING) is None:
+                if self._is_ours(read_record(self._folder / contract.RUN_FILE, contract.RunRecord)):
+                    return lease
+                lease.release()
+                raise OutputError(
+                    f"Another process has written another plan into {self._folder} (its "
+                    f"{contract.RUN_FILE} has changed). Start again to continue that run, or "
+                    "choose another folder."
+                )
+            lease.release()
+            time.sleep(_POLL_S)
+        return None
+
+    def _opening_lease(self) -> Lease:
+        deadline_s = time.monotonic() + 2 * STALE_S
+        while time.monotonic() < deadline_s:
+            lease = self._opening.claim(_OPENING)
+            if lease is not None:
+                return lease
+            time.sleep(_POLL_S)
+        raise OutputError(
+            f"{self._opening.holder(_OPENING) or 'Another process'} keeps opening the output "
+            f"folder {self._folder}. Choose another folder, or wait for it."
+        )
+
+    def _is_ours(self, record: contract.RunRecord) -> bool:
+        """Whether a plan is that of our run."""
+        return (
+            output_folder.continues(record, self._fingerprints)
+            and _comparable(record) == self._plan
+        )
+
+    def _join(self, others: Sequence[str]) -> None:
+        earlier = output_folder.earlier_run(self._folder)
+        if earlier is None or not self._is_ours(earlier):
+            raise OutputError(
+                f"{' and '.join(others)} is rendering another run into the output folder "
+                f"{self._folder} already (scene, frames or settings differ). Wait for it, stop it, "
+                "or choose another folder."
+            )
+
+
+def _name(frame: int) -> str:
+    return Path(contract.frame_dir(frame)).name
+
+
+def _comparable(record: contract.RunRecord) -> dict[str, Any]:
+    """What all processes of a run agree on, as a file gives it back."""
+    plain = dataclasses.asdict(dataclasses.replace(record, **_OWN_FIELDS))
+    found: dict[str, Any] = json.loads(json.dumps(plain), parse_int=float)
+    return found

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Findings in Blender's window: in panels, and as reports of operators."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ...findings import Finding, finding_lines, from_json, merge, to_json
+from .fields import wrapped
+
+_ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERROR is a triangle
+
+
+def report_findings(operator: Any, findings: list[Finding], frames: Sequence[int] = ()) -> None:
+    """Report findings of `frames` in Blender's status bar and Info editor."""
+    for item in merge(findings):
+        kind = "INFO" if item.severity == "info" else "WARNING"  # ERROR would raise in scripts
+        operator.report({kind}, finding_lines([item], frames)[0])
+
+
+def draw_findings(context: Any, layout: Any, findings: Iterable[Finding]) -> None:
+    """Draw findings in a panel, each with the icon of its severity."""
+    for item in findings:
+        wrapped(context, layout, item.message, _ICONS[item.severity])
+
+
+def findings_text(findings: list[Finding]) -> str:
+    """Return findings as text for a Blender property."""
+    return json.dumps([to_json(item) for item in findings])
+
+
+def read_findings(text: str) -> list[Finding]:
+    """Return the findings that `findings_text` wrote."""
+    return [from_json(item, "Findings") for item in json.loads(text or "[]")]

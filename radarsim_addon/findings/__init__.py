@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Findings: records of what went wrong, or of what you should know before you trust a result.
+
+A finding has a code, a severity, subjects (objects, materials), frames and numbers, and three texts
+made from them: what happened, why it matters, what to do. :mod:`.catalogue` declares every code
+once. Console, window, JSON files and ``docs/findings.md`` show the same records. Standard
+library only.
+"""
+
+from .merging import finding_lines, merge
+from .records import Finding, Value, finding, from_json, to_json
+from .texts import frames_text, frequency_text, length_text
+
+__all__ = [
+    "Finding",
+    "Value",
+    "finding",
+    "finding_lines",
+    "frames_text",
+    "frequency_text",
+    "from_json",
+    "length_text",
+    "merge",
+    "to_json",
+]

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every code of a finding, declared once: severity, what happened, why it matters, what to do.
+
+Templates name the finding's numbers in braces, with Python's format specifications or those of
+:mod:`.texts` (``percent``, ``length``, ``frequency``, ``#noun``); ``{subjects}`` lists the names.
+"""
+
+from __future__ import annotations
+
+from .kinds import Kind
+from .processing_kinds import PROCESSING, ROUGHNESS
+from .rendering_kinds import MOTION, PATHS, RUNS, SCENE, SETTINGS
+
+#: Codes by topic, in the order of the reference page.
+TOPICS: dict[str, dict[str, Kind]] = {
+    "Scene and materials": SCENE,
+    "Rough surfaces": ROUGHNESS,
+    "Settings": SETTINGS,
+    "Path measurement": PATHS,
+    "Motion": MOTION,
+    "Processing": PROCESSING,
+    "Runs": RUNS,
+}
+CATALOGUE: dict[str, Kind] = {
+    code: kind for topic in TOPICS.values() for code, kind in topic.items()
+}
+"""All kinds of findings by their code."""

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kinds of findings of processing: rough surfaces, echoes, maps."""
+
+from __future__ import annotations
+
+from .kinds import Kind
+
+ROUGHNESS = {
+    "kirchhoff-short-correlation": Kind(
+        "caution",
+        "The Kirchhoff model does not apply to {subjects}: k l = {k_l:.3g} is not above 6.",
+        "The surface varies within a wavelength; the small perturbation model would apply.",
+        "Raise the correlation length or the carrier.",
+    ),
+    "kirchhoff-curved-facets": Kind(
+        "caution",
+        "The Kirchhoff model does not apply to {subjects}: l^2 / (h lambda) = {curvature:.3g} is "
+        "not above 2.76.",
+        "Facets curve within a wavelength.",
+        "Raise the correlation length, or lower the RMS height.",
+    ),
+    "kirchhoff-coherent-part": Kind(
+        "caution",
+        "The Kirchhoff model is incomplete for {subjects}: 2 k h cos(incidence) = "
+        "{phase_rad:.3g} is not above 3.16.",
+        "The rough lobe does not include the remaining coherent, mirror-like part.",
+        "Raise the RMS height or the carrier.",
+    ),
+    "kirchhoff-steep-slopes": Kind(
+        "caution",
+        "The Kirchhoff model does not apply to {subjects}: the RMS slope {slope:.3g} is above 0.4.",
+        "Masking and multiple scattering between facets matter; single scattering loses their "
+        "power.",
+        "Lower the RMS height, or raise the correlation length.",
+    ),
+}
+
+PROCESSING = {
+    "no-echo": Kind(
+        "error",
+        "The frame contains no echo, so all maps are empty.",
+        "A Point light does not show in mirrors, and a transmitter inside a closed mesh "
+        "illuminates nothing.",
+        "Check that the transmitter is outside closed meshes, then give smooth surfaces a "
+        "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
+        "Shadow Catcher off. Check that no object is scaled to 0.",
+    ),
+    "range-ambiguous-paths": Kind(
+        "caution",
+        "The frame has {count:#path} beyond the unambiguous range of {unambiguous_range_m:.6g} m, "
+        "which the {limit} sets.",
+        "Their echoes appear at wrong, smaller ranges, as in a radar.",
+        "For a larger unambiguous range lower the PRF, take smaller frequency steps, or use a "
+        "longer code.",
+    ),
+    "paths-beyond-sampled-band": Kind(
+        "caution",
+        "The frame has {count:#path} beyond the {unambiguous_range_m:.6g} m that the sampling rate "
+        "covers.",
+        "The anti-alias filter of the ADC removes their echoes.",
+        "Raise the sampling rate, or lower the sweep slope.",
+    ),
+    "doppler-ambiguous-paths": Kind(
+        "caution",
+        "The frame has {count:#path} faster than the maximum unambiguous velocity of "
+        "{max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
+        "Their echoes appear at a wrong Doppler, as in a radar.",
+        "Raise the PRF.",
+    ),
+    "paths-outside-range-limits": Kind(
+        "info",
+        "The frame has {count:#path} outside the range limits.",
+        "Their echoes are in no result.",
+        "Widen the range limits to include them.",
+    ),
+    "range-encoding-underflow": Kind(
+        "caution",
+        "The frame has {count:#pixel} with an echo whose range encoding is below what float32 can "
+        "hold (red channel).",
+        "radarsim skips these pixels.",
+        "Render fewer or narrower rings, so that the range encoding covers their ranges.",
+    ),
+    "no-range-encoding": Kind(
+        "caution",
+        "The frame has {count:#pixel} with more red than blue: light without range encoding.",
+        "radarsim skips these pixels.",
+        "Give every object a Radar Material and hide all other lights.",
+    ),
+    "no-range-rate": Kind(
+        "caution",
+        "The frame has {rejected:#path} whose range changes between the snapshots faster than Max "
+        "range rate allows, and {single:#path} with an echo in the first snapshot only.",
+        "Edges of moving objects cause this, and runs with one snapshot. radarsim treats these "
+        "paths as stationary.",
+        "Raise the resolution, or take two snapshots.",
+    ),
+    "mixed-pixels": Kind(
+        "caution",
+        "{fraction:percent} of the received power is in pixels that mix several ranges.",
+        "The range of such a pixel is a mixture.",
+        "Use one sample per pixel, or more pixels.",
+    ),
+    "transmit-gain-approximated": Kind(
+        "caution",
+        "{fraction:percent} of the received power is in {count:#path} with an unknown last "
+        "scatterer.",
+        "radarsim takes the transmit gain where a single reflection would lie.",
+        "Measure by paths, or by rings with one reflection.",
+    ),
+    "orthographic-power": Kind(
+        "caution",
+        "The receiver is orthographic, so its powers are R^2 times the received watts (R in metres "
+        "from receiver to scatterer).",
+        "Levels, SNR and detections against thermal noise are not those of a radar. Ranges and "
+        "cross sections are right.",
+        "For watts and SNR measure with a perspective receiver.",
+    ),
+    "few-scatterers": Kind(
+        "caution",
+        "{fraction:percent} of the received power is in range cells with fewer than {enough} "
+        "independent scatterers (median {median:.3g}).",
+        "Speckle is not exponential there, and a map shows one realisation of few scatterers. The "
+        "expected power is not affected.",
+        "Raise the resolution or the replicates.",
+    ),
+    "range-gaps-between-rays": Kind(
+        "caution",
+        "From {range_m:.3g} m on, a pixel covers more than a range cell.",
+        "Echoes and maps show single rays there, with gaps that are not in the scene. The expected "
+        "power has no such gaps.",
+        "Raise the resolution or the replicates, or refine for ranges.",
+    ),
+    "echoes-cancel": Kind(
+        "caution",
+        "The echoes of the paths cancel to {cancellation_db:.0f} dB, so the numerical error may be "
+        "{error_estimate:.1e} of the result.",
+        "This is more than the tolerance of {tolerance:g}.",
+        "Lower the tolerance.",
+    ),
+    "uneven-motion-in-sweep": Kind(
+        "caution",
+        "Range rates change within one frequency sweep.",
+        "The synthesis leaves out up to about {phase_rad:.2g} rad of phase.",
+        "Shorten the sweep.",
+    ),
+    "adc-clipped": Kind(
+        "caution",
+        "The ADC clipped {count:,} values of I and Q in {samples:#sample}.",
+        "Clipping distorts strong echoes and spreads their power over the map.",
+        "Raise the full scale of the ADC, or let radarsim choose it.",
+    ),
+    "frame-incomplete": Kind(
+        "caution",
+        "radarsim skipped the frame because it lacks {missing:#render}.",
+        "The frame has no results.",
+        "Render the run again; it resumes where it stopped.",
+    ),
+}

@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kinds of findings of scenes, settings, renders and runs."""
+
+from __future__ import annotations
+
+from .kinds import Kind
+
+SCENE = {
+    "no-radar-material": Kind(
+        "caution",
+        "No Radar Material is assigned to {subjects}.",
+        "These objects cast a radar shadow and return no echo.",
+        "Select them and choose Radar > Material > Assign.",
+    ),
+    "object-without-surface": Kind(
+        "caution",
+        "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
+        "These objects cast no shadow and return no echo.",
+        "Convert them to meshes to include them.",
+    ),
+    "subsurface-scattering": Kind(
+        "caution",
+        "These materials scatter light below their surface: {subjects}.",
+        "Their echoes are spread over larger ranges.",
+        "Set Subsurface to 0 in each material.",
+    ),
+    "mesh-open": Kind(
+        "error",
+        "These objects have an interior, but their mesh is open: {subjects}.",
+        "A face is missing or vertices are double, so depths inside are wrong.",
+        "Close the mesh (Mesh > Merge > By Distance, then Fill), or disconnect Volume.",
+    ),
+    "mesh-flipped": Kind(
+        "error",
+        "These objects have an interior, but neighbouring faces point in opposite directions: "
+        "{subjects}.",
+        "Cycles loses count of which object a ray is in, so depths inside are wrong.",
+        "Choose Mesh > Normals > Recalculate Outside.",
+    ),
+    "mesh-inside-out": Kind(
+        "error",
+        "These objects have an interior, but their normals point inwards: {subjects}.",
+        "Depths are counted outside the objects.",
+        "Choose Mesh > Normals > Recalculate Outside, or Flip.",
+    ),
+    "coincident-faces": Kind(
+        "error",
+        "These pairs of objects have faces that coincide exactly: {subjects}.",
+        "Cycles loses count of which object a ray is in, so depths and shadows are wrong.",
+        "Leave a gap or an overlap of at least {least_gap:.1g} Blender units.",
+    ),
+    "interiors-nested-too-deep": Kind(
+        "error",
+        "Around {subjects} up to {count:#object} with an interior overlap; Cycles follows at most "
+        "{limit}.",
+        "The interiors beyond this limit have no effect.",
+        "Join some of the objects, or disconnect their Volume.",
+    ),
+    "absorption-below-float32": Kind(
+        "caution",
+        "Two-way absorption through {subjects} is {loss_db:.0f} dB, more than the "
+        "{limit_db:.0f} dB that float32 can hold in this Blender.",
+        "Nothing behind these objects returns an echo.",
+        "If you need those echoes, use thinner objects or a material with less absorption.",
+    ),
+    "unused-material-not-evaluated": Kind(
+        "info",
+        "The medium of {subjects} cannot be evaluated: {reason}",
+        "No rendered object has this material, so the results are right.",
+        "Correct the medium before you assign the material.",
+    ),
+    "medium-not-connected": Kind(
+        "caution",
+        "The Radar Material of {subjects} does not feed the Surface of the material output alone.",
+        "Its numbers do not follow the carrier, whatever medium it has.",
+        "Connect the Radar Material to Surface directly; reroutes and your own groups may be "
+        "between.",
+    ),
+    "not-a-layer": Kind(
+        "info",
+        "Less than {least_fraction:percent} of the surface of {subjects} is one pair of parallel "
+        "faces.",
+        "Absorption and delay inside are those of normal incidence, at any angle.",
+        "For a thick wall, give the object the property {property}: three numbers, the normal of "
+        "the wall in the axes of the object.",
+    ),
+}
+
+SETTINGS = {
+    "one-range-cell": Kind(
+        "caution",
+        "A bandwidth of {bandwidth_hz:frequency} resolves {range_resolution_m:length} (c / 2B), "
+        "but ranges end at {farthest_m:length}.",
+        "All echoes lie in one range cell.",
+        "Raise the bandwidth: a wider sweep, larger or more frequency steps, or shorter chips. "
+        "Check its unit: hertz and seconds in radar files, MHz, kHz, us and ns in the panel. If "
+        "the ranges are wrong, set Scene > Units > Unit Scale.",
+    ),
+    "low-time-bandwidth-product": Kind(
+        "caution",
+        "Bandwidth times pulse width is {bandwidth_hz:frequency} x {duration_s:.4g} s = "
+        "{product:.3g}.",
+        "So short a pulse occupies about 1 / T = {own_hz:frequency} for any sweep, and the matched "
+        "filter keeps only the bandwidth.",
+        "Set a bandwidth of at least {own_hz:frequency} or a longer pulse. Check the units: hertz "
+        "and seconds in radar files, MHz and us in the panel.",
+    ),
+    "wavelength-exceeds-scene": Kind(
+        "caution",
+        "A carrier of {carrier_hz:frequency} has a wavelength of {wavelength_m:length}, but ranges "
+        "end at {farthest_m:length}.",
+        "Rays describe no wave that is longer than the scene.",
+        "Raise the carrier. Check its unit: hertz in radar files, GHz in the panel and in "
+        "--carrier-ghz. If the ranges are wrong, set Scene > Units > Unit Scale.",
+    ),
+    "burst-exceeds-animation": Kind(
+        "caution",
+        "A burst of {pulses:#pulse} at a PRF of {prf_hz:frequency} lasts {burst_s:.4g} s, the "
+        "animation {animation_s:.4g} s.",
+        "The maximum unambiguous velocity is only {max_unambiguous_velocity_mps:.3g} m/s.",
+        "Raise the PRF or send fewer pulses. Check the unit of the PRF: hertz everywhere.",
+    ),
+    "scene-beyond-rings": Kind(
+        "caution",
+        "The rings end at {covered_m:.6g} m, the scene at {farthest_m:.6g} m.",
+        "Echoes from beyond the last ring are missing.",
+        "Add rings, or widen the ring step.",
+    ),
+    "scene-beyond-unambiguous-range": Kind(
+        "caution",
+        "The scene reaches {farthest_m:.6g} m, beyond the unambiguous range of "
+        "{unambiguous_range_m:.6g} m.",
+        "Echoes from beyond appear at wrong, smaller ranges.",
+        "Lower the PRF, take smaller frequency steps, or use a longer code: here the {limit} sets "
+        "the limit.",
+    ),
+    "scene-beyond-sampled-band": Kind(
+        "caution",
+        "The scene reaches {farthest_m:.6g} m, beyond the {unambiguous_range_m:.6g} m that the "
+        "sampling rate covers.",
+        "The anti-alias filter of the ADC removes echoes from beyond.",
+        "Raise the sampling rate, or sweep less bandwidth in the same time.",
+    ),
+    "ring-step-below-resolution": Kind(
+        "info",
+        "The ring step of {ring_step_m:.4g} m is below the range resolution of "
+        "{range_resolution_m:.4g} m.",
+        "The run takes more renders and shows no more detail.",
+        "Widen the ring step.",
+    ),
+    "single-snapshot": Kind(
+        "info",
+        "The run takes one snapshot of each frame.",
+        "All echoes have a range rate of 0 m/s.",
+        "Take two snapshots to measure Doppler.",
+    ),
+    "short-snapshot-interval": Kind(
+        "caution",
+        "The snapshot interval is {snapshot_interval_s:.4g} s.",
+        "Blender stores animation time in float32; an interval of 1 ms costs about 1 % of the "
+        "velocity.",
+        "Use about 10 ms.",
+    ),
+    "bursts-overlap": Kind(
+        "caution",
+        "A burst lasts {burst_s:.4g} s, but the next frame begins after {frame_interval_s:.4g} s.",
+        "The bursts of neighbouring frames overlap.",
+        "Send fewer pulses, or measure every n-th frame.",
+    ),
+    "carrier-differs-from-run": Kind(
+        "caution",
+        "The carrier is {carrier_hz:frequency}, but the run was rendered for "
+        "{run_carrier_hz:frequency}.",
+        "The materials are those of the carrier that was rendered.",
+        "If the materials depend on frequency, render again.",
+    ),
+    "range-limits-beyond-unambiguous-range": Kind(
+        "caution",
+        "The range limits reach {range_limit_m:g} m, beyond the unambiguous range of "
+        "{unambiguous_range_m:.6g} m.",
+        "Profile and map end at the unambiguous range.",
+        "Lower the far range limit, or choose a waveform with a larger unambiguous range.",
+    ),
+}
+
+PATHS = {
+    "reflections-truncated": Kind(
+        "caution",
+        "{fraction:percent} of the received power (standard error {fraction_stderr:percent}) has "
+        "more reflections than radarsim followed.",
+        "This power is missing from the path table.",
+        "Raise Max reflections.",
+    ),
+    "transparency-truncated": Kind(
+        "caution",
+        "{fraction:percent} of the received power lies behind more transparent surfaces than "
+        "radarsim followed, or is below Max unfollowed fraction.",
+        "This power is missing from the path table.",
+        "Use fewer transparent layers, or make them opaque.",
+    ),
+    "mixed-paths": Kind(
+        "caution",
+        "{fraction:percent} of the received power is in pixels that hold several paths (subsurface "
+        "scattering, volumes).",
+        "The range of such a pixel is a mixture of the ranges of its paths.",
+        "Replace subsurface scattering and volumes by surfaces.",
+    ),
+    "unranged-power": Kind(
+        "caution",
+        "{fraction:percent} of the received power carries no range encoding.",
+        "This power is in the path table without a length, and in no echo.",
+        "Give every object a Radar Material, or set Range encoding to World volume.",
+    ),
+    "phase-unreliable": Kind(
+        "caution",
+        "Path lengths have a standard deviation of {length_sigma_m:.2g} m, "
+        "{length_sigma_wavelengths:.2g} wavelengths.",
+        "Phases are not reliable at this carrier; powers and ranges are.",
+        "Move the scene near the world origin and make it smaller, or lower the carrier.",
+    ),
+    "object-without-echo": Kind(
+        "caution",
+        "Rays met {subjects}, but received no echo from there.",
+        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
+        "shadowed objects return no echo either.",
+        "Give smooth surfaces a roughness above 0.",
+    ),
+    "object-missed-by-rays": Kind(
+        "caution",
+        "No ray met {subjects}: in view, but smaller than a pixel.",
+        "Their echoes are missing, and no error estimate includes them.",
+        "Raise the resolution or the replicates, or narrow the field of view.",
+    ),
+    "small-objects-share-tiles": Kind(
+        "info",
+        "{small:,} small objects are in view; the {tiled:,} with the fewest pixels among those "
+        "whose echo matters got tiles of their own.",
+        "The rays of the whole frame measure the others, with larger standard errors.",
+        "Raise the resolution to measure more of them well.",
+    ),
+    "object-error-above-target": Kind(
+        "info",
+        "The power of {subjects} has a standard error of {stderr_fraction:percent}, more than "
+        "twice the maximum of {target_fraction:percent}.",
+        "The maximum standard error applies to all objects together.",
+        "Lower the maximum standard error, or raise the replicates.",
+    ),
+}
+
+MOTION = {
+    "vertex-count-changes": Kind(
+        "caution",
+        "The number of vertices of {subjects} changes during the burst.",
+        "radarsim moves these objects by their matrix only.",
+        "Use modifiers that keep the vertices, or a shorter burst.",
+    ),
+    "motion-sampling-slow": Kind(
+        "caution",
+        "radarsim took {samples:#motion sample} and stopped after {elapsed_s:.0f} s.",
+        "Displacements are known to {displacement_error_bound_m:.2g} m.",
+        "Simplify the animated meshes, or shorten the burst.",
+    ),
+    "motion-unresolved": Kind(
+        "caution",
+        "With {samples:#motion sample} per burst, the fit misses the motion of {subjects} by up to "
+        "{miss_m:.2g} m.",
+        "These objects turn or vibrate too fast, so their Doppler is wrong.",
+        "Shorten the burst, or raise Max motion samples.",
+    ),
+    "instances-appear-or-vanish": Kind(
+        "caution",
+        "Instances of {subjects} exist during a part of the burst only.",
+        "radarsim treats them as present during the whole burst.",
+        "Shorten the burst, or keep the number of instances constant.",
+    ),
+    "motion-approximated": Kind(
+        "caution",
+        "{fraction:percent} of the received power moves in paths of three or more reflections.",
+        "For these paths, radarsim takes the way between first and last scatterer as a straight "
+        "line that changes with both.",
+        "Lower Max reflections to leave such paths out.",
+    ),
+    "displacement-error": Kind(
+        "caution",
+        "Displacements during the burst have an error of up to {displacement_error_bound_m:.2g} m, "
+        "{wavelengths:.2g} wavelengths.",
+        "Blender stores positions in float32, so phases from pulse to pulse are not reliable.",
+        "Move the scene near the world origin, or raise Max motion samples.",
+    ),
+}
+
+RUNS = {
+    "frames-left-to-others": Kind(
+        "info",
+        "This process left {count:#frame} of the run to {subjects}.",
+        "The run is complete when the other processes have finished, too.",
+        "Wait for them before you process the run. If one of them fails, start the same command "
+        "again.",
+    ),
+    "note": Kind(
+        "caution",
+        "{note}",
+        "",
+        "",
+    ),
+}

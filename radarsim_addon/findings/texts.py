@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers, spans of numbers, names and frames as text."""
+
+from __future__ import annotations
+
+import math
+import string
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+#: Names that a text gives in full; the others are counted.
+_NAMES_SHOWN = 3
+#: Unit, its size, and the least value that is given in it.
+_NUMBER_UNITS = {
+    "length": (("km", 1e3, 1e4), ("m", 1.0, -math.inf)),
+    "frequency": (("GHz", 1e9, 1e9), ("MHz", 1e6, 1e6), ("kHz", 1e3, 1e3), ("Hz", 1.0, -math.inf)),
+}
+
+
+def fill(template: str, values: Mapping[str, Any]) -> str:
+    """Return a template of the catalogue with its values, each a number, a word or a span."""
+    return _TEXT.vformat(template, (), values)
+
+
+def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
+    """Return "frame 3" or "frames 1-20, 25"; a dash joins frames that are neighbours in `among`."""
+    place = {frame: number for number, frame in enumerate(among)}
+    runs: list[list[int]] = []
+    for frame in sorted(frames, key=lambda number: place.get(number, len(place) + number)):
+        if runs and place.get(frame, -1) == place.get(runs[-1][-1], -3) + 1:
+            runs[-1].append(frame)
+        else:
+            runs.append([frame])
+    words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    return f"frame{'s' if len(frames) > 1 else ''} {', '.join(words)}"
+
+
+def names_text(names: Sequence[str]) -> str:
+    """Return the first names in quotes, and how many there are besides."""
+    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
+    more = len(names) - _NAMES_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def length_text(metres: float) -> str:
+    """Return a length [m] with a unit that suits it."""
+    return _TEXT.format_field(metres, "length")
+
+
+def frequency_text(hertz: float) -> str:
+    """Return a frequency [Hz] with a unit that suits it."""
+    return _TEXT.format_field(hertz, "frequency")
+
+
+class _Text(string.Formatter):
+    """Formats numbers, spans of numbers and words by the specifications of the catalogue.
+
+    ``percent``, ``length`` and ``frequency`` choose digits and unit, ``#path`` counts ("1 path",
+    "3 paths"); others are Python's own.
+    """
+
+    def format_field(self, value: Any, spec: str) -> str:
+        """Return one value, or the span of several, as text."""
+        if isinstance(value, str):
+            return value
+        (first, unit), (last, last_unit) = (
+            _number(end, spec) for end in (value if isinstance(value, tuple) else (value, value))
+        )
+        if (first, unit) == (last, last_unit):
+            return first + unit
+        if unit == last_unit or spec.startswith("#"):
+            unit = ""
+        return f"{first}{unit} to {last}{last_unit}"
+
+
+def _number(value: float, spec: str) -> tuple[str, str]:
+    """Return a number's digits and its unit."""
+    if spec == "percent":
+        return f"{100 * value:{'.2g' if abs(value) < 0.0995 else '.0f'}}", " %"
+    if spec.startswith("#"):
+        return f"{value:,}", f" {spec[1:]}{'' if value == 1 else 's'}"
+    for unit, scale, least in _NUMBER_UNITS.get(spec, ()):
+        if value >= least:
+            return f"{value / scale:.5g}", f" {unit}"
+    return format(value, spec), ""
+
+
+_TEXT = _Text()
