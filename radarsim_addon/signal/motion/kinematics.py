@@ -285,7 +285,20 @@ class _SurfacePoints(NamedTuple):
 
 
 def leg_change(leg: Real, moved: Real) -> Real:
-    """Return |a + d| - |a| without cancellation; a (n, 3), d (n, times, 3); (n, times)."""
+    """Return |a + d| - |a| without cancellation.
+
+    Parameters
+    ----------
+    leg
+        a, (n, 3) [m].
+    moved
+        d, (n, times, 3) [m].
+
+    Returns
+    -------
+    ndarray
+        Change of length, (n, times) [m].
+    """
     # einsum over three components is several times faster than sums of products here
     along = 2 * np.einsum("ni,nti->nt", leg, moved)
     along += np.einsum("nti,nti->nt", moved, moved)
