@@ -16,7 +16,7 @@ receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
 
 Radar
     Waveform (LFM pulse), FmcwWaveform, SteppedWaveform, PmcwWaveform, PhaseCodedPulse,
-    ArbitraryPulse, Burst, Radar; waveform_from_dict, waveform_to_dict, load_radar
+    ArbitraryPulse, Burst, Radar; Channel, Element; waveform_from_dict, waveform_to_dict, load_radar
 Files
     open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; Run.missing -> MissingRender;
     read_exr, write_exr
@@ -24,7 +24,7 @@ Pixels
     decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
 Paths
     iter_path_chunks, frame_paths, make_paths, Paths.join -> Paths, PathCounts; path_power_w,
-    path_amplitude; PathFlag
+    path_amplitude, amplitude; PathFlag
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
     replica_spectrum, matched_filter

@@ -5,7 +5,7 @@ In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path 
 radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 """
 
-from .channel_lengths import channel_lengths
+from .channel_motion import channel_lengths
 from .flags import PATH_FLAGS, Flags, PathFlag
 from .footprints import Points, Steps, spread, steps_of, tiles_by_replicate
 from .geometry import PathGeometry

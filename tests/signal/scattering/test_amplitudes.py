@@ -251,7 +251,7 @@ def turning_run(folder: Path, name: str) -> Path:
 def test_a_run_folder_of_a_turning_radar(tmp_path: Path, name: str) -> None:
     """Through the whole chain: samples, expected power and the object's power."""
     run = turning_run(tmp_path / "run", name)
-    options = ProcessOptions(speckle_seed=None, tolerance=1e-10)
+    options = ProcessOptions(products=False, plots=False, speckle_seed=None, tolerance=1e-10)
     result = next(e for e in process_run(run, options) if isinstance(e, FrameResult))
     system = make_system(contract.LinkBudget(1.0, ANTENNAS[name], WIDE), WAVEFORM.wavelength_m)
     times_s = pulse_times_s(result.echoes.radar)
