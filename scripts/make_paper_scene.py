@@ -82,8 +82,8 @@ def add_box(
 
 def build() -> None:
     """Build the scene in the current, empty file."""
+    from radarsim_addon import blender as radarsim
     from radarsim_addon.blender.nodes import make_material
-    from radarsim_addon.blender.scene import rig
 
     scene = bpy.context.scene
     scene.unit_settings.system = "METRIC"
@@ -125,26 +125,22 @@ def build() -> None:
     target.data.materials.append(reflective)
     animate(target)
 
-    radar = rig.setup_rig(scene)
-    radar.location = (0, 0, RADAR_HEIGHT)
+    radar = radarsim.add_radar(
+        (0, 0, RADAR_HEIGHT),
+        preset="paper",
+        sampling_mode="rings",
+        ring_step_m=250.0,
+        rings=21,
+        snapshots=2,
+        snapshot_interval_s=0.01,
+        extinction_length_m=21 * 250.0,
+        width_px=960,
+        height_px=540,
+        samples=1,
+    )
     radar.rotation_euler = (math.pi / 2, 0, -math.pi / 2)  # boresight along +X, level
     scene.camera.data.sensor_fit = "HORIZONTAL"
     scene.camera.data.angle = math.radians(40)
-
-    settings = radar.radarsim
-    settings.carrier_ghz = 5.3
-    settings.bandwidth_mhz = 50.0
-    settings.chirp_duration_us = 2.5
-    settings.sampling_rate_mhz = 60.0
-    settings.prf_hz = 1000.0
-    settings.pulses = 128
-    settings.sampling_mode = "rings"
-    settings.ring_step_m = 250.0
-    settings.rings = 21
-    settings.snapshots = "2"
-    settings.snapshot_interval_ms = 10.0
-    settings.extinction_length_m = 21 * 250.0
-    settings.width_px, settings.height_px, settings.samples = 960, 540, 1
 
 
 def animate(target: Any) -> None:

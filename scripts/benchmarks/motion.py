@@ -83,18 +83,22 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
     """Power-weighted error of the range rates at the points that were rendered."""
     import bpy
 
+    from radarsim_addon import blender as radarsim
     from radarsim_addon import signal
-    from radarsim_addon.blender.paths import PathJob
-    from radarsim_addon.blender.plan import Measurement, PathOptions
-    from radarsim_addon.blender.rings import RingJob
+    from radarsim_addon.blender.scene import active_radar
     from radarsim_addon.signal.decoding import frame_paths
-    from radarsim_addon.signal.radar import Burst, Waveform
 
-    scene = bpy.context.scene
-    measurement = Measurement(
-        waveform=Waveform(CARRIER_HZ, 150e6, 1e-6, 160e6),
-        burst=Burst(PRF_HZ, PULSES),
-        frames=(case.frame,),
+    radarsim.measure(
+        active_radar(bpy.context.scene),
+        folder,
+        frames=[case.frame],
+        sampling_mode="rings" if method == "two-pass" else "paths",
+        carrier_hz=CARRIER_HZ,
+        bandwidth_hz=150e6,
+        chirp_duration_s=1e-6,
+        sampling_rate_hz=160e6,
+        prf_hz=PRF_HZ,
+        pulses=PULSES,
         rings=0,
         ring_step_m=1000.0,
         snapshots=2,
@@ -102,18 +106,8 @@ def _measure(case: Case, method: str, folder: Path) -> dict[str, float]:
         width_px=WIDTH_PX,
         height_px=WIDTH_PX,
         samples=1,
+        replicates=1,
     )
-    layer = scene.view_layers[0]
-    job: Any
-    if method == "two-pass":
-        job = RingJob(scene, layer, measurement, folder)
-    else:
-        job = PathJob(scene, layer, measurement, folder, PathOptions(replicates=1))
-    with job:
-        for task in job.pending():
-            job.start(task)
-            job.render(task)
-            job.finish(task)
     frame = signal.open_run(folder).frame(case.frame)
     paths = frame_paths(frame)
     if method == "two-pass":
@@ -156,13 +150,11 @@ def _new_scene(field_of_view_deg: float) -> Any:
     """A radar at the origin that looks along +Y."""
     import bpy
 
-    from radarsim_addon.blender.scene import setup_rig
+    from radarsim_addon import blender as radarsim
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    setup_rig(scene)
-    scene.camera.data.angle = math.radians(field_of_view_deg)
-    return scene
+    radarsim.add_radar(field_of_view_deg=field_of_view_deg)
+    return bpy.context.scene
 
 
 def _mesh(name: str, corners: Any, faces: Any) -> Any:

@@ -86,3 +86,8 @@ def test_disabling_leaves_nothing_behind(found: dict[str, Any], moment: str):
 
 def test_it_can_be_enabled_again(found: dict[str, Any]):
     assert found["enabled_again"] == found["enabled_traces"]
+
+
+def test_the_interface_for_scripts_is_that_of_the_wheel(found: dict[str, Any]) -> None:
+    assert found["measured"] == [2, 8, 0]
+    assert found["carrier_hz"] == 77e9

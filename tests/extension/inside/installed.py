@@ -91,6 +91,13 @@ def main(archive: str, out: str) -> dict[str, Any]:
     settings.samples = 1
     found["rendered"] = sorted(bpy.ops.radarsim.render_frames())
 
+    # The interface for scripts, under the name that it has in the extension.
+    radarsim = importlib.import_module(f"{MODULE}.blender")
+    run = radarsim.measure(bpy.data.objects["Radar"], out + "_script", frames=[1], rings=2)
+    found["measured"] = [run.record.rings, run.record.width_px, len(run.missing())]
+    radarsim.settings(bpy.data.objects["Radar"]).carrier_hz = 77e9
+    found["carrier_hz"] = radarsim.settings(bpy.data.objects["Radar"]).carrier_hz
+
     # Registering what is registered must not raise, nor double anything.
     module.register()
     found["registered_twice"] = traces()
