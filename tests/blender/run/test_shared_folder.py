@@ -212,7 +212,7 @@ with job:
         job.start(task)
         job.render(task)
         job.finish(task)
-        print(f"task {task!r}", file=sys.stderr, flush=True)
+        print(f"task {task.exr_path}", file=sys.stderr, flush=True)
         time.sleep(0.05)
 for item in job.findings:
     print("found", item.code, file=sys.stderr, flush=True)
