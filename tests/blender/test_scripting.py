@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import bpy
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
+from radarsim_addon.blender import rig_settings
 from radarsim_addon.errors import ConfigError, SceneError
 from tests.blender import radar_scenes as rs
 
@@ -25,9 +27,10 @@ QUIET = signal.ProcessOptions(plots=False)
 
 
 @pytest.fixture
-def empty() -> Any:
+def empty() -> Iterator[Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    return bpy.context.scene
+    yield bpy.context.scene
+    rig_settings.unregister()
 
 
 def wall(y: float) -> Any:
@@ -105,7 +108,11 @@ def test_look_at(empty: Any) -> None:
         (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
         (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
         (lambda: radarsim.settings(None), SceneError, "add_radar"),
-        (lambda: radarsim.assign_material([], radarsim.material("metal")), SceneError, "No object"),
+        (
+            lambda: radarsim.assign_material([], radarsim.material("metal")),
+            SceneError,
+            "can have a Radar Material",
+        ),
     ],
 )
 def test_what_is_wrong_is_named_and_nothing_is_left(

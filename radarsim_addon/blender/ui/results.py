@@ -87,7 +87,7 @@ class ProcessingJob:
                 draw_map(
                     result.rd_map.range_m,
                     result.rd_map.doppler_hz,
-                    result.rd_map.power_db,
+                    result.rd_map.power_db[0],
                     result.rd_map.radar.waveform.wavelength_m,
                     f"Range-Doppler map, {title}",
                     unit,

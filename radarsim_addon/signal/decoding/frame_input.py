@@ -124,7 +124,7 @@ def open_frame(
     Parameters
     ----------
     frame
-        A radar frame of a run.
+        A radar frame of a run; of a later render of its burst, that render alone.
     radar
         Waveform and burst; None: those of the run.
     link_budget
@@ -144,7 +144,9 @@ def open_frame(
     """
     tables: tuple[FrameTable, ...] = ()
     if frame.sampling_mode == "paths":
-        tables = tuple(_open_table(frame.of_burst(n)) for n in range(frame.visibility_updates))
+        # a later render of the burst is opened by itself, the first one with all that follow
+        renders = [frame.render] if frame.render else range(frame.visibility_updates)
+        tables = tuple(_open_table(frame.of_burst(n)) for n in renders)
     sidecar: PathsRecord | RenderRecord = (
         tables[0].record
         if tables

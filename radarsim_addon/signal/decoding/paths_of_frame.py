@@ -50,7 +50,7 @@ def iter_path_chunks(
     frame
         Radar frame; one that is not opened yet is opened, see :func:`open_frame`. With rings and
         one snapshot, every range rate is 0 and flagged. Of several visibility updates the first is
-        taken.
+        taken, or that of `RadarFrame.of_burst`.
     max_range_rate_mps
         Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
     mixed_tolerance

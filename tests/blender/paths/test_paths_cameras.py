@@ -154,7 +154,7 @@ def test_a_fisheye_is_refused_by_name(tmp_path: Path) -> None:
     camera = scene.camera.data
     settings = camera if hasattr(camera, "panorama_type") else camera.cycles
     settings.panorama_type = "FISHEYE_EQUIDISTANT"
-    with pytest.raises(SceneError, match=r"projects as FISHEYE_EQUIDISTANT.*equirectangular"):
+    with pytest.raises(SceneError, match=r"projection FISHEYE_EQUIDISTANT.*equirectangular"):
         measure(scene, tmp_path / "run")
 
 
