@@ -248,7 +248,7 @@ def _maps(
         found = range_doppler(range_process(apply_receiver(part, noise).echoes, oversample=4))
         rows = np.abs(found.doppler_hz) < 450
         cols = np.abs(found.range_m - TARGET_M) < 30
-        powers.append(found.power[np.ix_(rows, cols)])
+        powers.append(found.plane_power[np.ix_(rows, cols)])
     maps = _Maps(np.array(powers), found.doppler_hz[rows], found.range_m[cols])
     return noise_row, map_row, maps, floor_w
 

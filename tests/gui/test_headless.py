@@ -54,13 +54,13 @@ def test_paths_are_measured_and_processed(scenes: Chroot):
     """One path per pixel, EXR files read by the OpenImageIO that the Blender program has."""
     done = batch(
         scenes, "plate é.blend",
-        "--out", "batch paths", "--acquisition", "paths", "--resolution", "16x16", "--order", "2",
+        "--out", "batch paths", "--sampling-mode", "paths", "--resolution", "16x16", "--max-reflections", "2",
         "--process",
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     out = scenes.outside / "batch paths"
     record = json.loads((out / "frames/frame_0001/paths.json").read_text())
-    assert record["rows"] > 100
+    assert record["path_count"] > 100
     assert (out / "products" / "frame_0001_map.npz").is_file()
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
 from .material import MATERIAL_PROPERTY, MaterialSettings
 from .migration import migrate_file
@@ -16,7 +17,14 @@ PROGRESS_PROPERTY = "radarsim"
 
 
 class RadarProgress(bpy.types.PropertyGroup):
-    """What the panel shows of a running job; lives in the window manager, in no file."""
+    """State of the tab that no file keeps: the running job, and the chosen preset."""
+
+    preset: bpy.props.EnumProperty(
+        name="Preset",
+        items=tuple((name, preset.label, preset.description) for name, preset in PRESETS.items()),
+        options={"SKIP_SAVE"},
+        description="Choose the material for the selected objects",
+    )
 
     running: bpy.props.BoolProperty(
         name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"

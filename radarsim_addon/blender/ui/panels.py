@@ -89,7 +89,11 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        layout.operator_menu_enum("radarsim.assign_material", "preset", icon="MATERIAL")
+        state = getattr(context.window_manager, PROGRESS_PROPERTY)
+        column = layout.column(align=True)
+        column.prop(state, "preset", text="")
+        button = column.operator("radarsim.assign_material", icon="MATERIAL")
+        button.preset = state.preset
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
         item = context.active_object
         if item is not None and item.type == "MESH":
