@@ -79,7 +79,11 @@ class Robot:
 
         def tick() -> float | None:
             ROBOT_OT_step.advance = advance
-            bpy.ops.robot.step()
+            try:
+                bpy.ops.robot.step()
+            except RuntimeError as error:  # a timer that raises is never called again
+                self.log(f"a step was refused: {error}")
+                return BEAT_S
             return ROBOT_OT_step.wait_s
 
         bpy.utils.register_class(ROBOT_OT_step)
