@@ -19,7 +19,7 @@ from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
 from ..scattering import Link, antenna_motion
 from .objects import ObjectEcho, object_echoes
 
-#: Share of a frame's power in paths of unknown last vertex that is worth a warning.
+#: Fraction of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
 #: Objects below this level relative to the strongest one are rounding [dB].
 _LEAST_DB = -200.0

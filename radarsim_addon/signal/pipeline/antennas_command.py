@@ -41,7 +41,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
         Folder of a run, or a system file.
     out
         Folder for the picture, made where missing; None: where the run's products are
-        (``antennas.png``, as processing names it), or beside the file, under its name.
+        (``antennas.png``, as processing names it), or next to the file, under its name.
     carrier_ghz
         Carrier [GHz]; None: the run's.
 

@@ -66,12 +66,24 @@ class RadarSystem:
 
 
 def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
-    """Check a power budget and make its antennas.
+    """Check a link budget and make its antennas.
+
+    Parameters
+    ----------
+    record
+        Powers, losses, noise and antennas.
+    wavelength_m
+        Of the carrier [m].
+
+    Returns
+    -------
+    RadarSystem
+        The link budget with its two antennas.
 
     Raises
     ------
     ConfigError
-        A number out of range, an antenna that cannot be made, an unknown weighting.
+        A number out of range, an antenna that cannot be made, an unknown amplitude model.
     """
     check_settings(record)
     return RadarSystem(
@@ -83,10 +95,19 @@ def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
 
 
 def read_system(path: str | Path) -> LinkBudget:
-    """Read a power budget from JSON; the fields of `LinkBudget`, those left out as there.
+    """Read a link budget from JSON.
 
-    Antenna tables may be named by ``"file"``, relative to the JSON file. A ``run.json`` will do
-    as well: its system is taken.
+    Parameters
+    ----------
+    path
+        JSON file with fields of `LinkBudget`; those left out take its defaults. Its antennas may
+        name tables by ``"file"``, relative to the JSON file. From a ``run.json`` the link budget
+        of the run is taken.
+
+    Returns
+    -------
+    LinkBudget
+        With the contents of antenna tables.
 
     Raises
     ------

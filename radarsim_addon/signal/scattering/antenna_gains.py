@@ -331,6 +331,11 @@ def antenna_motion(
         Poses at the frame's time.
     scene
         Motion during the burst; None: stationary.
+
+    Returns
+    -------
+    AntennaMotion
+        Motion of receiver and transmitter.
     """
 
     def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
