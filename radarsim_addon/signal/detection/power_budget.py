@@ -81,7 +81,7 @@ class BudgetReport:
     received_w
         All paths together [W].
     noise_w
-        Thermal noise of one complex sample at the receiver's input; None without a system [W].
+        Thermal noise of one complex sample at the receiver's input; None without a link budget [W].
     objects
         Objects that echo, the strongest first; none for rings.
     snr
@@ -144,7 +144,7 @@ class BudgetReport:
 
 
 class FrameBudget:
-    """Applies a power budget to the paths of a frame as they stream by.
+    """Applies a link budget to the paths of a frame as they stream by.
 
     Parameters
     ----------

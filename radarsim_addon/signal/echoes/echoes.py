@@ -30,7 +30,7 @@ class Echoes:
     Attributes
     ----------
     samples
-        s(t_m, tau_n), (channels, rows, samples); |s|^2 in W for weighting "radar-equation". One row
+        s(t_m, tau_n), (channels, rows, samples); |s|^2 in W for "radar-equation". One row
         per pulse; PMCW has one per code.
     first_sample_s
         Fast time of sample 0, from the middle of the transmitted pulse [s].

@@ -100,7 +100,7 @@ class RangeDopplerMap:
 
     @property
     def power(self) -> Real:
-        """|values|^2, (channels, Doppler, ranges); W for weighting "radar-equation"."""
+        """|values|^2, (channels, Doppler, ranges); W for "radar-equation"."""
         return np.asarray(np.abs(self.values) ** 2)
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar's power budget: transmit power, antennas, losses, noise.
+"""The radar's link budget: transmit power, antennas, losses, noise.
 
 Without a system a path brings the power that an emitter of the lamp's EIRP in all directions gives
 to an isotropic receiver. With one, each path's power is that times
@@ -33,7 +33,7 @@ _RECORD_ONLY = ("schema", "schema_version")
 
 @dataclass(frozen=True)
 class RadarSystem:
-    """A power budget that was checked, its antennas ready for use.
+    """A link budget that was checked, its antennas ready for use.
 
     Attributes
     ----------
@@ -118,13 +118,15 @@ def read_system(path: str | Path) -> LinkBudget:
     try:
         data = json.loads(read_text(path, _MAX_BYTES))
     except FileNotFoundError:
-        raise ConfigError(f"System file {path} does not exist; check the path.") from None
+        raise ConfigError(f"Link budget file {path} does not exist; check the path.") from None
     except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"System file {path} cannot be read as JSON ({error}).") from error
+        raise ConfigError(f"Link budget file {path} cannot be read as JSON ({error}).") from error
     if isinstance(data, dict) and data.get("schema") == "radarsim/run":
         data = todays_names(data, ()).get("link_budget")
         if data is None:
-            raise ConfigError(f"{path} is a run without a system; expected one with a system.")
+            raise ConfigError(
+                f"{path} is a run without a link budget; expected one with a link budget."
+            )
     if isinstance(data, dict):
         data = {name: value for name, value in data.items() if name not in _RECORD_ONLY}
     record = from_json(LinkBudget, data, str(path))
