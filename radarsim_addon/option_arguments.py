@@ -37,7 +37,7 @@ def add_arguments(
     parser
         Parser or group of arguments.
     settings
-        By their names, from `declared` or `merged`.
+        By their names, see :func:`.options.declared`.
     *names
         Those that are added, in the order of the help; none: all.
     defaults

@@ -14,6 +14,7 @@ metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import types
 import typing
@@ -47,7 +48,7 @@ Choices = tuple[tuple[str, str, str], ...]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a field declares beside its name, type and default.
+    """What a field declares in addition to its name, type and default.
 
     Attributes
     ----------
@@ -129,6 +130,11 @@ def setting(label: str, help: str, default: Any = MISSING, **declaration: Any) -
         Default in SI; left out: the field must be given.
     **declaration
         Further attributes of :class:`Setting`.
+
+    Returns
+    -------
+    dataclasses.Field
+        Field whose metadata holds the `Setting`.
     """
     return dataclasses.field(default=default, metadata={_KEY: Setting(label, help, **declaration)})
 
@@ -283,7 +289,18 @@ class Declared:
 
 
 def declared(kind: Any) -> Mapping[str, Declared]:
-    """Return the settings of a dataclass by field name, in the order of the fields."""
+    """Return the settings of a dataclass by field name, in the order of the fields.
+
+    Parameters
+    ----------
+    kind
+        Dataclass.
+
+    Returns
+    -------
+    mapping of str to Declared
+        Read only; fields that declare no setting are left out.
+    """
     if kind in _DECLARED:
         return _DECLARED[kind]
     hints = typing.get_type_hints(kind)
@@ -298,7 +315,18 @@ def declared(kind: Any) -> Mapping[str, Declared]:
 
 
 def value_type(hint: Any) -> tuple[Any, bool]:
-    """Return the type of the values that an annotation allows, and whether None is one."""
+    """Return the type of the values that an annotation allows, and whether None is one.
+
+    Parameters
+    ----------
+    hint
+        Annotation, such as ``float | None``.
+
+    Returns
+    -------
+    kind, optional
+        The first type apart from None, str for a Literal; whether None is allowed.
+    """
     if typing.get_origin(hint) in (types.UnionType, typing.Union):
         inner = [item for item in typing.get_args(hint) if item is not type(None)]
         return value_type(inner[0])[0], len(inner) < len(typing.get_args(hint))
@@ -310,6 +338,11 @@ def value_type(hint: Any) -> tuple[Any, bool]:
 def check_settings(record: Any) -> None:
     """Check the type and bounds of every setting of a dataclass instance.
 
+    Parameters
+    ----------
+    record
+        Instance of a dataclass with settings.
+
     Raises
     ------
     ConfigError
@@ -320,44 +353,39 @@ def check_settings(record: Any) -> None:
 
 
 def documented(kind: type[Record]) -> type[Record]:
-    """Add the section "Parameters" to a dataclass's docstring, from its settings."""
+    """Add the settings of a dataclass to its docstring, in a section "Parameters" at the end.
+
+    Parameters
+    ----------
+    kind
+        Dataclass; where it has a section "Parameters", that is the last one.
+
+    Returns
+    -------
+    type
+        The same class.
+    """
     lines = [""]
     for name, item in declared(kind).items():
         unit = f" [{item.of.unit}]" if item.of.unit else ""
         lines += [name, f"    {item.of.label}{unit}. {item.of.help}."]
-    doc = (kind.__doc__ or "").rstrip()
-    title = "" if "Parameters\n" in doc else "\n\n    Parameters\n    ----------"
-    kind.__doc__ = doc + title + "\n    ".join(lines) + "\n"
+    doc = inspect.cleandoc(kind.__doc__ or "")
+    title = "" if "Parameters\n" in doc else "\n\nParameters\n----------"
+    kind.__doc__ = doc + title + "\n".join(lines) + "\n"
     return kind
 
 
 def choices_from(values: Iterable[str]) -> Choices:
-    """Return choices whose labels need no more words than the values themselves."""
+    """Return choices whose labels need no more words than the values themselves.
+
+    Parameters
+    ----------
+    values
+        Allowed values.
+
+    Returns
+    -------
+    tuple of (str, str, str)
+        Value, label and an empty tooltip of each.
+    """
     return tuple((value, value.replace("-", " ").capitalize(), "") for value in values)
-
-
-def shortest_decimal(value: float, exponent: int = 0) -> float:
-    """Return the decimal number that was typed into a float32 field, times ``10**exponent``.
-
-    Blender's float properties are float32: 77 GHz as 77e9 would read back 76999999488. Seven
-    significant digits are what float32 keeps of any typed number.
-    """
-    if not math.isfinite(value):
-        return value
-    return float(Decimal(f"{value:.7g}").scaleb(exponent))
-
-
-def merged(*kinds: type[Any]) -> dict[str, Declared]:
-    """Return the settings of several dataclasses that the window shows; one name is one setting.
-
-    Raises
-    ------
-    TypeError
-        Two of the dataclasses declare the same name differently: a defect.
-    """
-    found: dict[str, Declared] = {}
-    for kind in kinds:
-        for name, item in declared(kind).items():
-            if item.of.window and found.setdefault(name, item) != item:
-                raise TypeError(f"{kind.__name__}.{name} is declared otherwise elsewhere.")
-    return found

@@ -97,7 +97,18 @@ def finding(code: str, *subjects: str, **numbers: Any) -> Finding:
 
 # -- JSON ------------------------------------------------------------------------------------------
 def to_json(item: Finding) -> dict[str, Any]:
-    """Return a finding as plain JSON types."""
+    """Return a finding as plain JSON types.
+
+    Parameters
+    ----------
+    item
+        Finding.
+
+    Returns
+    -------
+    dict
+        Its fields by name; tuples become lists.
+    """
     numbers = {k: list(v) if isinstance(v, tuple) else v for k, v in item.numbers.items()}
     return {
         "code": item.code,
@@ -120,6 +131,11 @@ def from_json(data: Any, where: str) -> Finding:
         What :func:`to_json` gave, or a text.
     where
         File and place, for error messages.
+
+    Returns
+    -------
+    Finding
+        The same record as was written.
 
     Raises
     ------

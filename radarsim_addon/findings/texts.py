@@ -23,7 +23,20 @@ def fill(template: str, values: Mapping[str, Any]) -> str:
 
 
 def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
-    """Return "frame 3" or "frames 1-20, 25"; a dash joins frames that are neighbours in `among`."""
+    """Return "frame 3" or "frames 1-20, 25"; a dash joins frames that are neighbours in `among`.
+
+    Parameters
+    ----------
+    frames
+        Frame numbers, at least one.
+    among
+        All frames of the run, in their order.
+
+    Returns
+    -------
+    str
+        The frames in the order of `among`.
+    """
     place = {frame: number for number, frame in enumerate(among)}
     runs: list[list[int]] = []
     for frame in sorted(frames, key=lambda number: place.get(number, len(place) + number)):
@@ -43,12 +56,34 @@ def names_text(names: Sequence[str]) -> str:
 
 
 def length_text(metres: float) -> str:
-    """Return a length [m] with a unit that suits it."""
+    """Return a length with a unit that suits it.
+
+    Parameters
+    ----------
+    metres
+        Length [m].
+
+    Returns
+    -------
+    str
+        Number and unit.
+    """
     return _TEXT.format_field(metres, "length")
 
 
 def frequency_text(hertz: float) -> str:
-    """Return a frequency [Hz] with a unit that suits it."""
+    """Return a frequency with a unit that suits it.
+
+    Parameters
+    ----------
+    hertz
+        Frequency [Hz].
+
+    Returns
+    -------
+    str
+        Number and unit.
+    """
     return _TEXT.format_field(hertz, "frequency")
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from radarsim_addon.blender.plan import shortest_decimal
 from radarsim_addon.errors import ConfigError, FrameFileError
 from radarsim_addon.option_arguments import add_arguments, given, settings_table
 from radarsim_addon.option_files import from_json
@@ -19,7 +20,6 @@ from radarsim_addon.options import (
     check_settings,
     declared,
     setting,
-    shortest_decimal,
 )
 
 KINDS = (("lfm", "LFM pulse", "Linear chirp"), ("fmcw", "FMCW", "De-chirp"))

@@ -20,6 +20,7 @@ from .run_plan import (
     run_record,
 )
 from .run_settings import RunSettings
+from .window_settings import merged, shortest_decimal
 
 __all__ = [
     "FINEST_PITCH",
@@ -41,9 +42,11 @@ __all__ = [
     "given_settings",
     "instant_at",
     "make_plan",
+    "merged",
     "parse_frames",
     "parse_render_arguments",
     "preset_settings",
     "render_settings",
     "run_record",
+    "shortest_decimal",
 ]

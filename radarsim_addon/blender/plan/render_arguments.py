@@ -9,11 +9,12 @@ from typing import Any
 
 from ...errors import ConfigError
 from ...option_arguments import add_arguments, finite_number, given
-from ...options import Declared, declared, merged
+from ...options import Declared, declared
 from ...signal.radar import WAVEFORM_KINDS, Burst
 from .measurement import Measurement, parse_frames
 from .path_options import PathOptions
 from .run_settings import RunSettings
+from .window_settings import merged
 
 #: Settings that one sampling mode alone has.
 _RINGS = ("rings", "ring_step_m", "samples")

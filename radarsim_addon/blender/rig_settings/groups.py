@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 import bpy
 
 from ...errors import ConfigError, SettingNameError
-from ...options import Declared, declared, shortest_decimal
+from ...options import Declared, declared
+from ..plan import shortest_decimal
 
 Record = TypeVar("Record")
 Change = Callable[[Any], None]

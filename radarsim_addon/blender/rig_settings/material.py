@@ -13,10 +13,10 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
-from ...options import shortest_decimal
 from ...physics.material_model import Parameter
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
+from ..plan import shortest_decimal
 from .radar import carrier_hz
 
 MATERIAL_PROPERTY = "radarsim"

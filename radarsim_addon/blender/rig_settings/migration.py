@@ -13,7 +13,8 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ...options import Declared, shortest_decimal
+from ...options import Declared
+from ..plan import shortest_decimal
 from ..scene import ACTIVE_RADAR_PROPERTY, is_transmitter, radar_of, radars
 from .groups import write
 from .radar import ANTENNA_SETTINGS, RADAR_PROPERTY, RADAR_SETTINGS, swept_hz

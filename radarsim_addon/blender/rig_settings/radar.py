@@ -16,7 +16,7 @@ import bpy
 
 from ...contract import AntennaRecord, LinkBudget
 from ...errors import ConfigError, OutputError, SceneError
-from ...options import Declared, declared, merged, shortest_decimal
+from ...options import Declared, declared
 from ...signal.radar import (
     PATTERNS,
     WAVEFORM_KINDS,
@@ -28,7 +28,7 @@ from ...signal.radar import (
     self_contained,
 )
 from ..materials import refresh_materials
-from ..plan import Measurement, PathOptions, RunSettings
+from ..plan import Measurement, PathOptions, RunSettings, merged, shortest_decimal
 from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, is_transmitter
 from .groups import Settings, property_group, write
 

@@ -24,7 +24,6 @@ import bpy
 
 from ... import __version__, contract
 from ...findings import Finding, finding, merge
-from ...options import shortest_decimal
 from ..materials import is_physical
 from ..nodes import refresh_groups
 from ..plan import (
@@ -38,6 +37,7 @@ from ..plan import (
     fingerprint,
     instant_at,
     make_plan,
+    shortest_decimal,
 )
 from ..scene import (
     Rig,

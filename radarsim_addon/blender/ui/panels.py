@@ -9,7 +9,7 @@ import bpy
 
 from ...errors import RadarSimError
 from ...findings import Finding, length_text
-from ...options import declared, shortest_decimal
+from ...options import declared
 from ..plan import (
     Extent,
     Measurement,
@@ -17,6 +17,7 @@ from ..plan import (
     check_unit_scale,
     config_findings,
     derive,
+    shortest_decimal,
 )
 from ..rig_settings import (
     PROGRESS_PROPERTY,

@@ -160,7 +160,7 @@ class _Sums:
     """Sums over tiles: the mean of the replicates, and the variance of that mean."""
 
     def __init__(self, groups: int, replicates: int, camera: ReceiverRecord) -> None:
-        self._shifts, self._camera = replicates, camera
+        self._replicates, self._camera = replicates, camera
         self._mean = np.zeros((2, groups))
         self._variance = np.zeros((2, groups))
         self._paths = np.zeros(groups, dtype=np.int64)
@@ -178,18 +178,18 @@ class _Sums:
             self._paths[group] += np.count_nonzero(mine)
             self._range[group] += power[mine] @ rows["length_m"][mine] / 2
             self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
-            if self._shifts == 1:
+            if self._replicates == 1:
                 for place, value in enumerate((power[mine], rcs[mine])):
                     self._add_lone(place, int(group), rows[mine], value)
                 continue
             least = self._least_relative(rows[mine], power[mine])
             for place, value in enumerate((power, rcs)):
-                by_shift = self._shifts * np.bincount(
-                    rows["replicate"][mine], value[mine], minlength=self._shifts
+                by_replicate = self._replicates * np.bincount(
+                    rows["replicate"][mine], value[mine], minlength=self._replicates
                 )
-                self._mean[place, group] += by_shift.mean()
-                scatter = by_shift.var(ddof=1) / self._shifts
-                self._variance[place, group] += max(scatter, least * by_shift.mean() ** 2)
+                self._mean[place, group] += by_replicate.mean()
+                scatter = by_replicate.var(ddof=1) / self._replicates
+                self._variance[place, group] += max(scatter, least * by_replicate.mean() ** 2)
 
     def _add_lone(self, place: int, group: int, rows: PathRows, value: Real) -> None:
         """Add a tile of one replicate: its edges, and the differences between neighbours."""
@@ -206,12 +206,12 @@ class _Sums:
         if not total > 0:
             return 0.0
         variance = 0.0
-        for shift in range(self._shifts):
-            own = rows["replicate"] == shift
+        for replicate in range(self._replicates):
+            own = rows["replicate"] == replicate
             label = np.ones(np.count_nonzero(own), dtype=np.int64)
-            value = self._shifts * power[own] / total
-            found = edge_variances(rows[own], label, value, self._camera, self._shifts)
-            variance += float(found[-1]) / self._shifts
+            value = self._replicates * power[own] / total
+            found = edge_variances(rows[own], label, value, self._camera, self._replicates)
+            variance += float(found[-1]) / self._replicates
         return variance
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:

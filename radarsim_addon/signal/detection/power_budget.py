@@ -19,7 +19,7 @@ from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
 from ..scattering import Link, antenna_motion
 from .objects import ObjectEcho, object_echoes
 
-#: Share of a frame's power in paths of unknown last vertex that is worth a warning.
+#: Fraction of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
 #: Objects below this level relative to the strongest one are rounding [dB].
 _LEAST_DB = -200.0
@@ -81,7 +81,7 @@ class BudgetReport:
     received_w
         All paths together [W].
     noise_w
-        Thermal noise of one complex sample at the receiver's input; None without a system [W].
+        Thermal noise of one complex sample at the receiver's input; None without a link budget [W].
     objects
         Objects that echo, the strongest first; none for rings.
     snr
@@ -144,7 +144,7 @@ class BudgetReport:
 
 
 class FrameBudget:
-    """Applies a power budget to the paths of a frame as they stream by.
+    """Applies a link budget to the paths of a frame as they stream by.
 
     Parameters
     ----------

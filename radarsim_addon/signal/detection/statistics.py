@@ -13,7 +13,7 @@ from ..paths import PathCounts, PathFlag, Paths, path_power_w
 from ..radar import Radar, range_limit
 from ..runs import RadarFrame
 
-#: Share of the received power in mixed pixels above which a frame carries a warning.
+#: Fraction of the received power in mixed pixels above which a frame carries a warning.
 MIXED_POWER_WARNING = 0.05
 
 
@@ -132,7 +132,20 @@ def frame_statistics(
 
 
 def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Finding]:
-    """Find what to know before you trust a frame's products."""
+    """Find what to know before you trust a frame's products.
+
+    Parameters
+    ----------
+    statistics
+        Of the frame.
+    radar
+        Waveform and burst, whose ambiguities count.
+
+    Returns
+    -------
+    list of Finding
+        Empty where there is nothing to report.
+    """
     counts, found = statistics.counts, []
     if counts.paths == 0:
         found.append(finding("no-echo"))

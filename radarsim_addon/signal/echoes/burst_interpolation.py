@@ -41,7 +41,17 @@ def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
 
 
 def render_times_s(frame_input: FrameInput) -> list[float]:
-    """When each render of a frame's burst shows the scene, after the frame's time t [s].
+    """Return when each render of a frame's burst shows the scene, after the frame's time t.
+
+    Parameters
+    ----------
+    frame_input
+        Frame of the sampling mode "paths".
+
+    Returns
+    -------
+    list of float
+        Ascending times, one for each render [s].
 
     Raises
     ------
@@ -68,6 +78,11 @@ def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Ec
         a time if they come from a generator.
     shown_s
         When each render shows the scene, ascending [s].
+
+    Returns
+    -------
+    Echoes
+        Samples (channels, rows, samples); between two renders their weights are linear in time.
     """
     weighted = (_weighted(part, shown_s, number) for number, part in enumerate(parts))
     return functools.reduce(_sum, weighted)

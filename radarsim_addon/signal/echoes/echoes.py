@@ -30,7 +30,7 @@ class Echoes:
     Attributes
     ----------
     samples
-        s(t_m, tau_n), (channels, rows, samples); |s|^2 in W for weighting "radar-equation". One row
+        s(t_m, tau_n), (channels, rows, samples); |s|^2 in W for "radar-equation". One row
         per pulse; PMCW has one per code.
     first_sample_s
         Fast time of sample 0, from the middle of the transmitted pulse [s].
@@ -87,7 +87,17 @@ class Echoes:
 
 
 def only_channel(values: Values) -> Values:
-    """Return values of shape (1, ...) without their first axis.
+    """Return values of a single channel without the axis of channels.
+
+    Parameters
+    ----------
+    values
+        (1, ...).
+
+    Returns
+    -------
+    ndarray
+        (...), a view.
 
     Raises
     ------
@@ -105,6 +115,18 @@ def only_channel(values: Values) -> Values:
 def one_channel(radar: Radar, number: int) -> Radar:
     """Return the radar with one of its channels, counted from 0.
 
+    Parameters
+    ----------
+    radar
+        Radar of at least one channel.
+    number
+        Channel, 0 to channels - 1.
+
+    Returns
+    -------
+    Radar
+        With that channel alone.
+
     Raises
     ------
     ConfigError
@@ -119,13 +141,40 @@ def one_channel(radar: Radar, number: int) -> Radar:
 
 
 def pulse_times_s(radar: Radar) -> Real:
-    """t_m = m / PRF, (pulses,) [s]."""
+    """Return the times of the pulses, t_m = m / PRF.
+
+    Parameters
+    ----------
+    radar
+        Radar whose burst counts.
+
+    Returns
+    -------
+    ndarray
+        (pulses,) [s].
+    """
     times: Real = np.arange(radar.burst.pulses) / radar.burst.prf_hz
     return times
 
 
 def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
-    """The range window as two floats, 0 <= start < stop, or a ConfigError."""
+    """Return the range limits as two floats.
+
+    Parameters
+    ----------
+    range_limits_m
+        One-way ranges (start, stop) [m].
+
+    Returns
+    -------
+    start_m, stop_m
+        The same [m].
+
+    Raises
+    ------
+    ConfigError
+        Not 0 <= start < stop, or an infinite stop.
+    """
     start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
     if not (np.isfinite(stop_m) and 0 <= start_m < stop_m):
         raise ConfigError(
@@ -144,13 +193,13 @@ class EchoOptions:
         "radar-equation" or "paper", see :func:`.scattering.path_amplitude`.
     receiver_gain
         G_r, linear.
-    method
+    nufft_backend
         "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
         term by term: slow, for checks).
     tolerance
         Relative L2 error of the spectrum S(f) against the direct sum, see
         :mod:`.spectrum.accumulator`.
-    synthesis
+    slow_time_transform
         "auto", "type3", "per-pulse" or "direct", see
         :class:`.spectrum.accumulator.SpectrumAccumulator`.
     range_folding

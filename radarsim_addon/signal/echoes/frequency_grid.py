@@ -29,9 +29,17 @@ def line_waveform(radar: Radar) -> LineWaveform:
 
 
 def line_times_s(radar: Radar) -> Real:
-    """When each row of samples begins, from the frame's time [s].
+    """Return when each row of samples begins, from the frame's time.
 
-    One row a pulse; PMCW has one a code, `repeats` of them a pulse.
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+
+    Returns
+    -------
+    ndarray
+        (rows,) [s]; one row per pulse, for PMCW one per code, `code_repeats` of them per pulse.
     """
     waveform = radar.waveform
     times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz

@@ -33,7 +33,7 @@ from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inac
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
 
-#: A delay of 0 is heard, too.
+#: A delay of 0 is received, too.
 _JUST_BEFORE_S = 1e-30
 
 

@@ -28,7 +28,7 @@ from .frequency_grid import line_times_s, line_waveform
 
 #: Samples of the oscillator's phase over a burst (512 MB with its spectrum).
 _MOST_SAMPLES = 1 << 25
-#: Delays for which the phase is formed, as a share of the period of the fastest fluctuation;
+#: Delays for which the phase is formed, as a fraction of the period of the fastest fluctuation;
 #: straight between them: at most 0.5 % of it off (-46 dB).
 _DELAY_SHARE = 1 / 32
 #: Spectrum below which the pulse is taken to hold nothing, relative to its strongest frequency.
@@ -77,7 +77,17 @@ class PhaseNoise:
 
 
 def load_phase_noise(path: str | Path) -> PhaseNoise:
-    """Phase noise from a table (CSV): offset_hz, level_dbc_hz, rising.
+    """Read phase noise from a table (CSV) with the columns offset_hz and level_dbc_hz.
+
+    Parameters
+    ----------
+    path
+        CSV file; offsets from the carrier [Hz] ascend, levels are single-sideband [dBc/Hz].
+
+    Returns
+    -------
+    PhaseNoise
+        Spectrum of the oscillator's phase.
 
     Raises
     ------

@@ -112,7 +112,7 @@ class ReceivedSignal:
 
 
 def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> ReceivedSignal:
-    """What the receiver makes of echoes.
+    """Return the samples that a receiver records of echoes.
 
     In this order: phase noise of the oscillator (not for FMCW and stepped frequency, which take it
     in the synthesis), thermal noise of the bandwidth fs, the one channel of a real ADC, its bits.
@@ -124,10 +124,15 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
     receiver
         None: ideal.
 
+    Returns
+    -------
+    ReceivedSignal
+        Samples (channels, rows, samples), noise power [W], scale and clipping of the ADC.
+
     Raises
     ------
     ConfigError
-        Thermal noise with the weighting "paper", whose amplitudes are no powers.
+        Thermal noise with the amplitude model "paper", whose amplitudes are no powers.
     """
     receiver = receiver or Receiver()
     waveform = echoes.radar.waveform
@@ -138,9 +143,9 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
     if receiver.noise_figure_db is not None:
         if echoes.amplitude_model != "radar-equation":
             raise ConfigError(
-                f"Thermal noise is in watts, amplitudes of the weighting "
-                f"{echoes.amplitude_model!r} are "
-                "not. Use the weighting 'radar-equation', or no noise."
+                "Thermal noise is in watts; amplitudes of the amplitude model "
+                f"{echoes.amplitude_model!r} are not. Use the amplitude model 'radar-equation', "
+                "or no thermal noise."
             )
         noise_w = float(
             noise_power_w(
@@ -167,7 +172,7 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
 
 
 def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:
-    """Real values rounded to the steps of an ADC with two's complement.
+    """Round real values to the steps of an ADC with two's complement.
 
     Codes run from -2^(bits-1) to 2^(bits-1) - 1, in steps of full scale / 2^(bits-1). One bit is
     the sign alone, as half of full scale.
@@ -175,7 +180,7 @@ def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[
     Parameters
     ----------
     values
-        Of any shape; I and Q beside one another.
+        Of any shape; I and Q next to one another.
     bits
         Sign included.
     full_scale

@@ -27,7 +27,7 @@ def synthesizer_for(
     link: Link | None = None,
     antennas: AntennaMotion | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
-    """The synthesizer for the waveform's family.
+    """Return the synthesizer for the waveform's family.
 
     Parameters
     ----------
@@ -45,10 +45,15 @@ def synthesizer_for(
     antennas
         Motion of the antennas, for channels of elements away from their origins; None: the link's.
 
+    Returns
+    -------
+    EchoSynthesizer or StretchSynthesizer
+        Takes paths in parts with ``add``; ``result`` returns the `Echoes`.
+
     Raises
     ------
     ConfigError
-        The window is empty or reversed, or the matrix of echoes too large.
+        The range limits are empty or reversed, or the matrix of echoes is too large.
     """
     if radar.waveform.family == "pulse":
         return EchoSynthesizer(radar, range_limits_m, options, link=link, antennas=antennas)
@@ -105,7 +110,7 @@ def synthesize(
 
     Notes
     -----
-    Stop and go: a path's delay is that of the time of the pulse in whose window it is heard.
+    Stop and go: a path's delay is that of the time of the pulse in whose window it is received.
     A folded echo has the carrier phase of its true delay, for the oscillator runs on.
     """
     options = EchoOptions(

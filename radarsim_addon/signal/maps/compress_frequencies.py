@@ -19,7 +19,20 @@ from ..spectrum import Backend, nufft1
 
 
 def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
-    """Weights g_k of the frequencies, (N,), in the order of the frequencies."""
+    """Return the weights g_k of the frequencies.
+
+    Parameters
+    ----------
+    waveform
+        FMCW, stepped frequency or PMCW.
+    range_taper
+        Window over the band, see :mod:`.radar.windows`; PMCW takes the spectrum of its code.
+
+    Returns
+    -------
+    ndarray
+        (frequencies,), in the order of the frequencies.
+    """
     if isinstance(waveform, PmcwWaveform):
         return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
     return slow_time_window(range_taper, waveform.grid_count)

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Standard errors of range profile and range-Doppler map, from replicates.
 
-In the acquisition "paths" every tile is measured with several sub-pixel shifts of its grid. Each
-shift is an estimate of profile and map; the scatter of the estimates gives the variance of their
-mean. Shifts are spread more evenly than by chance, so the error is, if anything, too large.
+In the sampling mode "paths" every tile is measured with several replicates: its grid, moved by
+fractions of a pixel. Each replicate is an estimate of profile and map; the scatter of the estimates
+gives the variance of their mean. Replicates are spread more evenly than by chance, so the error is,
+if anything, too large.
 
 The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
 :mod:`.paths.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the
-limb of a sphere) all shifts are wrong alike. All S of them together are a grid S times as dense, so
-each path may be spread over an S-th of its pixel instead; what that changes is part of the standard
-error.
+limb of a sphere) all replicates have the same error. All S of them together are a grid S times as
+dense, so each path may be spread over an S-th of its pixel instead; what that changes is part of
+the standard error.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ class ExpectedPower:
     map, map_error
         Power in the range-Doppler map and its standard error, (pulses, ranges).
     gaps_from_m
-        Range from which on most rays of all shifts are further apart than range cells: there single
-        rays leave gaps that are not in the scene; infinite where there are none [m].
+        Range from which on most rays of all replicates are further apart than range cells: there
+        single rays leave gaps that are not in the scene; infinite where there are none [m].
     """
 
     range_m: Real
@@ -235,7 +236,7 @@ class _Replicates:
 
 
 class _Gaps:
-    """Where most rays are further apart than range cells, in all shifts together."""
+    """Where most rays are further apart than range cells, in all replicates together."""
 
     _BINS = 200
 

@@ -171,7 +171,18 @@ def range_process(
 
 
 class ProfileAccumulator:
-    """Adds up the expected power of paths that come in parts; see `expected_power_profile`."""
+    """Adds up the expected power of paths that come in parts.
+
+    Parameters
+    ----------
+    radar, range_limits_m, range_taper, amplitude_model, receiver_gain, oversample, nufft_backend
+        See :func:`expected_power_profile`.
+
+    Raises
+    ------
+    ConfigError
+        Oversampling below 2, unsuitable range limits, or a profile of too many ranges.
+    """
 
     def __init__(
         self,
@@ -223,7 +234,7 @@ class ProfileAccumulator:
             return
         offset_m = paths.range_m - self._range_m[0]
         span_m = self._range_m[-1] - self._range_m[0]
-        # echoes beyond the unambiguous range are heard folded; once, or more often in a long window
+        # echoes beyond the unambiguous range are folded; once, or more often in a long window
         fold_m = self._radar.burst.unambiguous_range_m
         low = np.floor((offset_m - span_m - self._margin_m) / fold_m) + 1
         copies = np.ceil((offset_m + self._margin_m) / fold_m) - low
@@ -261,7 +272,7 @@ def expected_power_profile(
     oversample: int = 4,
     nufft_backend: Backend = "auto",
 ) -> PowerProfile:
-    """The profile that the matched filter shows on average over the speckle.
+    """Return the profile of the matched filter, averaged over the speckle.
 
     The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path: what the
     coherent profile fluctuates about when the phases of the paths are random. Taken at t, before
@@ -283,6 +294,11 @@ def expected_power_profile(
         Ranges per sample of the echo, at least 2.
     nufft_backend
         Engine of the non-uniform FFT.
+
+    Returns
+    -------
+    PowerProfile
+        Expected power against one-way range, (ranges,) [W], [m].
 
     Notes
     -----

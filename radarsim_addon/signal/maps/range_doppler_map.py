@@ -18,7 +18,22 @@ FLOOR_DB = -300.0
 
 
 def power_to_db(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
-    """10 log10(power / reference), never below `floor_db`; zero power gives the floor."""
+    """Return 10 log10(power / reference), never below a floor.
+
+    Parameters
+    ----------
+    power
+        Any shape; zero gives the floor.
+    reference
+        Power of 0 dB, in the unit of `power`.
+    floor_db
+        Smallest level [dB].
+
+    Returns
+    -------
+    ndarray
+        Levels in the shape of `power` [dB].
+    """
     level = np.full(np.shape(power), float(floor_db))
     relative = np.asarray(power, dtype=np.float64) / reference
     np.log10(relative, out=level, where=relative > 0)
@@ -26,12 +41,34 @@ def power_to_db(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB)
 
 
 def level_unit(amplitude_model: str) -> str:
-    """Unit of a level: dBW with the weighting "radar-equation", whose powers are watts."""
+    """Return the unit of a level.
+
+    Parameters
+    ----------
+    amplitude_model
+        See :func:`.scattering.path_amplitude`.
+
+    Returns
+    -------
+    str
+        "dBW" with "radar-equation", whose powers are watts, else "dB".
+    """
     return "dBW" if amplitude_model == "radar-equation" else "dB"
 
 
 def power_unit(amplitude_model: str) -> str:
-    """Unit of a picture's powers in decibels: "dBW", or "" where they are no watts."""
+    """Return the unit of a picture's powers in decibels.
+
+    Parameters
+    ----------
+    amplitude_model
+        See :func:`.scattering.path_amplitude`.
+
+    Returns
+    -------
+    str
+        "dBW", or "" where powers are no watts.
+    """
     return "dBW" if amplitude_model == "radar-equation" else ""
 
 
@@ -63,7 +100,7 @@ class RangeDopplerMap:
 
     @property
     def power(self) -> Real:
-        """|values|^2, (channels, Doppler, ranges); W for weighting "radar-equation"."""
+        """|values|^2, (channels, Doppler, ranges); W for "radar-equation"."""
         return np.asarray(np.abs(self.values) ** 2)
 
     @property
@@ -118,7 +155,7 @@ class RangeDopplerMap:
 
 
 def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> RangeDopplerMap:
-    """Range-Doppler map of a burst.
+    """Return the range-Doppler map of a burst.
 
     Parameters
     ----------
@@ -126,6 +163,11 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
         Compressed pulses.
     doppler_taper
         Window over the pulses, see :mod:`.radar.windows`.
+
+    Returns
+    -------
+    RangeDopplerMap
+        Amplitudes (channels, pulses, ranges) against Doppler (pulses,) [Hz] and range [m].
 
     Notes
     -----

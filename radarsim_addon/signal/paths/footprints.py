@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ranges and range rates a pixel's surface covers, told from the pixels beside it.
+"""What ranges and range rates a pixel's surface covers, told from its neighbours.
 
 A path stands for all that its pixel sees. Where a surface is seen at grazing incidence, that is a
 stretch of many range cells, and a profile of single paths has an echo in one of them and nothing
 in the others. Between the rays of one object the surface is taken to be straight: from its own ray
-a pixel reaches half-way to those beside it, and its power, which it keeps, is spread over that as
+a pixel reaches half-way to its neighbours, and its power, which it keeps, is spread over that as
 theirs tell. For expected powers alone: echoes with phase need points.
 
 Nothing is spread at orders above 1 (which chance rules), where the ranges to both sides say
 opposite things (the nearest point of a sphere, an edge that juts out), and beyond the last ray of
 an object where it comes nearer (a strong one would lend power to ranges before it); where it
-recedes (a limb, a horizon) it goes on for half a pixel. Where the steps to both sides differ too
+recedes (a limb, a horizon) it continues for half a pixel. Where the steps to both sides differ too
 much (a step in the surface), the smaller one counts.
 """
 
@@ -31,8 +31,8 @@ from .table_files import usable
 
 #: Neighbours on both sides are of one smooth surface where their steps differ by less than this.
 _STEEPER = 4.0
-#: Largest step of power that is followed, as a share of it: half of it along two axes is less than
-#: all there is.
+#: Largest step of power that is followed, as a fraction of it: half of it along two axes is less
+#: than all there is.
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
 _POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
@@ -177,8 +177,8 @@ def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Rea
         first, last = pair(step)
         before = np.where(monotonic, np.where(take_first, last, first), 0.0)
         after = np.where(monotonic, np.where(take_last, first, last), 0.0)
-        # Nobody knows how far a surface goes beyond the last ray. Where it comes nearer, that half
-        # stays at the ray; where it recedes (a limb, a horizon), the step before goes on.
+        # How far a surface extends beyond the last ray is unknown. Where it comes nearer, that half
+        # stays at the ray; where it recedes (a limb, a horizon), the step before continues.
         found.append((np.where(goes_before, before, 0.0), np.where(goes_after, after, 0.0)))
     return found
 

@@ -12,7 +12,7 @@ from ...array_types import Integers, Real
 from ...contract import ReceiverRecord
 from .table import PathRows
 
-#: Angles between rays of a sphere that are rounding, as a share of a pixel's side.
+#: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side.
 _SAME = 1e-3
 #: Pixels whose median tells the pitch, which is the same for all.
 _ENOUGH = 1 << 12

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sub-pixel replicates of a pixel grid as replicates, and what edges along the grid make uncertain.
+"""Sub-pixel replicates of a pixel grid, and what edges along the grid make uncertain.
 
 The scatter of the replicates tells the error of their mean, but for edges that run along the grid:
 a side of 20.1 pixels holds 20 columns in all replicates, more often than not, and nothing of the
 tenth of a column is seen in their scatter. What can be said of such an edge is that it lies
 somewhere between the rays nearest to it. That bounds the error from below, run by run of pixels
-whose edge lies in one line; an edge aslant has short runs and adds little.
+whose edge lies in one line; an oblique edge has short runs and adds little.
 
-One replicate alone has no replicates. Its error is that of its edges, and what neighbouring pixels
+A single replicate has no scatter. Its error is that of its edges, and what neighbouring pixels
 of one surface differ by.
 """
 

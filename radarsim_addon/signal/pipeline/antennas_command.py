@@ -23,25 +23,25 @@ def add_antennas_parser(commands: Subcommands) -> None:
         help="picture of the antennas' patterns",
         epilog="example: radarsim antennas link_budget.json --carrier-ghz 77",
     )
-    parser.add_argument("source", metavar="DIR|FILE", help="folder of a run, or a system file")
+    parser.add_argument("source", metavar="DIR|FILE", help="folder of a run, or a link budget file")
     parser.add_argument(
         "--out",
         metavar="DIR",
-        help="where the picture goes; else DIR/products of a run, the folder of a system file",
+        help="where the picture goes; else DIR/products of a run, the folder of a link budget file",
     )
-    parser.add_argument("--carrier-ghz", type=float, help="carrier, for a system file")
+    parser.add_argument("--carrier-ghz", type=float, help="carrier, for a link budget file")
 
 
 def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> int:
-    """Draw the antennas of a run or of a system file; returns the exit code.
+    """Draw the antennas of a run or of a link budget file; returns the exit code.
 
     Parameters
     ----------
     source
-        Folder of a run, or a system file.
+        Folder of a run, or a link budget file.
     out
         Folder for the picture, made where missing; None: where the run's products are
-        (``antennas.png``, as processing names it), or beside the file, under its name.
+        (``antennas.png``, as processing names it), or next to the file, under its name.
     carrier_ghz
         Carrier [GHz]; None: the run's.
 
@@ -57,7 +57,9 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
         record, wavelength_m = run.record.link_budget, run.radar.waveform.wavelength_m
         place, name = path / PRODUCTS_DIR, ANTENNA_PICTURE
         if record is None:
-            raise ConfigError(f"{path} is a run without a system; give a system file instead.")
+            raise ConfigError(
+                f"{path} is a run without a link budget; give a link budget file instead."
+            )
     else:
         record, wavelength_m = read_system(path), math.nan
         place, name = path.parent, f"{path.stem}_{ANTENNA_PICTURE}"
@@ -65,7 +67,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
         wavelength_m = SPEED_OF_LIGHT_MPS / (carrier_ghz * 1e9)
     if not wavelength_m > 0:
         given = "No carrier" if carrier_ghz is None else f"Carrier of {carrier_ghz:g} GHz"
-        raise ConfigError(f"{given}: a system file holds none, give --carrier-ghz, above 0.")
+        raise ConfigError(f"{given}: a link budget file holds none, give --carrier-ghz, above 0.")
     system = make_system(record, wavelength_m)
     folder = make_folder(place if out is None else Path(out))
     target = save_figure(plot_antennas(system), folder / name)

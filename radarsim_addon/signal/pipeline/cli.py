@@ -46,7 +46,7 @@ def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | None = None) -> int:
-    """Run the command; return its exit code.
+    """Run the command and return its exit code.
 
     Parameters
     ----------
@@ -54,6 +54,11 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         Words of the command line; None: those of the process.
     others
         Commands of the caller with their help, for the list of commands.
+
+    Returns
+    -------
+    int
+        0, 130 after an interruption, or the exit code of the named error.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["rcs"]:  # its name in 0.1
@@ -78,7 +83,7 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         return 0
     except KeyboardInterrupt:
         print("Interrupted: files written so far are whole.", file=sys.stderr)
-        return 130  # 128 + SIGINT, as shells have it
+        return 130  # 128 + SIGINT, as in shells
 
 
 def _process(chosen: argparse.Namespace) -> int:
@@ -126,10 +131,10 @@ def _print_frame(result: FrameResult) -> None:
     print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
     for edge in result.edges:
         place = digits.range_text(edge.range_m)
-        print(f"  leading edge {place}   level {edge.level_db:z8.2f} {unit}")
+        print(f"  leading edge  {place}   level {edge.level_db:z8.2f} {unit}")
     for peak in result.moving_targets:
         print(
-            f"  mover        {digits.range_text(peak.range_m)}   "
+            f"  moving target {digits.range_text(peak.range_m)}   "
             f"level {peak.level_db:z8.2f} {unit}   "
             f"{digits.motion_text(peak.velocity_mps, peak.doppler_hz)}   "
             f"{peak.peak_to_background_db:.1f} dB above its surroundings"
@@ -138,7 +143,7 @@ def _print_frame(result: FrameResult) -> None:
         found = result.detections
         count = target_count(len(found.targets), found.left_out)
         cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
-        print(f"  CFAR         {count}, {cells} above the threshold")
+        print(f"  CFAR          {count}, {cells} above the threshold")
         for line in detection_lines(found.targets, result.rd_map):
             print(f"  {line}")
     for line in result.budget.lines():

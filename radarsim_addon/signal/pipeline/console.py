@@ -29,7 +29,7 @@ class Digits:
         return f"{fixed(range_m, self.range):>10} m"
 
     def motion_text(self, velocity_mps: float, doppler_hz: float) -> str:
-        """Range rate and Doppler, right-aligned; what stands still has no sign."""
+        """Range rate and Doppler, right-aligned; a rate of 0 has no sign."""
         rate = fixed(velocity_mps, self.rate, signed=True)
         doppler = fixed(doppler_hz, self.doppler, signed=True)
         return f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"

@@ -51,8 +51,8 @@ from .options import ResolvedOptions
 
 #: Carriers that differ by more than this are worth a word about materials.
 _CARRIER_SLACK = 0.01
-#: Slowest moving target, in Doppler cells, where echoes are blended over the burst: what is blended
-#: has sidelobes of its own beside 0 Hz.
+#: Slowest moving target, in Doppler cells, where echoes are blended over the burst: blending
+#: makes sidelobes next to 0 Hz.
 _SLOWEST_BLENDED_CELLS = 3.0
 
 

@@ -90,7 +90,7 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
 
 def _print_quality(record: PathsRecord) -> None:
     """What the table of a frame says of itself."""
-    replicates = "1 shift" if record.replicates == 1 else f"{record.replicates} shifts"
+    replicates = "1 replicate" if record.replicates == 1 else f"{record.replicates} replicates"
     print(
         f"  tiles            {record.tiles}, {replicates} each, finest level "
         f"{record.finest_refinement_level}; {record.renders} renders in "

@@ -37,7 +37,7 @@ def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], lis
     )
     parser.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
     parser.add_argument(
-        "--link-budget", "--system", metavar="FILE", help="power budget (JSON) [the run's own]"
+        "--link-budget", "--system", metavar="FILE", help="link budget (JSON) [the run's own]"
     )
 
 

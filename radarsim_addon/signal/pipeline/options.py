@@ -168,16 +168,19 @@ class ProcessOptions:
         )
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class ResolvedOptions(ProcessOptions):
     """Options for a run, with nothing left open; made by :meth:`ProcessOptions.for_run`.
 
-    Attributes
+    Parameters
     ----------
     amplitude_model, radar
         As in `ProcessOptions`, never None.
     limits_m
         One-way ranges (start, stop) of all frames [m].
+    receiver, cfar
+        As in `ProcessOptions`.
     """
 
     amplitude_model: AmplitudeModel

@@ -149,7 +149,7 @@ def _process_frames(
                 yield Progress(finished, total, event)
     if not maps:
         raise FrameFileError(
-            f"{run.path} has no complete frame to process. Render the run again: it goes on where "
+            f"{run.path} has no complete frame to process. Render the run again: it resumes where "
             "it stopped."
         )
     path = folder / ANIMATION_FILE
@@ -186,7 +186,7 @@ def _is_complete(frame: RadarFrame, allow_incomplete: bool) -> bool:
     if gaps and not allow_incomplete:
         raise FrameFileError(
             f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
-            f"{gaps[0].reason}. Render the run again: it goes on where it stopped. Or process only "
+            f"{gaps[0].reason}. Render the run again: it resumes where it stopped. Or process only "
             "what is complete with --allow-incomplete."
         )
     return not gaps

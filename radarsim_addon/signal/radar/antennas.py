@@ -59,7 +59,13 @@ class Scaled:
 
 @dataclass(frozen=True)
 class ConstantGain:
-    """The same gain in all directions: what the radar equation with one number for G means."""
+    """The same gain in all directions: what the radar equation with one number for G means.
+
+    Attributes
+    ----------
+    gain_dbi
+        Gain over isotropic [dBi].
+    """
 
     gain_dbi: float = 0.0
 
@@ -76,7 +82,7 @@ class ConstantGain:
 def make_antenna(
     record: AntennaRecord, wavelength_m: float, whose: str = "Transmitter's"
 ) -> PeakedAntenna:
-    """The antenna that a record describes.
+    """Return the antenna that a record describes.
 
     Parameters
     ----------
@@ -86,6 +92,11 @@ def make_antenna(
         Of the carrier [m]; apertures and arrays depend on it.
     whose
         For messages.
+
+    Returns
+    -------
+    PeakedAntenna
+        Antenna with its gain and peak gain, linear.
 
     Raises
     ------
@@ -114,7 +125,7 @@ def make_antenna(
 
 
 def self_contained(record: AntennaRecord, folder: Path | None = None) -> AntennaRecord:
-    """The record with the contents of the file that it names, if it names one.
+    """Return a record with the contents of the file that it names, if it names one.
 
     Parameters
     ----------
@@ -122,6 +133,11 @@ def self_contained(record: AntennaRecord, folder: Path | None = None) -> Antenna
         Antenna.
     folder
         What a relative name is relative to; None: the working folder.
+
+    Returns
+    -------
+    AntennaRecord
+        Table of angles [deg] and gains [dB]; `record` itself where it names no file.
 
     Raises
     ------

@@ -17,7 +17,7 @@ BARKER = {
     13: "+++++--++-+-+",
 }
 
-#: Exponents, beside the degree and 0, of one primitive polynomial over GF(2) for each degree
+#: Exponents, apart from the degree and 0, of one primitive polynomial over GF(2) for each degree
 #: (Peterson and Weldon, Error-Correcting Codes, appendix C).
 _PRIMITIVE = {
     2: (1,), 3: (1,), 4: (1,), 5: (2,), 6: (1,), 7: (1,), 8: (4, 3, 2), 9: (4,), 10: (3,),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar's power budget: transmit power, antennas, losses, noise.
+"""The radar's link budget: transmit power, antennas, losses, noise.
 
 Without a system a path brings the power that an emitter of the lamp's EIRP in all directions gives
 to an isotropic receiver. With one, each path's power is that times
@@ -33,7 +33,7 @@ _RECORD_ONLY = ("schema", "schema_version")
 
 @dataclass(frozen=True)
 class RadarSystem:
-    """A power budget that was checked, its antennas ready for use.
+    """A link budget that was checked, its antennas ready for use.
 
     Attributes
     ----------
@@ -66,12 +66,24 @@ class RadarSystem:
 
 
 def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
-    """Check a power budget and make its antennas.
+    """Check a link budget and make its antennas.
+
+    Parameters
+    ----------
+    record
+        Powers, losses, noise and antennas.
+    wavelength_m
+        Of the carrier [m].
+
+    Returns
+    -------
+    RadarSystem
+        The link budget with its two antennas.
 
     Raises
     ------
     ConfigError
-        A number out of range, an antenna that cannot be made, an unknown weighting.
+        A number out of range, an antenna that cannot be made, an unknown amplitude model.
     """
     check_settings(record)
     return RadarSystem(
@@ -83,10 +95,19 @@ def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
 
 
 def read_system(path: str | Path) -> LinkBudget:
-    """Read a power budget from JSON; the fields of `LinkBudget`, those left out as there.
+    """Read a link budget from JSON.
 
-    Antenna tables may be named by ``"file"``, relative to the JSON file. A ``run.json`` will do
-    as well: its system is taken.
+    Parameters
+    ----------
+    path
+        JSON file with fields of `LinkBudget`; those left out take its defaults. Its antennas may
+        name tables by ``"file"``, relative to the JSON file. From a ``run.json`` the link budget
+        of the run is taken.
+
+    Returns
+    -------
+    LinkBudget
+        With the contents of antenna tables.
 
     Raises
     ------
@@ -97,13 +118,15 @@ def read_system(path: str | Path) -> LinkBudget:
     try:
         data = json.loads(read_text(path, _MAX_BYTES))
     except FileNotFoundError:
-        raise ConfigError(f"System file {path} does not exist; check the path.") from None
+        raise ConfigError(f"Link budget file {path} does not exist; check the path.") from None
     except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"System file {path} cannot be read as JSON ({error}).") from error
+        raise ConfigError(f"Link budget file {path} cannot be read as JSON ({error}).") from error
     if isinstance(data, dict) and data.get("schema") == "radarsim/run":
         data = todays_names(data, ()).get("link_budget")
         if data is None:
-            raise ConfigError(f"{path} is a run without a system; expected one with a system.")
+            raise ConfigError(
+                f"{path} is a run without a link budget; expected one with a link budget."
+            )
     if isinstance(data, dict):
         data = {name: value for name, value in data.items() if name not in _RECORD_ONLY}
     record = from_json(LinkBudget, data, str(path))

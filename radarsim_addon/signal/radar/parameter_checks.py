@@ -13,23 +13,34 @@ from .config import Radar
 from .pulses import Waveform
 from .waveform import AnyWaveform
 
-#: A sweep that fills less than this share of the band 1/T that the pulse's length alone takes.
+#: A sweep that fills less than this fraction of the band 1/T that the pulse's duration alone takes.
 _LEAST_TIME_BANDWIDTH = 0.9
-#: A burst up to this is nobody's slip, however short the animation is [s].
+#: A burst up to this is plausible, however short the animation is [s].
 _USUAL_BURST_S = 10.0
 #: What bounds the unambiguous range, by kind of waveform.
 _RANGE_LIMITS = {"stepped": "frequency step", "pmcw": "code length", "fmcw": "sampling rate"}
 
 
 def range_limit(waveform: AnyWaveform) -> str:
-    """Return which setting bounds the unambiguous range, such as "PRF"."""
+    """Return which setting bounds the unambiguous range, such as "PRF".
+
+    Parameters
+    ----------
+    waveform
+        Any waveform.
+
+    Returns
+    -------
+    str
+        Name of the setting, for messages.
+    """
     return _RANGE_LIMITS.get(waveform.kind, "PRF")
 
 
 def find_suspicious_parameters(
     radar: Radar, reach_m: float | None = None, animation_s: float | None = None
 ) -> list[Finding]:
-    """Find what makes a radar useless for what it looks at; nothing when all is well.
+    """Find parameters that make a radar useless for its scene.
 
     Parameters
     ----------
@@ -39,6 +50,11 @@ def find_suspicious_parameters(
         Farthest range that is of interest, of the scene or the range limits [m], if known.
     animation_s
         Duration of the scene's animation [s], if known.
+
+    Returns
+    -------
+    list of Finding
+        Empty where all parameters suit the scene.
     """
     waveform, found = radar.waveform, []
     if reach_m is not None and 0 < reach_m < waveform.range_resolution_m:

@@ -12,7 +12,18 @@ from ...physics.antennas import Antenna, angles_from_direction, direction_from_a
 
 
 def peak_direction(antenna: Antenna) -> Real:
-    """Direction of the largest gain, (3,): a coarse search over the sphere, then finer ones."""
+    """Find the direction of the largest gain: a coarse search over the sphere, then finer ones.
+
+    Parameters
+    ----------
+    antenna
+        Pattern.
+
+    Returns
+    -------
+    ndarray
+        Unit vector in the antenna's frame, (3,); among equal gains the nearest to boresight.
+    """
     centre, reach = (0.0, 0.0), np.pi
     for _ in range(12):
         azimuth = centre[0] + np.linspace(-reach, reach, 81)
@@ -27,18 +38,23 @@ def peak_direction(antenna: Antenna) -> Real:
 
 
 def cut_dbi(antenna: Antenna, angle_rad: Real, plane: str, through: Real | None = None) -> Real:
-    """Gain in a plane [dBi]: "azimuth" (one elevation) or "elevation" (one azimuth).
+    """Return the gain in a plane: "azimuth" (one elevation) or "elevation" (one azimuth).
 
     Parameters
     ----------
     antenna
         Pattern.
     angle_rad
-        Azimuths or elevations, all round, -pi to pi; elevations beyond 90 degrees go on behind.
+        Azimuths or elevations, (n,), -pi to pi; elevations beyond 90 degrees continue behind.
     plane
-        Which angle runs.
+        Which angle varies.
     through
         Direction that gives the other angle, (3,); None: boresight.
+
+    Returns
+    -------
+    ndarray
+        (n,) [dBi]; minus infinity where the gain is 0.
     """
     azimuth, elevation = angles_from_direction([0.0, 0.0, -1.0] if through is None else through)
     if plane == "azimuth":
@@ -52,7 +68,20 @@ def cut_dbi(antenna: Antenna, angle_rad: Real, plane: str, through: Real | None 
 
 
 def half_power_width_rad(antenna: Antenna, plane: str) -> float:
-    """Full width at half power of the cut through the peak; 2 pi where it never falls so far."""
+    """Return the full width at half power of the cut through the peak.
+
+    Parameters
+    ----------
+    antenna
+        Pattern.
+    plane
+        "azimuth" or "elevation".
+
+    Returns
+    -------
+    float
+        Width [rad]; 2 pi where the gain never falls to half.
+    """
     angle = np.linspace(-math.pi, math.pi, 72001)
     gain = cut_dbi(antenna, angle, plane, peak_direction(antenna))
     peak = int(np.argmax(gain - 1e-9 * np.abs(angle)))

@@ -33,14 +33,38 @@ def replica_times_s(waveform: AnyWaveform) -> Real:
 
 
 def replica_count(waveform: AnyWaveform) -> int:
-    """Samples of the pulse; errors as :func:`replica_times_s`."""
+    """Return the number of samples of the pulse.
+
+    Parameters
+    ----------
+    waveform
+        Waveform of the family "pulse", or PMCW.
+
+    Returns
+    -------
+    int
+        Samples, at least 1.
+
+    Raises
+    ------
+    ConfigError
+        As :func:`replica`.
+    """
     return waveform.sample_count if isinstance(waveform, Waveform) else int(replica(waveform).size)
 
 
 def replica(waveform: AnyWaveform) -> Complex:
-    """Samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, those of a file.
+    """Return the samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, or a file's.
 
-    (replica_count,), mean power 1.
+    Parameters
+    ----------
+    waveform
+        Waveform of the family "pulse", or PMCW.
+
+    Returns
+    -------
+    ndarray
+        Complex, (replica_count,), mean power 1.
 
     Raises
     ------
@@ -61,12 +85,37 @@ def replica(waveform: AnyWaveform) -> Complex:
 
 
 def frequencies_hz(waveform: AnyWaveform, size: int) -> Real:
-    """Baseband frequencies of a transform of `size` samples, (size,), in numpy's FFT order [Hz]."""
+    """Return the baseband frequencies of a transform of the samples.
+
+    Parameters
+    ----------
+    waveform
+        Waveform whose sampling rate counts.
+    size
+        Samples of the transform.
+
+    Returns
+    -------
+    ndarray
+        (size,), in numpy's FFT order [Hz].
+    """
     return np.fft.fftfreq(size, 1 / waveform.sampling_rate_hz)
 
 
 def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
-    """W(f) = sum_n w(t_n) exp(-j 2 pi f t_n) at :func:`frequencies_hz`, (size,).
+    """Return the spectrum W(f) = sum_n w(t_n) exp(-j 2 pi f t_n) of the pulse.
+
+    Parameters
+    ----------
+    waveform
+        Waveform of the family "pulse", or PMCW.
+    size
+        Samples of the transform, at least those of the pulse.
+
+    Returns
+    -------
+    ndarray
+        Complex, (size,), at :func:`frequencies_hz`.
 
     Raises
     ------
@@ -118,5 +167,18 @@ def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Co
 
 
 def band_window(waveform: AnyWaveform, window: str) -> str:
-    """The window that is laid over the band: "none" for phase codes, else the one asked for."""
+    """Return the window over the band of a waveform.
+
+    Parameters
+    ----------
+    waveform
+        Any waveform.
+    window
+        Wanted window, see :mod:`.radar.windows`.
+
+    Returns
+    -------
+    str
+        "none" for phase codes, else `window`.
+    """
     return "none" if isinstance(waveform, PhaseCodedPulse | PmcwWaveform) else window

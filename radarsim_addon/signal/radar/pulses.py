@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pulses beside the linear chirp: phase-coded, and any samples from a file.
+"""Pulses other than the linear chirp: phase-coded, and any samples from a file.
 
 Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWaveform`.
 """

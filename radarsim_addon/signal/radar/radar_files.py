@@ -38,10 +38,17 @@ _MAX_SAMPLE_BYTES = 64 * MAX_WAVEFORM_SAMPLES
 
 
 def waveform_to_dict(waveform: AnyWaveform) -> dict[str, Any]:
-    """The fields of a waveform as JSON holds them, with its kind.
+    """Return the fields of a waveform as plain JSON, with its kind.
 
-    An LFM pulse carries no kind: so it always was in run.json. Of an arbitrary waveform the
-    samples go along as two lists.
+    Parameters
+    ----------
+    waveform
+        Any waveform.
+
+    Returns
+    -------
+    dict
+        Fields by name, SI. An LFM pulse has no "kind"; samples are two lists, "real" and "imag".
     """
     fields: Any = waveform
     data: dict[str, Any] = {}
@@ -56,7 +63,7 @@ def waveform_to_dict(waveform: AnyWaveform) -> dict[str, Any]:
 
 
 def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
-    """A waveform from its fields and "kind" (none: "lfm").
+    """Return a waveform from its fields and "kind" (none: "lfm").
 
     Parameters
     ----------
@@ -65,6 +72,11 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
         "imag": [...]}, or "file", see :func:`load_samples`.
     folder
         What the name of such a file is relative to.
+
+    Returns
+    -------
+    AnyWaveform
+        Of the class of its kind.
 
     Raises
     ------
@@ -79,7 +91,7 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
     name = given.pop("kind", Waveform.kind)
     if name not in WAVEFORM_KINDS:
         raise ConfigError(
-            f"Waveform of kind {name!r}; this version knows {', '.join(sorted(WAVEFORM_KINDS))}."
+            f"Waveform of kind {name!r}; expected one of {', '.join(sorted(WAVEFORM_KINDS))}."
         )
     kind = WAVEFORM_KINDS[name]
     if kind is ArbitraryPulse:
@@ -176,9 +188,19 @@ def _csv_samples(path: Path) -> Complex:
 
 
 def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -> Burst:
-    """A burst from "prf_hz" and "pulses".
+    """Return a burst from its fields.
 
-    Without "prf_hz" pulses follow one another as fast as the waveform lets them.
+    Parameters
+    ----------
+    data
+        "pulses" and "prf_hz" [Hz].
+    waveform
+        Gives the PRF where `data` does not: pulses follow one another without a pause.
+
+    Returns
+    -------
+    Burst
+        Pulses and PRF.
 
     Raises
     ------
@@ -191,7 +213,7 @@ def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -
 
 
 def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
-    """A radar from a JSON file: {"waveform": {"kind": ..., ...}, "burst": {...}}.
+    """Read a radar from a JSON file: {"waveform": {"kind": ..., ...}, "burst": {...}}.
 
     Parameters
     ----------
@@ -199,6 +221,11 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
         The file.
     burst
         Taken where the file holds none.
+
+    Returns
+    -------
+    Radar
+        Waveform and burst.
 
     Raises
     ------

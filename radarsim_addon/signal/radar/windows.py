@@ -67,7 +67,20 @@ def window_at(spec: str, position: Real) -> Real:
 
 
 def slow_time_window(spec: str, pulses: int) -> Real:
-    """A window over a train of pulses, (pulses,), sampled at the middle of each pulse's share."""
+    """Return a window over a train of pulses.
+
+    Parameters
+    ----------
+    spec
+        Name of the window, see :func:`window_at`.
+    pulses
+        Number of pulses.
+
+    Returns
+    -------
+    ndarray
+        (pulses,), sampled at the middle of each pulse interval.
+    """
     return window_at(spec, (np.arange(pulses) - (pulses - 1) / 2) / pulses)
 
 

@@ -75,7 +75,7 @@ class PathEnds:
         if geometry is None:
             raise ConfigError(
                 "These paths have no directions, so antennas cannot be applied to them. Render "
-                "the run again with this version, or process it without a system."
+                "the run again with this version, or process it without a link budget."
             )
         return cls(
             paths.length_m,
@@ -331,6 +331,11 @@ def antenna_motion(
         Poses at the frame's time.
     scene
         Motion during the burst; None: stationary.
+
+    Returns
+    -------
+    AntennaMotion
+        Motion of receiver and transmitter.
     """
 
     def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:

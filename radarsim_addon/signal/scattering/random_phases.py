@@ -23,9 +23,9 @@ _U64 = np.uint64
 
 
 def path_phasors(paths: Paths, seed: int) -> Complex:
-    """Complex factor of each path's amplitude.
+    """Return the complex factor of each path's amplitude.
 
-    That of the surface's scatterers where the paths have one (see
+    It is that of the surface's scatterers where the paths have one (see
     :mod:`.scattering.surface_speckle`). Else exp(j phi), phi uniform and independent from path to
     path; phi depends on where the path was found (ring, row, column; the row of the table) and on
     the seed alone, so it is the same however the paths are split into parts.
@@ -36,6 +36,11 @@ def path_phasors(paths: Paths, seed: int) -> Complex:
         Paths.
     seed
         Any whole number; another one is another realisation of the speckle.
+
+    Returns
+    -------
+    ndarray
+        Complex, (paths,).
     """
     state = np.full(len(paths), seed % 2**64, dtype=_U64)
     for part in (paths.ring, paths.row, paths.col):

@@ -87,7 +87,7 @@ class SpeckleReport:
         Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
         median over the power.
     undersampled_power_fraction
-        Share of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
+        Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
     """
 
     cell_m: float

@@ -23,9 +23,9 @@ Stop and go: tau_i is taken at the pulse time t_m, nothing moves while the pulse
 a :class:`Ramp` the frequencies come one after the other, and paths move meanwhile, see
 :mod:`.spectrum.ramp`; it brings the residual video phase with it.
 
-What is chosen: paths that stand still are transformed once for all pulses (1-D type 1). Lengths
+The choice: stationary paths are transformed once for all pulses (1-D type 1). Lengths
 of the others are sampled at Chebyshev nodes of the burst (:mod:`.spectrum.burst_basis`); where they
-keep to a constant rate within the share of the tolerance that is set aside for it, all pulses are
+keep to a constant rate within the fraction of the tolerance set aside for it, all pulses are
 one 2-D type-3 transform (:mod:`.spectrum.linear_motion`) if that is cheaper; else it goes pulse by
 pulse, with lengths from the fitted polynomial where that is within the bound, and sampled at each
 pulse where it is not.
@@ -71,7 +71,7 @@ __all__ = [
 
 #: Default tolerance, relative L2.
 TOLERANCE = 1e-6
-#: Blocks of paths that stand still and wait for their turn, so that threads have work.
+#: Blocks of stationary paths that wait for their turn, so that threads have work.
 _BLOCKS = 4
 
 _GAIN_NOTE = "Antenna gains change during the burst: amplitudes are those of every pulse."
@@ -131,12 +131,12 @@ class SpectrumAccumulator:
     extra_cycles
         Further phase, in cycles, as a function of delay [s] (vectorised); see the module.
     listening
-        Delays that are heard, and folding of echoes of earlier pulses. None: all delays, after
-        their own pulse. The spectrum repeats itself in delay with 1/step: what is heard should be
+        Delays that are received, and folding of echoes of earlier pulses. None: all delays, after
+        their own pulse. The spectrum repeats itself in delay with 1/step: the window should be
         shorter than that.
     ramp
         Frequencies come one after the other; `times_s` are then those of frequency count//2 of
-        each pulse. None: all at once. Not beside `extra_cycles` or folding in range.
+        each pulse. None: all at once. Not with `extra_cycles` or folding in range.
     interval_s
         From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
     chunk

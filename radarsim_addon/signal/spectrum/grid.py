@@ -77,7 +77,7 @@ class FrequencyGrid:
 
 @dataclass(frozen=True)
 class ReceiveWindow:
-    """Which delays are listened to, and whether echoes of earlier pulses are among them.
+    """Which delays are received, and whether echoes of earlier pulses are among them.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class ReceiveWindow:
         nothing [s].
     period_s
         Pulse interval P of a train of equal pulses: an echo later than P falls into the window of
-        a later pulse, at tau - qP. None: every echo is heard after its own pulse [s].
+        a later pulse, at tau - qP. None: every echo is received after its own pulse [s].
     reference_hz
         Carrier. Oscillators run on between pulses, so folding moves the echo in fast time and
         leaves the carrier's phase that of the true delay:
@@ -119,7 +119,7 @@ class ReceiveWindow:
         return low, np.maximum(high, low - 1)
 
     def covers(self, earliest_s: float, latest_s: float) -> bool:
-        """Whether all delays between the two are heard, once, after their own pulse."""
+        """Whether all delays between the two are received, once, after their own pulse."""
         if not (earliest_s > self.first_s and latest_s < self.last_s):
             return False
         if self.period_s is None:
@@ -191,7 +191,7 @@ class SynthesisContext:
         Raises
         ------
         ConfigError
-            A ramp beside further phases or folding.
+            A ramp together with further phases or folding.
         """
         if ramp is not None:
             if extra_cycles is not None or listening.period_s is not None:
@@ -215,7 +215,7 @@ class SynthesisContext:
 def place(
     sums: SynthesisContext, length_m: Real, amplitude: Weights
 ) -> tuple[Real, Weights, Real | None, int]:
-    """The echoes that are heard at one pulse, of lengths (n,) [m] and complex amplitudes (n,).
+    """The echoes that are received at one pulse, of lengths (n,) [m] and complex amplitudes (n,).
 
     Returns
     -------
@@ -242,7 +242,20 @@ def place(
 
 
 def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
-    """low, low+1 ... of each row, `copies` of them: (sum of copies,)."""
+    """Return low, low + 1, ... of each row.
+
+    Parameters
+    ----------
+    low
+        First order of each row, (n,).
+    copies
+        How many orders each row has, (n,).
+
+    Returns
+    -------
+    ndarray
+        Orders, (sum of copies,), row after row.
+    """
     first = np.cumsum(copies) - copies
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))
 
@@ -250,7 +263,18 @@ def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
 def check_finite(
     values: Weights, rows: slice | NDArray[np.intp], what: str, first: int = 0
 ) -> None:
-    """Raise where one of the values is NaN or infinite; rows along the first axis.
+    """Check that no value is NaN or infinite.
+
+    Parameters
+    ----------
+    values
+        Any shape, rows of the paths along the first axis.
+    rows
+        Rows of the paths that the values belong to.
+    what
+        Name of the value, for the message.
+    first
+        Number of the first row.
 
     Raises
     ------
@@ -265,5 +289,5 @@ def check_finite(
     value = values[place][bad[place]].flat[0]
     raise PathDataError(
         f"Row {first + number} of the paths has {what} {value}; expected a finite "
-        "number. Leave the row out, or mend the run that it comes from."
+        "number. Leave the row out, or render its run again."
     )

@@ -102,7 +102,7 @@ class LinearPlan:
 
 
 def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> LinearPlan:
-    """How type 3 would be done, and what it costs beside one transform per pulse."""
+    """How type 3 would be done, and what it costs compared with one transform per pulse."""
     grid = sums.grid
     pulses = times_s.size
     rate = rows.rate_mps / SPEED_OF_LIGHT_MPS

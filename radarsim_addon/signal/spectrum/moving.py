@@ -36,7 +36,7 @@ Method = Literal["auto", "type3", "per-pulse", "direct"]
 #: Amplitudes (pulses, rows) of some rows at some pulses.
 AmplitudesAt = Callable[[slice, slice], Weights]
 
-#: Share of the tolerance for fitted motion.
+#: Fraction of the tolerance for fitted motion.
 _MOTION_SHARE = 0.25
 #: A ramp takes phase, rate and acceleration from three lengths: their errors add up to so many.
 _RAMP_SHARE = 4.0
@@ -71,7 +71,7 @@ class MovingPathAccumulator:
     error
         Of `values`.
     heard, folded_pulses
-        Paths in the window, and folded into it, once a pulse.
+        Paths in the window, and folded into it, counted once per pulse.
     folded
         Paths that are folded at every pulse.
     fast
@@ -179,7 +179,7 @@ class MovingPathAccumulator:
             self._take_linear(found[:, 0].copy(), rate_mps, basis.middle_s, amplitude[linear], True)
 
     def _length_bound_m(self) -> float:
-        """Error of a length that costs the share of the tolerance set aside for motion [m]."""
+        """Error of a length that costs the fraction of the tolerance set aside for motion [m]."""
         share = 1.0 if self._sums.ramp is None else _RAMP_SHARE
         cycles = self._phase_bound_rad / share / (2 * np.pi)
         return cycles * SPEED_OF_LIGHT_MPS / max(self._sums.grid.highest_hz, 1.0)

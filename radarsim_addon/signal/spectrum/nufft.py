@@ -220,7 +220,18 @@ def _even_smooth(number: int) -> int:
 
 
 def smooth_size(number: int) -> int:
-    """Smallest product of 2, 3 and 5 that is at least `number`: FFTs of it are fast."""
+    """Return the smallest product of 2, 3 and 5 that is at least a number: its FFTs are fast.
+
+    Parameters
+    ----------
+    number
+        Smallest size.
+
+    Returns
+    -------
+    int
+        Size of the transform.
+    """
     best = 1 << max(0, (number - 1).bit_length())
     five = 1
     while five < best:

@@ -24,7 +24,7 @@ Transform = Callable[[Real, Weights, Real | None], PulseResult]
 class PulseBlock:
     """Spectra of some pulses, (pulses, frequencies).
 
-    `heard` and `folded` count paths once a pulse.
+    `heard` (received paths) and `folded` count paths once per pulse.
     """
 
     pulses: slice

@@ -8,11 +8,11 @@ order over the ramp, tau(n dt) = tau_0 + b n + g n^2 / 2, and the residual video
         + n^2 [df b + (f_c - K tau_0) g / 2 - K b^2 / 2]
 
 and terms in n^3, see `left_out_rad`. The second term is the range-Doppler coupling of such radars:
-a mover stands where it will be f_c / (df / dt) later. The third bends the phase, by B T v / 2c
-cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s. It is interpolated: spectra
-with n^2 held at Chebyshev nodes q_j of its range, weighted by the Lagrange polynomials of n^2. For
-phases within +-L of the mean M nodes leave 4 (L/2)^M / M! (the tail of the Jacobi-Anger series).
-Paths that are bent by more go in groups.
+a moving target appears where it will be f_c / (df / dt) later. The third bends the phase, by B T v
+/ 2c cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s. It is interpolated:
+spectra with n^2 held at Chebyshev nodes q_j of its range, weighted by the Lagrange polynomials of
+n^2. For phases within +-L of the mean M nodes leave 4 (L/2)^M / M! (the tail of the Jacobi-Anger
+series). Paths that are bent by more go in groups.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .nufft import Backend, Type1
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .transform import RANDOM_STATE, ErrorSum, PulseResult, engines_for
 
-#: Largest bend of a group's paths beside their mean [rad]; 16 nodes for 5e-8.
+#: Largest bend of a group's paths from their mean [rad]; 16 nodes for 5e-8.
 _WIDEST_RAD = 4.0
 #: Error of the interpolation over that of the transforms: a node costs a transform.
 _NODES_SHARE = 5.0

@@ -82,7 +82,7 @@ class SynthesisReport:
     wall_s
         Time spent in all [s].
     notes
-        What else was done beside the steps, in whole sentences.
+        What was done in addition to the steps, in whole sentences.
     """
 
     backend: str

@@ -18,7 +18,7 @@ from .phase import BLOCK, phasors, reduce_cycles, reduced_cycles
 
 Weights = NDArray[np.inexact[Any]]
 
-#: The engines are asked for this share of the tolerance: a digit costs 1 % of a transform's time,
+#: The engines get this fraction of the tolerance: a digit costs 1 % of a transform's time,
 #: and what cancels in the band by 40 dB need not be done again.
 _MARGIN = 0.01
 #: Relative L2 error of an engine for random phases, and its largest error for one point, over the
@@ -78,7 +78,7 @@ class ErrorSum:
         self.energy += other.energy
 
     def beside(self, other: ErrorSum) -> None:
-        """Of results that stand side by side, as those of other pulses."""
+        """Add the error of results of other pulses."""
         self.random = math.hypot(self.random, other.random)
         self.bound = math.hypot(self.bound, other.bound)
         self.energy += other.energy
@@ -86,7 +86,7 @@ class ErrorSum:
 
 @dataclass
 class PulseResult:
-    """Spectrum of one pulse; `kept` of the rows were heard, `folded` of them in a later window."""
+    """Spectrum of one pulse; `kept` rows were received, `folded` of them in a later window."""
 
     values: Complex
     error: ErrorSum
@@ -107,7 +107,7 @@ class PulseTransform:
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are heard.
+        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are received.
 
         With `order` all are, folded by that many pulse intervals.
         """

@@ -159,7 +159,7 @@ def test_echoes_beyond_the_code_and_without_it_are_warned_about(tmp_path: Path) 
 
 def test_incomplete_run(folder: Path) -> None:
     (folder / "frames/frame_0001/ring_002_t1.exr").unlink()
-    with pytest.raises(FrameFileError, match=r"lacks 1 of 8 renders.*goes on where it stopped"):
+    with pytest.raises(FrameFileError, match=r"lacks 1 of 8 renders.*resumes where it stopped"):
         results(folder)
     with pytest.raises(FrameFileError, match="no complete frame"):
         results(folder, allow_incomplete=True)
@@ -223,7 +223,7 @@ def test_command_line_processes_and_informs(folder: Path, capsys: pytest.Capture
     assert main(["process", str(folder), "--no-plots", "--out", str(folder / "out ü")]) == 0
     shown = capsys.readouterr().out
     assert "11 paths" in shown
-    assert "mover" in shown
+    assert "moving target" in shown
     assert (folder / "out ü" / "frame_0001_map.npz").is_file()
     assert main(["info", str(folder)]) == 0
     shown = capsys.readouterr().out

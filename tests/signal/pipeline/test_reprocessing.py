@@ -56,7 +56,7 @@ def test_levels_are_in_dbw_where_powers_are_watts(
             "--no-plots",
         ]
         assert main(words) == 0
-        line = next(x for x in capsys.readouterr().out.splitlines() if "mover" in x)
+        line = next(x for x in capsys.readouterr().out.splitlines() if "moving target" in x)
         assert f" {unit} " in line.split("range rate")[0]
         for name in ("summary", "detections"):
             record = json.loads((place / f"frame_0001_{name}.json").read_text("utf-8"))
