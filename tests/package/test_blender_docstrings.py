@@ -8,6 +8,7 @@ import inspect
 from pathlib import Path
 
 import pytest
+
 import radarsim_addon
 from tests.package.test_docstrings import _ERROR_KINDS, _entries, _sections_of
 
@@ -15,8 +16,8 @@ BLENDER = Path(radarsim_addon.__file__).parent / "blender"
 #: Base classes whose subclasses Blender or Python build: no fields of their own to document.
 _FIELDLESS = {"Protocol", "Enum", "IntEnum", "StrEnum", "IntFlag", "Exception"}
 
-type Function = ast.FunctionDef
-type Item = ast.FunctionDef | ast.ClassDef
+Function = ast.FunctionDef
+Item = ast.FunctionDef | ast.ClassDef
 
 
 def _public_items() -> dict[str, Item]:
@@ -29,7 +30,7 @@ def _public_items() -> dict[str, Item]:
             module = ast.parse((init.parent / f"{node.module}.py").read_text("utf-8"))
             names = {alias.name for alias in node.names}
             for item in module.body:
-                if isinstance(item, Item.__value__) and item.name in names:
+                if isinstance(item, Item) and item.name in names:
                     found[f"{init.parent.name}.{item.name}"] = item
     return found
 
