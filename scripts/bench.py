@@ -4,7 +4,7 @@
 
     python scripts/bench.py [--out out/bench] [--only paper|scaling|synthesis] [--large] [--quick]
 
-Prints a table, writes bench.json and pictures. Processor time stands beside wall time: on a busy
+Prints a table, writes bench.json and pictures. Processor time stands next to wall time: on a busy
 machine it is the one to compare. About five minutes on two idle cores.
 """
 

@@ -32,7 +32,7 @@ _EPOCH_1980 = 315532800
 
 
 class BuildError(Exception):
-    """The extension cannot be built; the message says why and how to mend it."""
+    """The extension cannot be built; the message says why and how to fix it."""
 
 
 def extension_tool() -> Path:

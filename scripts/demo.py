@@ -102,7 +102,7 @@ def run_demo(out: Path) -> dict[str, Any]:
 
 
 def call(what: str, script: str, *arguments: str, quiet: bool = False) -> None:
-    """Run one of the scripts beside this one in a Python of its own."""
+    """Run one of the scripts next to this one in a Python of its own."""
     print(f"radarsim: {what}", flush=True)
     command = [sys.executable, str(ROOT / "scripts" / script), *arguments]
     result = subprocess.run(
@@ -128,7 +128,7 @@ def peak_mib(who: int) -> float:
 
 
 def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
-    """What was measured, beside where things truly are."""
+    """Return what was measured, with the ground truth."""
     record = open_run(run_folder).record
     truth = read_record(run_folder / frame_dir(result.frame) / GROUND_TRUTH_FILE, GroundTruthRecord)
     radar = result.rd_map.radar
@@ -155,7 +155,7 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
         moving = [i for i in truth.objects if abs(i.range_rate_mps or 0.0) > slow]
         true = min(moving, key=lambda i: abs(i.nearest_range_m - peak.range_m))
         rate_mps = true.range_rate_mps or 0.0
-        # A map shows a mover where it is in the middle of the burst.
+        # A map shows a moving target where it is in the middle of the burst.
         middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
         target = {
             "range_m": peak.range_m,
@@ -200,7 +200,7 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
         print("Target: nothing moves in the map")
     times = summary["time_s"]
     print(
-        f"\n{summary['rings']} rings x {summary['snapshots']} passes: {times['render']:.1f} s, "
+        f"\n{summary['rings']} rings x {summary['snapshots']} snapshots: {times['render']:.1f} s, "
         f"processing {times['process']:.1f} s, all {times['total']:.1f} s, "
         f"Blender {summary['versions'].get('blender', '?')}"
     )

@@ -7,7 +7,7 @@
 #
 # A name on PATH proves nothing: pyenv's shims exist for every version and fail for all but the one
 # chosen. So each candidate is run and asked for its version, and for venv and pip. Looked through:
-# PATH, the versions beside pyenv's shims, pyenv's, uv's and the system's usual folders.
+# PATH, the versions next to pyenv's shims, pyenv's, uv's and the system's usual folders.
 # Exit codes: 0 found, 2 there is none (the message says what to install).
 set -u
 supported="3.13 3.11"
@@ -48,7 +48,7 @@ IFS='
 '
 extra=
 for folder in $folders; do
-    # With another HOME the shims on PATH are the only trace of pyenv: look beside them.
+    # With another HOME the shims on PATH are the only trace of pyenv: look next to them.
     case $folder in */shims) extra="$extra
 ${folder%/shims}/versions" ;; esac
 done

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # Make, or reuse, a Debian trixie chroot that holds Blender 4.3.2 and a virtual screen.
 #
-#   scripts/gui_chroot.sh [DIR]      default DIR: .cache/gui-chroot beside this checkout
+#   scripts/gui_chroot.sh [DIR]      default DIR: .cache/gui-chroot of this checkout
 #
 # Prints DIR on the last line. Needs root and debootstrap, about 1.3 GB and one to three minutes the
 # first time; no mounts. The packages come from the Debian mirror that this machine's own apt uses
@@ -13,7 +13,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 dir=${1:-$root/.cache/gui-chroot}
 suite=trixie
 packages="blender xvfb xauth xdotool x11-utils imagemagick python3-openimageio python3-numpy libgl1-mesa-dri libegl1 fonts-dejavu-core"
-# The marker holds the list, so that a chroot made from an older list is made anew.
+# The marker holds the list, so that a chroot made from an older list is made again.
 marker=$dir/.radarsim-complete
 
 if [ -f "$marker" ] && [ "$(cat "$marker")" = "$suite $packages" ]; then

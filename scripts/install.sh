@@ -19,8 +19,8 @@ if ! "$venv/bin/python" -c "import sys; sys.exit('%d.%d.%d' % sys.version_info[:
 fi
 # shellcheck disable=SC2086  # the flags are meant to be split
 if ! "$venv/bin/python" -m pip install $flags --editable '.[blender,dev]'; then
-    echo "radarsim: pip could not install what pyproject.toml names (see above); it goes on from" \
-        "where it stopped when you run make again" >&2
+    echo "radarsim: pip could not install what pyproject.toml names (see above); run make" \
+        "again to resume" >&2
     exit 1
 fi
 "$venv/bin/python" scripts/check_system.py

@@ -5,7 +5,7 @@
 
 Inside a Blender program there is no matplotlib, and pictures need axes with numbers. The letters
 are DejaVu Sans as matplotlib ships it, drawn once at one size; the colour table is matplotlib's
-viridis (CC0). The licence of the font is written beside the atlas. Needs matplotlib and Pillow.
+viridis (CC0). The licence of the font is written next to the atlas. Needs matplotlib and Pillow.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-if __package__ in (None, ""):  # run from a checkout: the package lies beside scripts/
+if __package__ in (None, ""):  # run from a checkout: the package lies next to scripts/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make docs/images/scene_and_map.png: the paper's scene beside the map that ``make demo`` measured.
+"""Make docs/images/scene_and_map.png: the paper's scene and the map that ``make demo`` measured.
 
 make demo && .venv/bin/python scripts/make_readme_picture.py
 """

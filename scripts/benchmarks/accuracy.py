@@ -19,8 +19,8 @@ from .target import TOLERANCE_DB, ring_spread, target_summary
 #: The paper's method at full resolution.
 RINGS = (1280, 720, 4)
 CHEAPER_RINGS = ((640, 360, 4), (640, 360, 1), (320, 180, 4), (320, 180, 1), (160, 90, 4))
-#: Width, height, shifts. All are 16:9 as the rings: the sensor's width is given, so another shape
-#: would see other ground.
+#: Width, height, replicates. All are 16:9 as the rings: the sensor's width is given, so another
+#: shape would cover other ground.
 PATHS = (
     (48, 27, 1),
     (64, 36, 2),
@@ -32,10 +32,10 @@ PATHS = (
     (816, 459, 2),
     (816, 459, 4),
 )
-#: The same by more shifts of one coarse frame: what a small target needs, whose edges cost most.
+#: The same by more replicates of one coarse frame: a small target needs them for its edges.
 SHIFTS_OF = (144, 81)
 SHIFTS = (4, 8, 16, 32)
-#: Start of the refined runs (width, height, shifts, tile side), and their error targets.
+#: Start of the refined runs (width, height, replicates, tile side), and their error targets.
 REFINED_FROM = (128, 72, 8, 32)
 ERROR_TARGETS = (0.3, 0.15)
 #: Coarse frames whose small objects get tiles of their own. Each lays its pixels over the target in
@@ -43,8 +43,8 @@ ERROR_TARGETS = (0.3, 0.15)
 TILES_FROM = ((80, 45), (96, 54), (112, 63), (128, 72), (144, 81), (160, 90), (176, 99))
 TILES = {"replicates": 1, "max_standard_error": 0.04, "refine_for": "objects"}
 REFERENCE = {"width_px": 1296, "height_px": 729, "replicates": 8, "tile_px": 700}
-#: Bins of the coarse profile, in range bins: blind to the shift by a few bins that mixed pixels
-#: bring, which is most of the rings' error.
+#: Bins of the coarse profile, in range bins. Mixed pixels displace power by a few bins, which is
+#: most of the rings' error and hardly changes this profile.
 COARSE_BINS = 10
 #: Runs shorter than this are timed three times, and the median counts [s].
 _SHORT_S = 1.5
@@ -132,7 +132,7 @@ def exact_target_w(reference: Result) -> float:
 
 
 def standard_error(replicates: list[Real], bins: int) -> float:
-    """Relative L2 of the standard error of the mean over the shifts. Shifts of a low-discrepancy
+    """Relative L2 of the standard error of the mean over replicates. Those of a low-discrepancy
     sequence are better than independent ones: an upper bound."""
     profiles = np.stack([coarse(p, bins) for p in replicates])
     variance = profiles.var(axis=0, ddof=1) / len(replicates)

@@ -17,7 +17,7 @@ _STYLES = {
 _LABELS = {
     "rings": "21 rings",
     "paths": "paths, more pixels",
-    "replicates": "paths, more shifts",
+    "replicates": "paths, more replicates",
     "tiles": "paths, tiles laid over small objects",
     "refined": "paths, tiles refined",
 }

@@ -64,7 +64,7 @@ def motion_table(results: list[dict[str, Any]]) -> str:
     titles = (
         "scene",
         "true range rates [m/s]",
-        "two passes: rms error [m/s]",
+        "two snapshots: rms error [m/s]",
         "kinematics: rms error [m/s]",
         "of a Doppler bin",
     )

@@ -56,7 +56,7 @@ class Result:
     target_w
         Power of the target [W].
     replicates
-        Profiles of single shifts (paths), for the standard error.
+        Profiles of single replicates (paths), for the standard error.
     """
 
     sampling_mode: str
@@ -165,8 +165,8 @@ class PaperScene:
             target_w = table_sum(rows, "power_w", number)
         single = []
         if single_rays:
-            for shift in range(record.replicates):
-                paths = table_paths(rows, wavelength_m, shift)
+            for replicate in range(record.replicates):
+                paths = table_paths(rows, wavelength_m, replicate)
                 single.append(record.replicates * range_profile(paths, measurement.radar))
         details = {
             "tiles": record.tiles,
@@ -179,7 +179,9 @@ class PaperScene:
         }
         del rows
         shutil.rmtree(folder)
-        label = f"{width_px}x{height_px}, {chosen.replicates} shift{'s' * (chosen.replicates > 1)}"
+        label = (
+            f"{width_px}x{height_px}, {chosen.replicates} replicate{'s' * (chosen.replicates > 1)}"
+        )
         if chosen.refines:
             label += f", {100 * chosen.max_standard_error:g} %"
             label += "" if chosen.refine_for == "both" else f" of {chosen.refine_for}"
@@ -238,13 +240,13 @@ class TargetSum:
             yield paths
 
 
-def table_paths(rows: Any, wavelength_m: float, shift: int | None = None) -> Iterator[Paths]:
-    """Rows of a table of paths as `Paths`, chunk by chunk; of one shift alone if one is named."""
+def table_paths(rows: Any, wavelength_m: float, replicate: int | None = None) -> Iterator[Paths]:
+    """Yield rows of a path table as `Paths`, chunk by chunk; of one replicate if it is given."""
     area_m2 = effective_area_m2(wavelength_m)
     for start in range(0, len(rows), _CHUNK):
         part = rows[start : start + _CHUNK]
-        if shift is not None:
-            part = part[part["replicate"] == shift]
+        if replicate is not None:
+            part = part[part["replicate"] == replicate]
         yield make_paths(part["power_w"] / area_m2, part["length_m"])
 
 

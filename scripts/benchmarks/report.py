@@ -98,7 +98,7 @@ def _scaling(rows: list[dict[str, Any]]) -> list[str]:
     lines = ["", "3. Paths: cost and memory against the length of the run (tiles of 256 pixels)"]
     for row in rows:
         lines.append(
-            f"   {row['width_px']}x{row['height_px']}, {row['replicates']:>2} shifts: "
+            f"   {row['width_px']}x{row['height_px']}, {row['replicates']:>2} replicates: "
             f"{row['paths']:>9} paths, {row['renders']:>5} renders, {row['wall_s']:>6.1f} s wall, "
             f"{row['cpu_s']:>6.1f} s cpu, {row['cpu_us_per_path']:>5.2f} us a path, "
             f"peak {row['peak_mib']:.0f} MiB (+{row['peak_above_idle_mib']:.0f})"

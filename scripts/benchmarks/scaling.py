@@ -12,9 +12,9 @@ from typing import Any
 
 from .clock import peak_mib
 
-#: Width, height, shifts: 15 000 to a million paths, in tiles of the default size.
+#: Width, height, replicates: 15 000 to a million paths, in tiles of the default size.
 SIZES = ((160, 90, 1), (320, 180, 1), (640, 360, 1), (1280, 720, 1), (640, 360, 4))
-#: Ten million, and the same tiles and shifts in a shorter run, for the memory.
+#: Ten million, and the same tiles and replicates in a shorter run, for the memory.
 LARGE = ((512, 480, 11), (1280, 720, 11))
 
 
@@ -37,7 +37,7 @@ def run_scaling(script: Path, blend: Path, folder: Path, large: bool) -> list[di
 def measure_one(
     blend: Path, folder: Path, width: int, height: int, replicates: int
 ) -> dict[str, Any]:
-    """One run of paths and the memory it needed beside the open scene."""
+    """One run of paths and the memory it needed in addition to the open scene."""
     from .paper import PaperScene
 
     scene = PaperScene(blend, folder)

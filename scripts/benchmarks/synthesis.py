@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Echo spectra: time, error and memory of the synthesis beside the direct sum."""
+"""Echo spectra: time, error and memory of the synthesis and of the direct sum."""
 
 from __future__ import annotations
 

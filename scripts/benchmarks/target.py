@@ -16,7 +16,7 @@ from .paper import PaperScene, decibel_error
 TOLERANCE_DB = 0.2
 #: Ways to set the rings whose spread is measured: width, height, samples.
 SPREAD_OF = ((640, 360, 4), (640, 360, 1), (320, 180, 4), (320, 180, 1))
-#: Widths beside the nominal one, in steps that keep the frame 16:9 [16 pixels].
+#: Widths next to the nominal one, in steps that keep the frame 16:9 [16 pixels].
 _STEPS = (-3, -2, -1, 0, 1, 2, 3)
 #: Rings of 250 m that reach beyond the target; those farther do not hold it.
 _RINGS_TO_TARGET = 8

@@ -63,7 +63,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "paths_walls",
-        "two reflections, two penetrable walls, error target, range code of materials",
+        "two reflections, two penetrable walls, error target, range encoding of materials",
         (
             Processing("products", ("--hdf5",)),
             Processing("products_stepped", ("--radar={data}/radar_stepped.json", "--hdf5")),
@@ -95,7 +95,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "paths_pmcw_moving",
-        "24 GHz PMCW, one shift, a van recedes",
+        "24 GHz PMCW, one replicate, a van recedes",
         (
             Processing("products", ("--hdf5", "--cfar=ca")),
             Processing("products_direct", ("--synthesis=direct", "--method=direct")),
@@ -113,7 +113,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "paths_equirectangular",
-        "most of the sphere, foreign materials, range code of the world, stepped frequency",
+        "most of the sphere, foreign materials, range encoding of the world, stepped frequency",
         (Processing("products", ("--hdf5", "--sigmf")),),
     ),
     Case(

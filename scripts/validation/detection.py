@@ -47,7 +47,7 @@ def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) 
 def _rates(maps: list[Any], kind: CfarKind) -> list[tuple[float, float]]:
     """False alarms over design, with its standard error, for each rate asked for.
 
-    Noise of known mean power N passes a threshold T with exp(-T/N): the thresholds alone tell the
+    Noise of known mean power N exceeds a threshold T with exp(-T/N): the thresholds alone tell the
     rate. That these maps are not of mean power N to the percent is taken out by regression over
     blocks of columns (a control variate, whose mean is known: 1).
     """
@@ -127,15 +127,15 @@ GROUP = Group(
     "Detection",
     "Thermal noise and point echoes through synthesis, compression and range-Doppler map: 64 "
     "pulses of LFM, Barker, FMCW, stepped frequency and PMCW of 50 MHz at 5.3 GHz; false alarms of "
-    "FMCW with 128 chirps of 1024 samples at 77 GHz. Random scenes: 0 to 3 movers of 2 to 30 "
-    "Doppler cells and 0 to -40 dB, up to 60 points at rest up to 30 dB stronger, any waveform, "
-    "window and canceller, the range window covering the movers or not.",
+    "FMCW with 128 chirps of 1024 samples at 77 GHz. Random scenes: 0 to 3 moving targets of 2 to "
+    "30 Doppler cells and 0 to -40 dB, up to 60 stationary points up to 30 dB stronger, any "
+    "waveform, window and canceller, the range window covering the moving targets or not.",
     (
         Case("false alarms", false_alarms, 90.0),
         Case("peaks", targets.peaks, 20.0),
-        Case("beside clutter, at the end of the window", targets.beside_clutter, 40.0),
+        Case("next to clutter, at the end of the window", targets.beside_clutter, 40.0),
         Case("SNR", targets.snr, 40.0),
         Case("moving_targets", targets.moving_targets, 40.0),
-        Case("slow movers", targets.slow_movers, 10.0, quick=True),
+        Case("slow moving targets", targets.slow_movers, 10.0, quick=True),
     ),
 )

@@ -140,7 +140,7 @@ def rough_conductors(bench: Bench) -> list[Check]:
         "",
         (
             "What single scattering loses on a rough, nearly perfect conductor (n = 1e4 + 1e4j), "
-            "share of the power, measured in the furnace:"
+            "fraction of the power, measured in the furnace:"
         ),
         "",
         "| alpha | rms slope | " + " | ".join(heads) + " |",

@@ -34,7 +34,7 @@ MOST_SOURCE = "no surface sends back more than it gets"
 SLAB_M = 0.05
 SAMPLES = 64
 SUM_BOUND = 1e-3
-#: Reflected and transmitted alone: by which of them a ray goes on is drawn at random, so that
+#: Reflected and transmitted alone: a ray takes one of them at random, so that
 #: either has a standard error of 6e-4; their sum has not.
 PART_BOUND = 3e-3
 SUM = "reflected + transmitted + absorbed"

@@ -73,13 +73,13 @@ def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curve
         axis.scatter(time, [abs(p["error_db"]) for p in chosen], marker="o", label=scene, **common)
         spread = [p["standard_error_db"] for p in chosen]
         axis.scatter(time, spread, marker="x", **common)
-    axis.scatter([], [], color="0.4", marker="x", label="their standard errors, from the shifts")
+    axis.scatter([], [], color="0.4", marker="x", label="standard errors, from the replicates")
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_xlabel("processor time, scene to power [s]")
     axis.set_ylabel("|error| of the received power [dB]")
     axis.set_title(
-        f"Error against time: {sides[0]} (smallest mark) to {sides[-1]} pixels a side, 4 shifts",
+        f"Error against time: {sides[0]} (smallest) to {sides[-1]} pixels per side, 4 replicates",
         fontsize=11,
     )
     axis.grid(True, which="major", alpha=0.3)
@@ -197,7 +197,7 @@ def _speckle(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
         label="measured, 200 seeds",
     )
     axis.set_xlabel("intensity over the sum of powers")
-    axis.set_ylabel("share of cells above it")
+    axis.set_ylabel("fraction of cells above it")
     axis.set_title("Speckle of a rough patch")
     axis.grid(True, which="major", alpha=0.3)
     axis.legend()

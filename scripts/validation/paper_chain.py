@@ -37,7 +37,7 @@ LIGHT = 299_792_458.0
 SEEDS = 400
 #: Field of view of the close look at the target [deg].
 CLOSE_DEG = 2.5
-#: Part of the echoes that is made anew for each seed [m].
+#: Part of the echoes that is drawn again for each seed [m].
 NEAR_M = 60.0
 
 

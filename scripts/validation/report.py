@@ -64,8 +64,8 @@ def markdown(
     lines += [f"- BROKEN: {fault}" for fault in faults] + ([""] if faults else [])
     lines += [
         (
-            "*Error* is measured against expected, in the unit beside it; *s.e.* its standard "
-            "error, from the sub-pixel shifts or the seeds of the run where there are any (shifts "
+            "*Error* is measured against expected, in the unit next to it; *s.e.* its standard "
+            "error, from the replicates or the seeds of the run where there are any (replicates "
             "of a low-discrepancy sequence are better than independent ones: an upper bound). A "
             "row that stands for several numbers shows the worst of them. *Time* is processor time "
             "of the case (its rows are measured together), with its limit on two cores."

@@ -140,7 +140,7 @@ def facet_coefficient(index: complex, slope: float) -> VectorCoefficient:
 
 
 def two_sites(bench: Bench, slope: float = 0.2) -> list[Check]:
-    """A plate that mirrors the transmitter towards the receiver, or does so 6 degrees beside it.
+    """A plate that mirrors the transmitter towards the receiver, or does so 6 degrees off it.
 
     Up to Blender 4.5 the conductor lobe takes a form of Fresnel's equations for large indices; how
     far it is off is what such a run measures, and the bound is wider there.
@@ -204,7 +204,7 @@ GROUP = Group(
     "Rough surfaces",
     "sigma_0 of plates at 1 km from received power, 0 to 60 degrees, where the model is above "
     "-200 dB: by the physical Radar Material, and by a plain Metallic BSDF (physical conductor, "
-    "Beckmann) under the world's range code.",
+    "Beckmann) under the world's range encoding.",
     (
         *(
             Case(

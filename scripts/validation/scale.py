@@ -38,7 +38,7 @@ def scales(bench: Bench) -> list[Check]:
             got, _ = run.power_w(name)
             label = f"power of {name.lower()}, {scale:g} units per metre"
             checks.append(power_check(label, want, got, 0.01, "the same scene in metres"))
-        # Order 1 meets the same points; both tables are in the order of tiles, shifts and pixels.
+        # Order 1 meets the same points; both tables have the same order of tiles and pixels.
         want_m, got_m = (_first_order(r) for r in (reference, run))
         if want_m.shape != got_m.shape:
             checks.append(

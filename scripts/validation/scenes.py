@@ -191,7 +191,7 @@ def _material(name: str) -> Any:
 
 
 def lambert(albedo: float) -> Any:
-    """A plain Diffuse BSDF, not a Radar Material: the world carries the range code."""
+    """A plain Diffuse BSDF, not a Radar Material: the world carries the range encoding."""
     material = _material("Lambert")
     nodes = material.node_tree.nodes
     diffuse = nodes.new("ShaderNodeBsdfDiffuse")
@@ -230,7 +230,7 @@ class Acquired:
     def power_w(self, name: str | None = None) -> tuple[float, float]:
         """Power of the paths that end on an object, or of all; and its relative standard error.
 
-        The error comes from the sub-pixel shifts, which are replicates of one another.
+        The error comes from the scatter of the replicates.
         """
         rows = self.rows if name is None else self.of(name)
         replicates = self.record.replicates

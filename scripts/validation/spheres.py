@@ -81,7 +81,7 @@ def error_against_time(bench: Bench) -> list[Check]:
             with stopwatch() as cost:
                 measured, spread = acquire(bench, side_px).power_w()
             check = power_check(
-                f"{label} at 100 m, {side_px} x {side_px} pixels, 4 shifts",
+                f"{label} at 100 m, {side_px} x {side_px} pixels, 4 replicates",
                 expected,
                 measured,
                 BOUND_DB / 10,

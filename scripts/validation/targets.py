@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Peaks, SNR and movers that the program finds among point echoes, against what was put in."""
+"""Peaks, SNR and moving targets found among point echoes, against what was put in."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PLACES = 4
 SNR_DB = (20.0, 40.0, 60.0)
 SNR_TARGETS = 8
 SCENES = 120
-#: Movers that are told apart at all: this far from one another in Doppler [cells] or range [m].
+#: Separation of moving targets that are resolved at all, in Doppler [cells] or range [m].
 APART = (8.0, 60.0)
-#: Movers this near to an end of the window may be listed or not [m].
+#: Moving targets this near to an end of the window may be listed or not [m].
 END_M = 10.0
 
 
@@ -67,13 +67,13 @@ def peaks(_bench: Bench) -> list[Check]:
 
 
 def beside_clutter(_bench: Bench) -> list[Check]:
-    """An echo 30 dB below one that stands still at the same range, and one at the window's end."""
+    """An echo 30 dB below a stationary one at the same range, and one at the window's end."""
     rng = np.random.default_rng(1)
     rows, ends = [], []
     for name, waveform in WAVEFORMS.items():
         cell_mps = radar_of(name).velocity_resolution_mps
         for label, window in WINDOWS.items():
-            # From where the main lobe of what stands still leaves a peak.
+            # From where the main lobe of the stationary echo leaves a peak.
             first = {"none": 2.2, "Kaiser 8": 4.4}.get(label, 3.3)
             for cells in (first, first + 1.6, 8.3):
                 range_m = 500 + float(rng.uniform()) * waveform.sample_spacing_m
@@ -134,7 +134,7 @@ def snr(_bench: Bench) -> list[Check]:
 
 
 def moving_targets(_bench: Bench) -> list[Check]:
-    """Random scenes: 0 to 3 movers, up to 60 points at rest, any waveform, window and canceller."""
+    """Random scenes: up to 3 moving targets and 60 stationary points, all waveforms and windows."""
     rng = np.random.default_rng(7)
     names = list(WAVEFORMS)
     present = lost = false = 0
@@ -170,15 +170,15 @@ def moving_targets(_bench: Bench) -> list[Check]:
                 lost += not near
         false += len(listed)
     source = "what was put in"
-    label = f"{SCENES} random scenes with {present} movers"
+    label = f"{SCENES} random scenes with {present} moving targets"
     return [
-        absolute_check(f"{label}: movers lost", 0.0, float(lost), 0.0, source),
-        absolute_check(f"{label}: false movers", 0.0, float(false), 0.0, source),
+        absolute_check(f"{label}: moving targets lost", 0.0, float(lost), 0.0, source),
+        absolute_check(f"{label}: false moving targets", 0.0, float(false), 0.0, source),
     ]
 
 
 def _apart(rng: np.random.Generator) -> list[Point]:
-    """Movers of 2 to 30 cells and 0 to -40 dB, the first of 0 dB."""
+    """Moving targets of 2 to 30 cells and 0 to -40 dB, the first of 0 dB."""
     points: list[Point] = []
     count = int(rng.integers(0, 4))
     while len(points) < count:
@@ -191,7 +191,7 @@ def _apart(rng: np.random.Generator) -> list[Point]:
 
 
 def slow_movers(_bench: Bench) -> list[Check]:
-    """A mover of 1.55 cells beside clutter 30 dB stronger."""
+    """A moving target of 1.55 cells next to clutter 30 dB stronger."""
     rng = np.random.default_rng(4)
     still = [(float(rng.uniform(100, 800)), 0.0, float(rng.uniform(-20, 30))) for _ in range(40)]
     found: dict[bool, list[Check]] = {False: [], True: []}
@@ -210,6 +210,6 @@ def slow_movers(_bench: Bench) -> list[Check]:
                 )
             )
     return [
-        worst_of("slow mover beside clutter, Kaiser 8" if wide else "slow mover beside clutter", c)
+        worst_of("slow moving target next to clutter" + ", Kaiser 8" * wide, c)
         for wide, c in found.items()
     ]

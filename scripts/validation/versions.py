@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What whole runs under each version of Blender found, kept beside the report."""
+"""What whole runs under each version of Blender found, kept next to the report."""
 
 from __future__ import annotations
 

@@ -53,10 +53,14 @@ def _public_items() -> dict[str, Any]:
     }
 
 
-def _sections(item: Any) -> dict[str, str]:
+def _sections_of(docstring: str) -> dict[str, str]:
     """Text of each numpydoc section by its heading."""
-    parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", inspect.getdoc(item) or "", flags=re.MULTILINE)
+    parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", docstring, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def _sections(item: Any) -> dict[str, str]:
+    return _sections_of(inspect.getdoc(item) or "")
 
 
 def _entries(section: str) -> set[str]:

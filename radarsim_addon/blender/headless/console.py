@@ -39,7 +39,15 @@ def quiet_blender() -> Iterator[TextIO]:
 
 
 class ProgressLine:
-    """``12/42 renders, 29 %, 0:18 left``: rewritten in a terminal, one line per 5 % elsewhere."""
+    """A line ``12/42 renders, 29 %, 0:18 left``: rewritten in a terminal, else one per 5 %.
+
+    Parameters
+    ----------
+    stream
+        Where the line is written.
+    unit
+        Plural noun of what is counted.
+    """
 
     def __init__(self, stream: TextIO, unit: str = "renders") -> None:
         self._stream = stream
@@ -60,7 +68,22 @@ class ProgressLine:
 
 
 def progress_text(done: int, total: int, seconds_left: float | None, unit: str = "renders") -> str:
-    """The line itself."""
+    """Return the line of progress.
+
+    Parameters
+    ----------
+    done, total
+        Number of units that are complete, and of all.
+    seconds_left
+        Estimated time to the end [s]; None: unknown.
+    unit
+        Plural noun of what is counted.
+
+    Returns
+    -------
+    str
+        Text without a line break.
+    """
     percent = 100 * done // total if total else 100
     text = f"radarsim: {done}/{total} {unit}, {percent} %"
     if seconds_left is None or done >= total:

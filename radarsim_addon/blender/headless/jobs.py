@@ -42,6 +42,11 @@ def make_job(
     link_budget_file
         Link budget (JSON); None: the radar's own.
 
+    Returns
+    -------
+    MeasurementJob
+        Job of the chosen sampling mode. `prepare` is still to be called.
+
     Raises
     ------
     ConfigError

@@ -32,7 +32,7 @@ class StopRequest:
     """Ctrl-C: the first one asks to stop after the running render, the second one stops at once.
 
     Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
-    render and goes on.
+    render and continues.
     """
 
     def __init__(self) -> None:

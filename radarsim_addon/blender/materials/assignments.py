@@ -17,7 +17,15 @@ SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLO
 
 
 class MaterialAssignment(NamedTuple):
-    """An original object and its original materials; None for an empty slot."""
+    """An object with the materials of its slots.
+
+    Attributes
+    ----------
+    item : bpy.types.Object
+        The original object.
+    materials
+        Original materials by slot; None for an empty slot.
+    """
 
     item: Any
     materials: tuple[Any, ...]

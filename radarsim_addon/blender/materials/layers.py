@@ -193,6 +193,11 @@ def is_entered(material: Any) -> bool:
     Parameters
     ----------
     material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        False for None and for materials without the physical group.
     """
     node = group_node(material)
     if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
@@ -212,6 +217,11 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
         Wavelength in Blender units.
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Returns
+    -------
+    list of Finding
+        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}

@@ -106,6 +106,11 @@ def is_physical(material: Any) -> bool:
     Parameters
     ----------
     material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        False for None.
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
 
@@ -300,7 +305,9 @@ def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
 
 
 def update_materials(
-    carrier_hz: float, recorder: SettingsRestorer | None = None, worn: Collection[Any] | None = None
+    carrier_hz: float,
+    recorder: SettingsRestorer | None = None,
+    assigned: Collection[Any] | None = None,
 ) -> list[Finding]:
     """Evaluate all physical materials of the file at a carrier.
 
@@ -312,7 +319,7 @@ def update_materials(
         Carrier [Hz].
     recorder
         Records the changes. None: they are permanent.
-    worn
+    assigned
         Materials of rendered objects. None: those in the slots of all objects of the file.
 
     Returns
@@ -327,12 +334,12 @@ def update_materials(
         A material of a rendered object cannot be evaluated, or two of them use one node group with
         different numbers.
     """
-    if worn is None:
-        worn = _in_slots(bpy.data.objects)
+    if assigned is None:
+        assigned = _in_slots(bpy.data.objects)
     findings = []
     owners: dict[int, tuple[Any, float]] = {}
     # Assigned materials are first: their numbers have priority in a common node group.
-    for material in sorted(bpy.data.materials, key=lambda m: (m not in worn, m.name_full)):
+    for material in sorted(bpy.data.materials, key=lambda m: (m not in assigned, m.name_full)):
         try:
             for socket, value in _inputs_to_set(material, carrier_hz):
                 other, before = owners.setdefault(socket.as_pointer(), (material, value))
@@ -340,12 +347,12 @@ def update_materials(
                     raise ConfigError(_shared(other, material))
                 _put(socket, value, recorder)
         except ConfigError as error:
-            if material in worn:
+            if material in assigned:
                 raise
             findings.append(
                 finding("unused-material-not-evaluated", material.name, reason=str(error))
             )
-        if material in worn and _keeps_numbers(material):
+        if material in assigned and _keeps_numbers(material):
             findings.append(finding("medium-not-connected", material.name))
     return findings
 

@@ -24,6 +24,10 @@ _MAX_CORNERS = 64
 class SamplingPlan:
     """Times at which the animation is sampled: a burst from `frame` on.
 
+    Attributes
+    ----------
+    frame
+        Blender frame at which the burst starts.
     fps
         Blender frames per second.
     duration_s

@@ -87,6 +87,11 @@ def is_radar_material(material: Any) -> bool:
     Parameters
     ----------
     material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        False for None.
     """
     return group_node(material) is not None
 

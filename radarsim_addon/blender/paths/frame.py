@@ -175,7 +175,7 @@ class FrameWork:
         return seen
 
     def _affordable_tiles(self, tile: Tile) -> Generator[PathTask, None, int]:
-        """Tiles that may be laid over objects within a share of the time budget.
+        """Tiles that may be laid over objects within a fraction of the time limit.
 
         A small tile takes as long as its renders take to begin, and that grows with the number of
         objects. The second render of two tells; the first one builds what all others use.

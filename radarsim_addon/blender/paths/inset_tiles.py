@@ -34,7 +34,7 @@ def pixels_across(options: PathOptions) -> float:
 
     A side of s pixels, parallel to the grid, holds s rounded up or down of its columns: a variance
     of at most 1/4. Two sides and S replicates make a relative standard error of at most
-    sqrt(1 / (2 S)) / s; edges aslant are better. Half the error asked for is planned for: pixels
+    sqrt(1 / (2 S)) / s; slanted edges are better. Half the error asked for is planned for: pixels
     are cheap here, and what the replicates say of the error has an error of its own.
     """
     if options.refine_for == "ranges":

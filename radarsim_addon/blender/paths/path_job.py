@@ -40,9 +40,11 @@ class PathJob(MeasurementJob):
     ----------
     scene, view_layer : bpy types
     measurement, folder
-        As for `MeasurementJob`, and so are the keywords.
+        As for `MeasurementJob`.
     options
         How paths are followed, and when the result is good enough.
+    **keywords
+        Those of `MeasurementJob`.
 
     Raises
     ------
@@ -168,7 +170,7 @@ class PathJob(MeasurementJob):
             return (
                 file_sha256(folder / record.table_file) == record.table_sha256
                 and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256
-                # a longer burst than before is sampled anew
+                # a longer burst than before is sampled again
                 and motion.duration_s >= self._span_s * (1 - 1e-9)
             )
         except (RadarSimError, SchemaError, OSError):
@@ -292,6 +294,6 @@ def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
     # What geometry nodes set shows in the evaluated object alone.
     return any(
         material is not None and not is_radar_material(material)
-        for worn in assigned_materials(evaluated_depsgraph(view_layer))
-        for material in worn.materials
+        for assigned in assigned_materials(evaluated_depsgraph(view_layer))
+        for material in assigned.materials
     )

@@ -17,7 +17,7 @@ from ..views import TracedReplicate
 
 #: Share of the power that may be in flawed rows before the run warns.
 _WARN_SHARE = 1e-3
-#: A length known worse than this share of a wavelength spoils coherent sums: 2 pi / 20 of phase.
+#: A length error above this fraction of a wavelength spoils coherent sums: 2 pi / 20 of phase.
 _WARN_WAVELENGTHS = 0.05
 
 
@@ -100,7 +100,7 @@ class QualitySums:
 
     @property
     def truncated_reflections_stderr(self) -> float:
-        """Standard error of the share of power in orders that were not followed."""
+        """Standard error of the fraction of the power in reflections that were not followed."""
         return self.share(float(np.sqrt(self.truncated_reflections_variance_w2)))
 
     @property

@@ -66,7 +66,7 @@ class ViewBoxes:
         return (self.right - self.left) / window.step_u, (self.top - self.bottom) / window.step_v
 
     def areas(self, window: ViewWindow) -> list[Area]:
-        """Areas in the window; two of a box that its edges cut where longitudes begin anew."""
+        """Areas in the window; a box across +-180 degrees of longitude has two."""
         turns = (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,)
         return [
             Area(

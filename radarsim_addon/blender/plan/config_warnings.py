@@ -16,7 +16,27 @@ from .measurement import Measurement
 
 @dataclass(frozen=True)
 class Derived:
-    """Numbers that follow; SI."""
+    """Numbers that follow from a measurement, in SI.
+
+    Attributes
+    ----------
+    range_resolution_m
+        Width of a range bin [m].
+    unambiguous_range_m
+        Maximum unambiguous range [m].
+    max_unambiguous_velocity_mps
+        Maximum unambiguous velocity [m/s]; range rates lie within plus or minus this.
+    velocity_resolution_mps
+        Width of a Doppler bin, as range rate [m/s].
+    burst_s
+        Duration of the burst [s].
+    rings
+        Number of rings.
+    covered_range_m
+        Outer edge of the last ring, one way [m].
+    renders
+        Number of Cycles renders of the run.
+    """
 
     range_resolution_m: float
     unambiguous_range_m: float
@@ -29,7 +49,20 @@ class Derived:
 
 
 def derive(measurement: Measurement, rings: int) -> Derived:
-    """Numbers that follow from a measurement with `rings` rings."""
+    """Compute the numbers that follow from a measurement.
+
+    Parameters
+    ----------
+    measurement
+        What is measured.
+    rings
+        Number of rings that the run has.
+
+    Returns
+    -------
+    Derived
+        In SI.
+    """
     radar = measurement.radar
     return Derived(
         range_resolution_m=radar.waveform.range_resolution_m,
@@ -51,7 +84,7 @@ def config_findings(
     sampling_mode: str = "rings",
     animation_s: float | None = None,
 ) -> list[Finding]:
-    """Find numbers that do not fit together; nothing when all is well.
+    """Find numbers that do not fit together.
 
     Parameters
     ----------
@@ -60,13 +93,18 @@ def config_findings(
     rings
         Number of rings the run has.
     farthest_m
-        Farthest point of the scene from the emitter [m], if known.
+        Distance of the farthest point from the transmitter [m]; None: unknown.
     frame_interval_s
-        Time between two radar frames [s], if there are several.
+        Time between two radar frames [s]; None: there is one frame.
     sampling_mode
         "rings" or "paths", which reach as far as the scene does.
     animation_s
-        Length of the scene's animation [s], if known.
+        Duration of the scene's animation [s]; None: unknown.
+
+    Returns
+    -------
+    list of Finding
+        Empty if all numbers fit.
     """
     radar = measurement.radar
     of_rings = sampling_mode == "rings"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user asks for, in SI and float64, checked. Standard library only.
+"""Numbers of a measurement, in SI and float64, checked. Standard library only.
 
 The panel's float32 numbers and the headless script's options both end up in a `Measurement`.
 """
@@ -14,14 +14,24 @@ from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ...signal.radar import AnyWaveform, Burst, Radar
 
-#: More rings than this is a slip of the pen (a ring step in kilometres, a scene in millimetres).
+#: Maximum number of rings. More come from a wrong unit (a ring step in millimetres).
 MAX_RINGS = 10_000
 #: Pixels of one render; Cycles needs about 50 bytes for each.
 MAX_PIXELS = 1 << 28
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
-    """Frames from ``"7"``, ``"1:10"`` (both ends included), ``"1:10:2"`` or commas between these.
+    """Return the frames that a text selects.
+
+    Parameters
+    ----------
+    text
+        ``"7"``, ``"1:10"`` (both ends included), ``"1:10:2"``, or several of these with commas.
+
+    Returns
+    -------
+    tuple of int
+        Blender frames in the order of the text, each one once.
 
     Raises
     ------
@@ -62,7 +72,7 @@ POLARISATIONS = ("average", "vertical", "horizontal")
 @documented
 @dataclass(frozen=True)
 class Measurement:
-    """One run: radar, rings, passes, frames and how they are rendered.
+    """One run: radar, rings, snapshots, frames and how they are rendered.
 
     Parameters
     ----------
@@ -70,8 +80,9 @@ class Measurement:
         The radar's numbers; they do not change what is rendered.
     frames
         Blender frames, in the order in which they are rendered.
-    system
-        Power budget, checked; None: the emitter's EIRP in all directions. It changes no render.
+    link_budget
+        Transmit power, antennas and losses, checked; None: the transmitter's EIRP in all
+        directions. It changes no render.
     """
 
     waveform: AnyWaveform
@@ -153,7 +164,7 @@ class Measurement:
         if not all(0 <= frame < 1_000_000 for frame in self.frames):
             raise ConfigError(
                 f"Frames {min(self.frames)} to {max(self.frames)} are asked for; "
-                "expected frames from 0 to 999999. Shift the animation."
+                "expected frames from 0 to 999999. Move the animation."
             )
         if self.snapshots == 2 and not self.snapshot_interval_s > 0:
             raise ConfigError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user asks of the acquisition "paths". Standard library only."""
+"""Options of the sampling mode "paths". Standard library only."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from .measurement import MAX_REFLECTIONS
 
-#: Cameras finer than this see float32 of their own directions [rad per pixel].
+#: Below this pixel pitch, float32 rounds the camera's own directions [rad per pixel].
 FINEST_PITCH = 5e-7
 
 
 @documented
 @dataclass(frozen=True)
 class PathOptions:
-    """How paths are followed, and when it is enough."""
+    """How paths are followed, and when refinement stops."""
 
     max_reflections: int = setting(default=1, **MAX_REFLECTIONS)
     max_depth: int = setting(
@@ -29,7 +29,8 @@ class PathOptions:
     )  # fmt: skip
     replicates: int = setting(
         "Replicates",
-        "Set the sub-pixel shifts of each tile, from which the standard error is estimated",
+        "Set the replicates of each tile: renders with other sub-pixel offsets, whose scatter "
+        "gives the standard error",
         4,
         minimum=1,
         maximum=10_000,
@@ -128,14 +129,14 @@ class PathOptions:
             )
         if self.refines and self.replicates < 2 and self.refine_for != "objects":
             raise ConfigError(
-                f"One shift a tile gives no standard error of range bins, and the error is of "
-                f"{self.refine_for!r}; expected at least 2 shifts with an error target or a time "
-                "budget, or an error of 'objects'."
+                f"Replicates is 1, and refinement is for {self.refine_for!r}. One replicate gives "
+                "no standard error of range bins. Use at least 2 replicates, or refine for "
+                "'objects'."
             )
 
     @property
     def error_scope(self) -> str:
-        """What the error that is reported is of: one shift knows that of objects alone."""
+        """What the reported error is of; with one replicate, of objects alone."""
         return "objects" if self.replicates == 1 else self.refine_for
 
     @property

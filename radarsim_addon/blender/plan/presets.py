@@ -34,7 +34,17 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 
 def preset_settings(name: str) -> Mapping[str, Any]:
-    """Return the settings of a preset, by their names, in SI.
+    """Return the settings of a preset.
+
+    Parameters
+    ----------
+    name
+        "paper" or "automotive_77ghz".
+
+    Returns
+    -------
+    mapping of str
+        Values by the names of the settings, in SI; read only.
 
     Raises
     ------

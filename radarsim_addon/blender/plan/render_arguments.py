@@ -35,7 +35,13 @@ exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C"""
 
 
 def render_settings() -> dict[str, Declared]:
-    """Return the settings that have options, in the order of the help."""
+    """Return the settings that have options.
+
+    Returns
+    -------
+    dict of str to Declared
+        Declarations by name, in the order of the help.
+    """
     run = declared(RunSettings)
     names = ("sampling_mode", "extinction", "waveform_kind", "waveform_file")
     waveforms = [kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"]
@@ -46,7 +52,7 @@ def render_settings() -> dict[str, Declared]:
 def parse_render_arguments(
     words: list[str], prog: str = "radarsim render", needs_blend: bool = True
 ) -> argparse.Namespace:
-    """Parse the command line; argparse exits with 2 (bad) or 0 (--help).
+    """Parse the command line. argparse exits with 2 (bad arguments) or 0 (--help).
 
     Parameters
     ----------
@@ -56,6 +62,11 @@ def parse_render_arguments(
         Name of the command in its help.
     needs_blend
         Whether a file must be named; else the open one is rendered.
+
+    Returns
+    -------
+    argparse.Namespace
+        Values by the names of the options; None where an option is not given.
     """
     parser = argparse.ArgumentParser(
         prog=prog,
@@ -115,7 +126,17 @@ def _folder_name(text: str) -> Path:
 
 
 def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return what was given in place of the radar's settings, by their names, in SI.
+    """Return the values that replace the radar's settings.
+
+    Parameters
+    ----------
+    arguments
+        From `parse_render_arguments`.
+
+    Returns
+    -------
+    dict of str
+        Values by the names of the settings, in SI.
 
     Raises
     ------
@@ -153,8 +174,8 @@ def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str
     of_paths += ["--order"] if arguments.order is not None else []
     if of_rings and of_paths:
         raise ConfigError(
-            f"{of_paths[0]} is of paths, {of_rings[0]} of rings; expected options of one of them, "
-            "or --sampling-mode that says which."
+            f"{of_paths[0]} belongs to paths and {of_rings[0]} to rings. Give options of one of "
+            "them, or choose with --sampling-mode."
         )
     return "rings" if of_rings else "paths" if of_paths else None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The acquisition plan: which renders make up a run, at which times, with which code. No bpy."""
+"""The plan of a run: its renders, their times and range encoding. Does not import bpy."""
 
 from __future__ import annotations
 
@@ -19,18 +19,24 @@ from ...findings import Finding
 from ...signal.radar import waveform_to_dict
 from .measurement import MAX_RINGS, Measurement
 
-#: Path lengths per code length. exp(-2*8) in G leaves 20 decades of float32 for the radiance, and
-#: float32 noise of the range is lowest at a few code lengths (4e-8 to 7e-8 of the range).
+#: Path lengths per length of the range encoding. exp(-2*8) in G leaves 20 decades of float32 for
+#: the radiance, and float32 noise of the range is lowest at a few such lengths (4e-8 to 7e-8).
 LENGTHS_PER_CODE = 8.0
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How far the scene reaches, in metres, over all frames of the run.
+    """How far the scene reaches over all frames of the run. All zero for an empty scene.
 
-    from_emitter_m and from_receiver_m are the distances of the farthest point that can echo,
-    baseline_m the distance between the antennas, diameter_m the size of all that can echo.
-    All zero for an empty scene.
+    Attributes
+    ----------
+    from_emitter_m, from_receiver_m
+        Distance of the farthest point that can echo, from the transmitter and from the
+        receiver [m].
+    baseline_m
+        Distance between the antennas [m].
+    diameter_m
+        Size of all that can echo [m].
     """
 
     from_emitter_m: float = 0.0
@@ -39,7 +45,7 @@ class Extent:
     diameter_m: float = 0.0
 
     def union(self, other: Extent) -> Extent:
-        """Extent that covers both."""
+        """Return the extent that covers both."""
         return Extent(
             *(
                 max(a, b)
@@ -50,7 +56,15 @@ class Extent:
 
 @dataclass(frozen=True)
 class Instant:
-    """A moment of the animation: whole frame and fraction as Blender takes them, and its time."""
+    """A moment of the animation.
+
+    Attributes
+    ----------
+    frame, subframe
+        Whole frame and fraction of a frame, 0 to below 1, as Blender takes them.
+    time_s
+        Time since frame 0 at which Blender evaluates the animation [s].
+    """
 
     frame: int
     subframe: float
@@ -59,7 +73,21 @@ class Instant:
 
 @dataclass(frozen=True)
 class Task:
-    """One Cycles render: one ring in one pass of one radar frame."""
+    """One Cycles render: one ring in one snapshot of one radar frame.
+
+    Attributes
+    ----------
+    frame
+        Blender frame at which the radar frame starts.
+    snapshot_index
+        0 at t, 1 after the snapshot interval.
+    ring
+        Number of the ring, from 0.
+    instant
+        Moment of the animation.
+    ring_min_m, ring_max_m
+        Edges of the ring, one way [m].
+    """
 
     frame: int
     snapshot_index: int
@@ -84,7 +112,31 @@ class Task:
 
 @dataclass(frozen=True)
 class Plan:
-    """All renders of a run and the numbers they share. Lengths in metres."""
+    """All renders of a run, and the numbers they share.
+
+    Attributes
+    ----------
+    measurement
+        What is measured.
+    rings
+        Number of rings.
+    metres_per_unit
+        Metres per Blender unit.
+    fps
+        Blender frames per second.
+    range_encoding_length_m
+        Path length over which the range encoding falls by 1/e [m].
+    extinction_length_m
+        Length to which the Radar Material's extinction is normalised [m].
+    extent
+        How far the scene reaches.
+    sampling_mode
+        "rings" or "paths".
+    options
+        Text of the path options, for the fingerprint; empty with rings.
+    visibility_updates
+        Number of renders per burst.
+    """
 
     measurement: Measurement
     rings: int
@@ -103,9 +155,9 @@ class Plan:
         return self.measurement.renders(self.rings)
 
     def tasks(self) -> Iterator[Task]:
-        """All renders: frame by frame, pass by pass, ring by ring.
+        """Yield all renders: frame by frame, snapshot by snapshot, ring by ring.
 
-        Rings come last because changing a ring costs Cycles nothing, changing the time a new scene.
+        Rings come last: a new ring costs Cycles nothing, a new time costs a new scene.
         """
         step_m = self.measurement.ring_step_m
         for frame in self.measurement.frames:
@@ -116,7 +168,7 @@ class Plan:
                     )
 
     def instants(self, frame: int) -> list[Instant]:
-        """Moments of the passes of a radar frame: t, and t + delta t where there are two."""
+        """Return the moments of a frame's snapshots: t, and t + delta t if there are two."""
         moments = [instant_at(float(frame), self.fps)]
         if self.measurement.snapshots == 2:
             moments.append(
@@ -126,10 +178,23 @@ class Plan:
 
 
 def instant_at(frame: float, fps: float) -> Instant:
-    """The moment Blender really shows when asked for a fractional frame.
+    """Return the moment that Blender evaluates for a fractional frame.
 
-    Blender adds frame and subframe in float32, so at frame 250 time moves in steps of
-    1.5e-5 frames; the time that is recorded is the one the animation is evaluated at.
+    Parameters
+    ----------
+    frame
+        Frame with its fraction.
+    fps
+        Blender frames per second.
+
+    Returns
+    -------
+    Instant
+        With the time at which the animation is evaluated.
+
+    Notes
+    -----
+    Blender adds frame and subframe in float32. At frame 250 time has steps of 1.5e-5 frames.
     """
     whole = math.floor(frame)
     subframe = float(np.float32(frame - whole))
@@ -139,10 +204,10 @@ def instant_at(frame: float, fps: float) -> Instant:
 
 
 def range_encoding_length_m(measurement: Measurement, rings: int, extent: Extent) -> float:
-    """Code length k such that neither R nor G can underflow: an eighth of the longest path.
+    """Return the length k with which neither R nor G underflows: an eighth of the longest path.
 
-    The longest path goes from the receiver over the bounces to the emitter; the last segment ends
-    within the outermost ring, the others within the scene.
+    The longest path goes from the receiver over all reflections to the transmitter. Its last
+    segment ends within the outermost ring, the others within the scene.
     """
     outermost_m = rings * measurement.ring_step_m
     bounces = measurement.max_reflections - 1
@@ -162,18 +227,40 @@ def make_plan(
     options: str = "",
     visibility_updates: int = 1,
 ) -> Plan:
-    """Plan of a run.
+    """Return the plan of a run.
+
+    Parameters
+    ----------
+    measurement
+        What is measured.
+    metres_per_unit
+        Metres per Blender unit, above 0.
+    fps
+        Blender frames per second, above 0.
+    extent
+        How far the scene reaches.
+    sampling_mode
+        "rings" or "paths".
+    options
+        Text of the path options, for the fingerprint; empty with rings.
+    visibility_updates
+        Number of renders per burst, at most one per pulse.
+
+    Returns
+    -------
+    Plan
+        With the number of rings chosen where the measurement has 0.
 
     Raises
     ------
     ConfigError
-        Automatic rings would be more than `MAX_RINGS`, scale or frame rate are not positive, or
+        The scene needs more than `MAX_RINGS` rings, scale or frame rate are not positive, or
         there are more renders in a burst than pulses.
     """
     if visibility_updates > measurement.burst.pulses:
         raise ConfigError(
-            f"Renders per burst: {visibility_updates}, more than the {measurement.burst.pulses} "
-            "pulses of the burst; expected at most one a pulse. Lower it, or send more pulses."
+            f"Visibility updates is {visibility_updates}; expected at most one per pulse of the "
+            f"burst, {measurement.burst.pulses}. Lower it, or send more pulses."
         )
     check_unit_scale(metres_per_unit)
     check_frame_rate(fps)
@@ -189,7 +276,7 @@ def make_plan(
         rings=rings,
         metres_per_unit=metres_per_unit,
         fps=fps,
-        # What the shader sees is 1/k in float32; k is recorded as the inverse of exactly that.
+        # The shader reads 1/k in float32. k is recorded as the inverse of that number.
         range_encoding_length_m=metres_per_unit / float(inverse_k),
         extinction_length_m=measurement.extinction_length_m or metres_per_unit,
         extent=extent,
@@ -200,17 +287,49 @@ def make_plan(
 
 
 def check_unit_scale(metres_per_unit: float) -> float:
-    """Metres in a Blender unit as they are, or a ConfigError: Blender itself lets NaN in."""
+    """Check the unit scale: Blender accepts NaN.
+
+    Parameters
+    ----------
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    float
+        The same number.
+
+    Raises
+    ------
+    ConfigError
+        It is not positive and finite.
+    """
     if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
         raise ConfigError(
             f"Unit Scale of the scene is {metres_per_unit!r}; expected a positive number, the "
-            "metres in one Blender unit. Set it in Scene > Units, to 1 where in doubt."
+            "metres per Blender unit. Set it in Scene > Units; the default is 1."
         )
     return metres_per_unit
 
 
 def check_frame_rate(fps: float) -> float:
-    """Frames a second as they are, or a ConfigError."""
+    """Check the frame rate.
+
+    Parameters
+    ----------
+    fps
+        Blender frames per second.
+
+    Returns
+    -------
+    float
+        The same number.
+
+    Raises
+    ------
+    ConfigError
+        It is not positive and finite.
+    """
     if not (math.isfinite(fps) and fps > 0):
         raise ConfigError(
             f"Frame rate of the scene is {fps!r}; expected a positive number. Set it and its base "
@@ -220,7 +339,19 @@ def check_frame_rate(fps: float) -> float:
 
 
 def automatic_rings(ring_step_m: float, extent: Extent) -> int:
-    """Number of rings that reaches the scene's farthest point; 1 for an empty scene.
+    """Return the number of rings that reaches the scene's farthest point.
+
+    Parameters
+    ----------
+    ring_step_m
+        Width of a ring, one way [m].
+    extent
+        How far the scene reaches.
+
+    Returns
+    -------
+    int
+        At least 1, which is the number for an empty scene.
 
     Raises
     ------
@@ -238,10 +369,24 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 
 
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
-    """Hash of everything that changes the pixels of a render.
+    """Return a hash of everything that changes the pixels of a render.
 
-    Waveform, burst and link budget are not in it (they come in after rendering), nor are the
-    frames: a run may be continued with more of them.
+    Waveform, burst and link budget are excluded, because they come in after rendering. Frames are
+    excluded, because a run may resume with more of them.
+
+    Parameters
+    ----------
+    plan
+        Plan of the run.
+    scene_digest
+        Hash of the scene.
+    versions
+        Version by the name of the software.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal digits.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
     for key in ("waveform", "burst", "link_budget", "frames", "rings"):
@@ -259,7 +404,7 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     }
     if plan.sampling_mode == "paths":
         # These follow from how far the scene reaches in the frames asked for; each table has its
-        # own code length beside it.
+        # own length of the range encoding in its sidecar.
         del measurement["ring_step_m"], parts["range_encoding_length_m"]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -271,7 +416,26 @@ def run_record(
     findings: list[Finding],
     versions: dict[str, str],
 ) -> contract.RunRecord:
-    """The record that ``run.json`` holds."""
+    """Return the record that ``run.json`` contains.
+
+    Parameters
+    ----------
+    plan
+        Plan of the run.
+    scene_digest
+        Hash of the scene.
+    blend_file
+        Path of the .blend file; empty if it was never saved.
+    findings
+        Findings before the first render.
+    versions
+        Version by the name of the software.
+
+    Returns
+    -------
+    RunRecord
+        With its fingerprint.
+    """
     measurement = plan.measurement
     return contract.RunRecord(
         sampling_mode=plan.sampling_mode,

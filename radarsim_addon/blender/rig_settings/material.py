@@ -49,7 +49,15 @@ def _refresh(material: Any) -> None:
 
 
 def choose_medium(material: Any, name: str) -> None:
-    """Give a material another medium; parameters without a default get a value to start from."""
+    """Set the medium of a material. Parameters without a default get an initial value.
+
+    Parameters
+    ----------
+    material : bpy.types.Material
+        A physical material.
+    name
+        Name of the model, or that of the table.
+    """
     for key in [key for key in material.keys() if key.startswith(pm.PARAMETER_PREFIX)]:
         if key != pm.PATH:
             del material[key]

@@ -55,6 +55,10 @@ def migrate_scene(scene: Any) -> bool:
 
     Every radar gets them. A scene without a radar keeps them until it has one.
 
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
     Returns
     -------
     bool

@@ -54,6 +54,11 @@ def settings(radar: Any) -> Settings:
     radar : bpy.types.Object
         The rig.
 
+    Returns
+    -------
+    Settings
+        Its values are those of the panel, in SI.
+
     Raises
     ------
     ConfigError
@@ -65,7 +70,17 @@ def settings(radar: Any) -> Settings:
 
 
 def carrier_hz(scene: Any) -> float:
-    """Return the carrier of a scene's active radar [Hz]; without a radar, that of a new one."""
+    """Return the carrier of a scene's active radar.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    float
+        Carrier [Hz]; without a radar, the initial one.
+    """
     with contextlib.suppress(SceneError):
         return float(settings(active_radar(scene)).carrier_hz)
     return float(RADAR_SETTINGS["carrier_hz"].initial)
@@ -143,6 +158,11 @@ def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement
         Values in place of the radar's own, by the names of the settings, in SI; ``frames`` is a
         tuple of frames.
 
+    Returns
+    -------
+    Measurement
+        Checked.
+
     Raises
     ------
     ConfigError
@@ -205,7 +225,19 @@ def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
 
 
 def read_path_options(radar: Any, **given: Any) -> PathOptions:
-    """Return how paths are followed; values given are in place of the radar's own.
+    """Return how paths are followed.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    **given
+        Values in place of the radar's own, by the names of the settings, in SI.
+
+    Returns
+    -------
+    PathOptions
+        Checked.
 
     Raises
     ------
@@ -234,16 +266,21 @@ def antenna_record(view: Settings) -> AntennaRecord:
 def read_link_budget(
     radar: Any, wavelength_m: float, file: str | Path | None = None
 ) -> LinkBudget | None:
-    """Return a radar's link budget, checked; None where none is used.
+    """Return a radar's link budget.
 
     Parameters
     ----------
     radar : bpy.types.Object
         The rig.
     wavelength_m
-        Of the carrier [m].
+        Wavelength of the carrier [m].
     file
-        Link budget (JSON) in place of the radar's own.
+        Link budget (JSON); None: the radar's own.
+
+    Returns
+    -------
+    LinkBudget or None
+        Checked; None where the radar uses none.
 
     Raises
     ------
@@ -266,6 +303,16 @@ def read_link_budget(
 
 def output_folder(radar: Any) -> Path:
     """Return the output folder as an absolute path.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Returns
+    -------
+    Path
+        Absolute; it may not exist.
 
     Raises
     ------

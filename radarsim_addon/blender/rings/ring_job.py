@@ -2,7 +2,7 @@
 """Ring sampling: one Cycles render for each ring and snapshot, written as an EXR file.
 
 Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
-moment a run is killed at, a file with a sidecar is whole, and the next run goes on from there.
+moment a run is killed at, a file with a sidecar is whole, and the next run resumes there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,13 @@ from .render_result import save_render
 
 
 class RingJob(MeasurementJob):
-    """A run that measures rings, the paper's acquisition. Parameters as `MeasurementJob`."""
+    """A run that measures rings, the sampling mode of the paper.
+
+    Parameters
+    ----------
+    *arguments, **keywords
+        Those of `MeasurementJob`.
+    """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -96,7 +102,7 @@ class RingJob(MeasurementJob):
         """
         assert self._records is not None
         final = self.folder / task.exr_path
-        # Blender would make the folder anew, without the rest of the run.
+        # Blender would make the folder again, without the rest of the run.
         output_folder.check_there(self.folder, task.frame)
         try:
             file = AtomicFile(final)

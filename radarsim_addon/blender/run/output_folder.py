@@ -56,14 +56,14 @@ def check_there(folder: Path, frame: int | None = None) -> None:
     Raises
     ------
     OutputError
-        One has vanished. Whoever made it anew would make a run without its plan.
+        One has vanished. A new folder would contain a run without its plan.
     """
     if not (folder / contract.RUN_FILE).is_file():
         what = f"was emptied ({contract.RUN_FILE} is gone)" if folder.is_dir() else "has vanished"
         raise OutputError(
             f"The output folder {folder} {what} while the run was going on: it was removed or "
-            "renamed, or its drive is gone. Put it back to go on where the run stopped, or start "
-            "anew."
+            "renamed, or its drive is gone. Put it back to resume the run, or start a "
+            "new one."
         )
     if frame is not None and not (folder / contract.frame_dir(frame)).is_dir():
         raise OutputError(
@@ -139,7 +139,7 @@ def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> N
         if not overwrite:
             raise OutputError(
                 f"The output folder {folder} holds frames of another run (scene, "
-                "acquisition, ring step, passes, resolution, samples, seed or software "
+                "sampling mode, ring step, snapshots, resolution, samples, seed or software "
                 "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
             )
         clear_run(folder)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The JSON files that a run leaves beside its renders: plan, labels of a frame, sidecars."""
+"""The JSON files that a run writes next to its renders: plan, labels of a frame, sidecars."""
 
 from __future__ import annotations
 

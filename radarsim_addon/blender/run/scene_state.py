@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All that a measurement needs of the user's scene, set for a run and restored after it.
 
-Each setting here spoils the measurement without a word when it is wrong: see the reasons beside
-them. What is not ours to change (device, threads, geometry) stays as the user has it.
+Each setting here spoils the measurement without a word when it is wrong: see the reasons in
+the comments. What is not ours to change (device, threads, geometry) stays as the user has it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class MeasurementSettings:
         self.restore()
 
     def apply(self) -> None:
-        """Set everything; on failure what was set is restored before the error goes on."""
+        """Set everything; on failure restore all settings, then raise the error."""
         if not hasattr(self._scene, "cycles"):
             raise SceneError(
                 "Cycles is not enabled in this Blender; the radar is rendered with it. "
@@ -104,7 +104,7 @@ class MeasurementSettings:
         return self._recorder.restore()
 
     def set_ring(self, ring_min_m: float, ring_max_m: float) -> None:
-        """Gate the emitter to ``ring_min_m <= r < ring_max_m`` (Eq. 5)."""
+        """Limit the transmitter's light to ``ring_min_m <= r < ring_max_m`` (Eq. 5)."""
         # Neighbouring rings divide the same number of metres, so their shared edge is the same
         # float32 in both and no path is lost or counted twice.
         self._scene[attributes.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
@@ -156,7 +156,7 @@ class MeasurementSettings:
         measurement = self._plan.measurement
         put(cycles, "samples", measurement.samples)
         put(cycles, "seed", measurement.seed)
-        put(cycles, "use_animated_seed", False)  # the passes must see the same paths
+        put(cycles, "use_animated_seed", False)  # both snapshots must sample the same paths
         put_some(cycles, "sample_offset", 0)
         put_some(cycles, "use_sample_subset", False)
         put(cycles, "use_layer_samples", "IGNORE")
@@ -275,9 +275,11 @@ class MeasurementSettings:
             if is_radar_material(material):
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
         depsgraph = evaluated_depsgraph(self._view_layer)
-        worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
+        assigned = {
+            m for one in assigned_materials(depsgraph) for m in one.materials if m is not None
+        }
         carrier_hz = self._plan.measurement.waveform.carrier_hz
-        failures = update_materials(carrier_hz, self._recorder, worn)
+        failures = update_materials(carrier_hz, self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit

@@ -15,7 +15,15 @@ from ..state import Key, evaluated_objects
 
 @dataclass(frozen=True)
 class InstancePose:
-    """Pose (4, 4) of an object or instance in metres, and its box (2, 3) in its own axes [m]."""
+    """Pose of an object or instance, with its box.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (4, 4)
+        From its own axes to the world, in metres.
+    box : ndarray, shape (2, 3)
+        Lowest and highest corner in its own axes [m].
+    """
 
     pose: Real
     box: Real
@@ -25,6 +33,8 @@ class InstancePose:
 class Poses:
     """Poses of objects and instances at one moment, by name of the object.
 
+    Attributes
+    ----------
     objects
         Poses by instance.
     rendered

@@ -132,6 +132,11 @@ def echoes(item: Any) -> bool:
     Parameters
     ----------
     item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True also where Geometry Nodes might assign a Radar Material.
     """
     if item.type not in SURFACE_TYPES:
         return False

@@ -60,6 +60,11 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Returns
+    -------
+    list of Finding
+        Empty if no object has an interior.
     """
     found: list[Faces] = []
     for one in evaluated_objects(depsgraph):
@@ -173,7 +178,7 @@ def _defects(found: list[Faces]) -> list[Finding]:
 
 
 def coincident_faces(found: list[Faces]) -> list[Finding]:
-    """Pairs of objects, one of them with an interior, that share a part of a plane exactly."""
+    """Find pairs of objects, one with an interior, that have a part of a plane in common."""
     low = np.min([item.low.min(axis=0) for item in found], axis=0)
     high = np.max([item.high.max(axis=0) for item in found], axis=0)
     tolerance = _COINCIDENT * max(float(np.abs([low, high]).max()), 1e-30)

@@ -76,7 +76,13 @@ def pattern_objects() -> list[Any]:
 
 
 def remove_patterns() -> int:
-    """Remove the pattern objects and their meshes; return their number."""
+    """Remove the pattern objects and their meshes.
+
+    Returns
+    -------
+    int
+        Number of objects removed.
+    """
     found = pattern_objects()
     for item in found:
         mesh = item.data

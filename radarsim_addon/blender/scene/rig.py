@@ -28,7 +28,15 @@ SCALE_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Rig:
-    """Receiver (``bpy.types.Object`` of type CAMERA) and transmitter (of type LIGHT)."""
+    """Antennas of a radar in the scene.
+
+    Attributes
+    ----------
+    camera : bpy.types.Object
+        The receiver, of type CAMERA.
+    emitter : bpy.types.Object
+        The transmitter, a Point light with the Ring Emitter.
+    """
 
     camera: Any
     emitter: Any
@@ -262,6 +270,11 @@ def is_transmitter(item: Any) -> bool:
     Parameters
     ----------
     item : bpy.types.Object or None
+
+    Returns
+    -------
+    bool
+        False for None.
     """
     return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
 

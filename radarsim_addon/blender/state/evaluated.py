@@ -22,8 +22,12 @@ class EvaluatedObject(NamedTuple):
 
     Blender reuses the data of instances: read what you need before the next object.
 
+    Attributes
+    ----------
     evaluated, original, instancer : bpy.types.Object
         `instancer` is the original object that makes the instance; None for the object itself.
+    key
+        Identifies the instance from frame to frame.
     matrix_world : mathutils.Matrix
         4x4.
     visible

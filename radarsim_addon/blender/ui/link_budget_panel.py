@@ -33,7 +33,7 @@ class RADARSIM_OT_draw_patterns(bpy.types.Operator):
         name="Antennas",
         items=(
             ("BOTH", "Both", "Transmitter and receiver"),
-            ("transmit", "Transmitter", "On the emitter"),
+            ("transmit", "Transmitter", "On the transmitter"),
             ("receive", "Receiver", "On the camera"),
         ),
         description="Which patterns are drawn",

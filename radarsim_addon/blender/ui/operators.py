@@ -25,7 +25,7 @@ _HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD"
 
 
 class RADARSIM_OT_setup_rig(bpy.types.Operator):
-    """Add a radar: camera and emitter under one empty, at the 3D cursor"""
+    """Add a radar: receiver and transmitter under one empty, at the 3D cursor"""
 
     bl_idname = "radarsim.setup_rig"
     bl_label = "Set Up Radar"
@@ -72,7 +72,7 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
 
 
 class _TimedOperator:
-    """What the two long operators share: a timer, the panel's progress, Esc, and a clean end."""
+    """Common part of the two long operators: timer, progress in the panel, Esc, clean end."""
 
     _timer: Any = None
 

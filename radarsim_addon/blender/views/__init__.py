@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One render: path classes, passes, rows of pixels.
+"""One render: path classes, render passes, rows of pixels.
 
 In: a window of the receiver's image. Out: rows of the path table.
 """

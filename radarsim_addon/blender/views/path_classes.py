@@ -30,11 +30,12 @@ from .requests import PathClass, Region, RenderRequest, View, bounding_region, c
 GREY_TOLERANCE = 1e-5
 #: Orders above the limit whose power is measured, without following their paths.
 PROBED_ORDERS = 4
-#: Pixels a side that share a ray of that: five reflections cost several times what one does.
+#: Pixels per side of the blocks that have one such ray: five reflections cost several times
+#: as much as one.
 PROBE_COARSE = 4
 #: Transparent surfaces after which it is asked whether anything worth following is left.
 TAIL_EVERY = 4
-#: Differences of renders below this share of the minuend are float32 rounding.
+#: Differences of renders below this fraction of the minuend are float32 rounding.
 _ROUNDING = 1e-6
 
 
@@ -198,7 +199,7 @@ def trace_replicate(
 
 
 class _Tracer:
-    """The steps of :func:`trace_view` with what they share."""
+    """The steps of :func:`trace_view` with their common state."""
 
     def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
         self._limits = limits

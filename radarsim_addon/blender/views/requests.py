@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 
-#: Regions larger than this share of the view are rendered as the whole view.
+#: Regions larger than this fraction of the view are rendered as the whole view.
 _LARGEST_REGION = 0.85
 
 
@@ -68,7 +68,7 @@ class RenderRequest:
     region
         The only pixels that can hold something (the others are 0 in the view); None: all.
     coarse
-        Pixels a side that may share one ray, for sums that need no more.
+        Pixels per side of the blocks that have one ray, for sums that need no more.
     all_channels
         Range encoding in blue, too.
     probe

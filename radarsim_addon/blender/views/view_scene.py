@@ -2,8 +2,8 @@
 """Puts a scene into the state for one path per pixel, and makes the renders of that state.
 
 On top of the measuring settings of the rings: a camera of our own that can look at any part of
-the field of view, one sample through the pixel centre, passes for position and object, and, where
-the materials do not carry the range encoding, a world volume that does.
+the field of view, one sample through the pixel centre, and render passes for position and object.
+Where the materials do not carry the range encoding, a world volume does.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class PathScene:
         self.renders = 0
 
     def apply(self) -> None:
-        """Set everything; on failure what was set is restored before the error goes on."""
+        """Set everything; on failure restore all settings, then raise the error."""
         try:
             self._keep_changing()
             self._add_camera()
@@ -219,7 +219,7 @@ class PathScene:
             return
         colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
         socket = self._volume.inputs["Color"]
-        if tuple(socket.default_value) != colour:  # the world's shader is compiled anew
+        if tuple(socket.default_value) != colour:  # Blender compiles the world's shader again
             socket.default_value = colour
 
     def _set_frame(self, region: Region | None, coarse: int) -> None:
@@ -262,7 +262,7 @@ class PathScene:
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
     def render(self) -> None:
-        """Render and write the passes (not for use in the UI).
+        """Render and write the render passes (not for use in the UI).
 
         Raises
         ------

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is added to a scene for one path per pixel: passes, numbers of objects, the range encoding's
-world."""
+"""Additions to a scene for one path per pixel: render passes, object numbers, world volume."""
 
 from __future__ import annotations
 

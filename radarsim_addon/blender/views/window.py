@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of the receiver's image that one render shows, and its seed. Does not import bpy."""
+"""The part of the receiver's image that one render contains, and its seed. No bpy."""
 
 from __future__ import annotations
 
@@ -55,16 +55,21 @@ class ViewWindow:
 
 
 def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
-    """Return Cycles' seed for one tile replicate: by where it looks, not by the tiles' order.
+    """Return Cycles' seed for one replicate of a tile. It does not depend on the tiles' order.
 
     Parameters
     ----------
     seed
-        Of the run.
+        Seed of the run.
     window
         The tile.
     replicate
-        Its number.
+        Number of the replicate, from 0.
+
+    Returns
+    -------
+    int
+        From 0 to 2**31 - 1.
     """
     edges = (window.left, window.right, window.bottom, window.top)
     key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)

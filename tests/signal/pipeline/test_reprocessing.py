@@ -112,9 +112,9 @@ def test_options_of_rings_and_paths_together_are_refused() -> None:
     assert sampling_mode("--max-standard-error", "0") == "paths"
     both = ("--rings", "3", "--max-standard-error", "1")
     assert sampling_mode("--sampling-mode", "paths", *both) == "paths"
-    with pytest.raises(ConfigError, match="--max-standard-error is of paths, --rings of rings"):
+    with pytest.raises(ConfigError, match="--max-standard-error belongs to paths and --rings"):
         sampling_mode(*both)
-    with pytest.raises(ConfigError, match="--visibility-updates is of paths, --rings of rings"):
+    with pytest.raises(ConfigError, match="--visibility-updates belongs to paths and --rings"):
         sampling_mode("--rings", "2", "--visibility-updates", "2")
 
 
