@@ -20,7 +20,7 @@ from radarsim_addon.signal.echoes import pulse_times_s, synthesize
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, body_record
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import PATH_DTYPE, geometry_of, make_paths, motion_of_rows
-from radarsim_addon.signal.pipeline.process import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import (
     SINGLE_CHANNEL,
     Burst,

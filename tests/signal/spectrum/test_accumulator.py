@@ -146,7 +146,7 @@ def test_parts_chunks_and_threads_change_nothing_beyond_the_tolerance(backend) -
 
 def test_joined_motion_is_taken_apart() -> None:
     bent = Function(lambda t: np.array([10 + 3 * t + 5 * t**2]), np.array([True]))
-    both = join_motion([MOTION, bent])
+    both = join_motion([MOTION, bent])  # type: ignore[list-item]
     amplitude = np.append(AMPLITUDE, 1e5)
     expected = EXPECTED + direct_sum(
         GRID, TIMES_S, lambda t: np.array([10 + 3 * t + 5 * t**2]), amplitude[-1:]
