@@ -100,7 +100,7 @@ class PaperScene:
     def rings(
         self, width_px: int, height_px: int, samples: int, count: int | None = None
     ) -> Result:
-        """Rings of 250 m, one pass: 21 as in the scene, or so many."""
+        """Rings of 250 m, one snapshot: 21 as in the scene, or so many."""
         from radarsim_addon.blender.rings import RingJob
 
         folder = self._fresh("rings")

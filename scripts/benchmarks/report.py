@@ -40,8 +40,8 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
     lines = [
         "",
         (
-            "1. Error against time, the paper's scene (one frame, one pass; from the scene to the "
-            "profile)"
+            "1. Error against time, the paper's scene (one frame, one snapshot; from the scene to "
+            "the profile)"
         ),
         (
             f"   reference: paths, {reference['label']}, {reference['samples']} paths; "
@@ -58,7 +58,7 @@ def _accuracy(part: dict[str, Any]) -> list[str]:
     ]
     for row in part["runs"]:
         lines.append(
-            f"   {row['sampling_mode']:6} {row['label']:34} {row['wall_s']:>5.2f} s "
+            f"   {row['sampling_mode']:6} {row['label']:35}{row['wall_s']:>5.2f} s "
             f"{row['cpu_s']:>5.2f} s {row['renders']:>8} {row['samples']:>11} "
             f"{100 * row['error']:>6.2f} % {100 * row['error_coarse']:>6.2f} % "
             f"{100 * row['error_by_bin']:>6.1f} % {row['target_db']:>+6.2f} dB"

@@ -106,3 +106,33 @@ ITEMS = _public_items()
 def test_public_names_are_documented(name: str) -> None:
     gaps = _gaps(ITEMS[name])
     assert not gaps, f"{name} does not document {', '.join(gaps)}"
+
+
+def test_a_gap_is_found() -> None:
+    source = '''
+def bare(width_m: float) -> float:
+    """Return the width."""
+    raise ConfigError("always")
+
+
+class Plain(NamedTuple):
+    """A record.
+
+    Attributes
+    ----------
+    width_m
+        Width [m].
+    """
+
+    width_m: float
+    height_m: float
+'''
+    bare, plain = ast.parse(source).body
+    assert isinstance(bare, Item) and isinstance(plain, Item)
+    assert _gaps(bare) == ["width_m", "Returns", "ConfigError"]
+    assert _gaps(plain) == ["height_m"]
+
+
+def test_every_room_is_read() -> None:
+    rooms = {init.parent.name for init in BLENDER.glob("*/__init__.py")} - {"ui"}  # ui exports none
+    assert {name.partition(".")[0] for name in ITEMS} == rooms

@@ -14,11 +14,10 @@ from .run_plan import (
     automatic_rings,
     check_frame_rate,
     check_unit_scale,
-    fingerprint,
     instant_at,
     make_plan,
-    run_record,
 )
+from .run_record import fingerprint, run_record
 from .run_settings import RunSettings
 from .window_settings import merged, shortest_decimal
 

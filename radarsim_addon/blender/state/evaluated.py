@@ -27,7 +27,7 @@ class EvaluatedObject(NamedTuple):
     evaluated, original, instancer : bpy.types.Object
         `instancer` is the original object that makes the instance; None for the object itself.
     key
-        Identifies the instance from frame to frame.
+        Identifies the instance among those of its object; empty for the object itself.
     matrix_world : mathutils.Matrix
         4x4.
     visible
