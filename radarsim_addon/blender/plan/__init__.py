@@ -2,6 +2,7 @@
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import config_findings, derive
+from .fingerprints import fingerprint, run_record
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings
@@ -17,7 +18,6 @@ from .run_plan import (
     instant_at,
     make_plan,
 )
-from .run_record import fingerprint, run_record
 from .run_settings import RunSettings
 from .window_settings import merged, shortest_decimal
 
