@@ -5,6 +5,7 @@ from .config_warnings import config_findings, derive
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings
+from .records import fingerprint, run_record
 from .render_arguments import given_settings, parse_render_arguments, render_settings
 from .run_plan import (
     Extent,
@@ -17,7 +18,6 @@ from .run_plan import (
     instant_at,
     make_plan,
 )
-from .run_record import fingerprint, run_record
 from .run_settings import RunSettings
 from .window_settings import merged, shortest_decimal
 
