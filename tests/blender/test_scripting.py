@@ -107,7 +107,16 @@ def test_look_at(empty: Any) -> None:
         (lambda: radarsim.material(), ConfigError, "needs a medium or n"),
         (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
         (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
+        (lambda: radarsim.add_radar((math.nan, 0, 0)), ConfigError, "three finite numbers"),
+        (lambda: radarsim.add_radar((0, 0)), ConfigError, "three finite numbers"),
         (lambda: radarsim.settings(None), SceneError, "add_radar"),
+        (lambda: radarsim.settings("Radar"), SceneError, "add_radar"),
+        (lambda: radarsim.assign_material([], "concrete"), SceneError, "no material"),
+        (
+            lambda: radarsim.assign_material("Cube", radarsim.material("metal")),
+            SceneError,
+            "no object",
+        ),
         (
             lambda: radarsim.assign_material([], radarsim.material("metal")),
             SceneError,
@@ -121,6 +130,29 @@ def test_what_is_wrong_is_named_and_nothing_is_left(
     with pytest.raises(error, match=message):
         call()
     assert not bpy.data.objects
+    assert not bpy.data.lights and not bpy.data.cameras
+
+
+@pytest.mark.parametrize("frames", [[], 1, [1.5], "1:3"])
+def test_frames_that_are_none_are_refused(empty: Any, tmp_path: Path, frames: Any) -> None:
+    rig = radarsim.add_radar()
+    with pytest.raises(ConfigError, match="whole numbers"):
+        radarsim.measure(rig, tmp_path / "run", frames=frames)
+
+
+def test_a_file_opened_before_the_interface_is_used(empty: Any, tmp_path: Path) -> None:
+    radarsim.add_radar(carrier_hz=77e9, width_px=8, height_px=8, replicates=1, pulses=4)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "radar.blend"))
+    rig_settings.unregister()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "radar.blend"))
+    run = radarsim.measure(bpy.data.objects["Radar"], tmp_path / "run", frames=[1])
+    assert run.radar.waveform.carrier_hz == 77e9
+
+
+def test_other_objects_are_no_radars(empty: Any) -> None:
+    radarsim.add_radar()
+    with pytest.raises(SceneError, match="'Plate' is no radar"):
+        radarsim.settings(wall(10.0))
 
 
 def test_unknown_settings_of_a_measurement_are_refused(empty: Any, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import shutil
 import signal as signals
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +118,7 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
         if arguments.process:
-            process(folder, stream, stop)
+            process(folder, stream, stop, {item.code for item in job.findings})
 
 
 def print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
@@ -127,8 +127,8 @@ def print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) 
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(folder: Path, stream: Any, stop: StopRequest) -> None:
-    """Run the companion module over the run's folder."""
+def process(folder: Path, stream: Any, stop: StopRequest, printed: Collection[str]) -> None:
+    """Process the run; print findings whose codes were not printed at the render."""
     findings: list[Finding] = []
     frames: list[int] = []
     try:
@@ -137,7 +137,7 @@ def process(folder: Path, stream: Any, stop: StopRequest) -> None:
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
                 print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
-                findings += event.findings
+                findings += [item for item in event.findings if item.code not in printed]
                 frames.append(event.frame)
     finally:
         print_findings(findings, frames, stream)

@@ -17,6 +17,7 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,9 @@ from ...signal.runs import Run, open_run
 from ..materials import make_physical_material
 from ..nodes import assign_to
 from ..plan import preset_settings
-from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, register
+from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
 from ..rig_settings import settings as settings_of
-from ..scene import antennas_of, find_rig, setup_rig
+from ..scene import antennas_of, find_rig, radars, setup_rig
 from .console import quiet_blender
 from .jobs import make_job
 
@@ -80,8 +81,9 @@ def add_radar(
     _ensure_registered()
     chosen = {**(preset_settings(preset) if preset else {}), **values}
     scene = bpy.context.scene if scene is None else scene
-    x, y, z = location
-    rig = setup_rig(scene, (x, y, z))
+    place = _point("Location", location)
+    target = None if look_at is None else _point("Point to look at", look_at)
+    rig = setup_rig(scene, place)
     try:
         view = settings(rig)
         for name, value in chosen.items():
@@ -94,11 +96,14 @@ def add_radar(
                 )
             found = find_rig(scene, **antennas_of(scene, rig), any_projection=True)
             found.camera.data.angle = math.radians(field_of_view_deg)
-        if look_at is not None:
-            _look(rig, look_at)
+        if target is not None:
+            _look(rig, target)
     except BaseException:
         for item in (*rig.children, rig):
-            bpy.data.objects.remove(item)
+            if item.data is None:
+                bpy.data.objects.remove(item)
+            else:  # its camera or light goes, too
+                bpy.data.batch_remove([item, item.data])
         raise
     return rig
 
@@ -133,8 +138,13 @@ def settings(rig: Any) -> Settings:
         The object is no radar.
     """
     _ensure_registered()
-    if rig is None or not hasattr(rig, RADAR_PROPERTY):
-        raise SceneError(f"{rig!r} is no radar; expected the object that add_radar returned.")
+    known = isinstance(rig, bpy.types.Object) and (
+        # a radar whose light stands elsewhere names it
+        rig.radarsim.light is not None or any(rig in radars(scene) for scene in bpy.data.scenes)
+    )
+    if not known:
+        name = getattr(rig, "name", rig)
+        raise SceneError(f"{name!r} is no radar; expected the object that add_radar returned.")
     return settings_of(rig)
 
 
@@ -213,7 +223,12 @@ def assign_material(objects: Any, material: Any) -> list[Any]:
     SceneError
         None of the objects can carry a material.
     """
-    return assign_to([objects] if isinstance(objects, bpy.types.Object) else objects, material)
+    if not isinstance(material, bpy.types.Material):
+        raise SceneError(f"{material!r} is no material; expected what radarsim.material returns.")
+    chosen = [objects] if isinstance(objects, bpy.types.Object) else objects
+    if isinstance(chosen, str) or not isinstance(chosen, Iterable):
+        raise SceneError(f"{objects!r} is no object; expected objects of the scene.")
+    return assign_to(chosen, material)
 
 
 def measure(
@@ -255,12 +270,12 @@ def measure(
     RadarSimError
         One of its named kinds. The scene and its settings are as they were.
     """
-    scene = bpy.context.scene if scene is None else scene
+    view, scene = settings(rig), bpy.context.scene if scene is None else scene
     if frames is not None:
-        values["frames"] = tuple(int(frame) for frame in frames)
-    unknown = [name for name in values if name != "frames" and name not in dir(settings(rig))]
-    if unknown:
-        getattr(settings(rig), unknown[0])  # raises, and names what comes near
+        values["frames"] = _frame_numbers(frames)
+    for name in values:
+        if name != "frames":
+            getattr(view, name)  # an unknown name is refused before anything is written
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     path = Path(folder).absolute()
     with quiet_blender():
@@ -272,8 +287,8 @@ def measure(
                 job.finish(task)
                 if progress is not None:
                     progress(job.fraction)
-            if progress is not None:  # a frame counts as done when the next one is asked for
-                progress(job.fraction)
+    if progress is not None:  # the last tile counts as done when no further one is asked for
+        progress(1.0)
     return open_run(path)
 
 
@@ -317,3 +332,24 @@ def _ensure_registered() -> None:
     # The extension, where it is enabled, has registered the settings already.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
+        migrate_file()  # of a file that was opened before
+
+
+def _frame_numbers(frames: Iterable[int]) -> tuple[int, ...]:
+    try:
+        numbers = tuple(operator.index(frame) for frame in frames)
+    except TypeError:
+        numbers = ()
+    if not numbers:
+        raise ConfigError(f"Frames are {frames!r}; expected whole numbers, such as [1, 2].")
+    return numbers
+
+
+def _point(name: str, values: Sequence[float]) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(value) for value in values)
+    except (TypeError, ValueError):
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ConfigError(f"{name} is {values!r}; expected three finite numbers.")
+    return x, y, z

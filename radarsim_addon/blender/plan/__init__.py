@@ -2,7 +2,6 @@
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import config_findings, derive
-from .records import fingerprint, run_record
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings

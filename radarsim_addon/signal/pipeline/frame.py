@@ -269,6 +269,8 @@ def _findings(
     """Find what to know before trusting the frame, from every stage."""
     scatterers, report = speckle.report(), received.echoes.report
     found = itertools.chain(
+        frame_input.frame.record.findings,  # of the render
+        *(table.record.findings for table in frame_input.tables),
         statistics_findings(statistics, frame_input.radar),
         budget.findings,
         speckle.findings,

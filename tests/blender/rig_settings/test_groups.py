@@ -90,7 +90,7 @@ def test_wrong_values_and_names_are_refused(rig: Any) -> None:
     ):
         with pytest.raises(ConfigError, match=message):
             setattr(view, name, value)
-    with pytest.raises(SettingNameError, match="no setting 'carier_hz'; expected one of carrier"):
+    with pytest.raises(SettingNameError, match="no setting 'carier_hz'; did you mean carrier_hz"):
         view.carier_hz = 1.0
     with pytest.raises(AttributeError, match="no setting 'carrier_ghz'"):
         view.carrier_ghz  # noqa: B018
