@@ -146,7 +146,7 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
     assert PathOptions(replicates=2).error_scope == "both"
     for asked in ({"max_standard_error": 0.05}, {"time_limit_s": 5.0, "refine_for": "ranges"}):
         with pytest.raises(
-            ConfigError, match=r"no standard error of range bins.*at least 2 shifts"
+            ConfigError, match=r"no standard error of range bins.*at least 2 replicates"
         ):
             PathOptions(replicates=1, **asked)
     seen = ReceiverRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)

@@ -314,7 +314,7 @@ def test_gates_of_certain_surfaces() -> None:
         ({"tile_px": 2}, "Tile size"),
         ({"max_unfollowed_fraction": -1.0}, "Max unfollowed fraction is -1"),
         ({"max_unfollowed_fraction": math.nan}, "Max unfollowed fraction is nan"),
-        ({"max_standard_error": 0.1, "replicates": 1}, "at least 2 shifts"),
+        ({"max_standard_error": 0.1, "replicates": 1}, "at least 2 replicates"),
         ({"time_limit_s": math.inf}, "Time limit is inf"),
         ({"range_encoding": "colour"}, "'world'"),
         ({"amplitude_channel": "A"}, "'mean'"),
