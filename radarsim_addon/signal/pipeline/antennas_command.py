@@ -15,6 +15,9 @@ from ..radar import half_power_width_rad, make_system, read_system
 from ..runs import open_run
 from .console import Subcommands
 
+#: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
+_HIGHEST_CARRIER_GHZ = 1e4
+
 
 def add_antennas_parser(commands: Subcommands) -> None:
     """Add the command to an argparse collection of commands."""
@@ -63,6 +66,11 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
     else:
         record, wavelength_m = read_system(path), math.nan
         place, name = path.parent, f"{path.stem}_{ANTENNA_PICTURE}"
+    if carrier_ghz is not None and carrier_ghz > _HIGHEST_CARRIER_GHZ:
+        raise ConfigError(
+            f"Carrier of {carrier_ghz:g} GHz; expected at most {_HIGHEST_CARRIER_GHZ:g} GHz. "
+            "--carrier-ghz takes GHz: 77 for a carrier of 77e9 Hz."
+        )
     if carrier_ghz is not None:
         wavelength_m = SPEED_OF_LIGHT_MPS / (carrier_ghz * 1e9)
     if not wavelength_m > 0:
