@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Moving targets that a summary lists: all that move, none that another echo's response explains."""
+"""Moving targets in a summary: all that move, none that another echo's response explains."""
 
 from pathlib import Path
 
