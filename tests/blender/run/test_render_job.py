@@ -210,10 +210,10 @@ def test_a_file_in_the_way(plate: Any, tmp_path: Path) -> None:
 def test_read_only_folder(plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Root may write anywhere, so the system's refusal is played."""
 
-    def refuse(self: Path, data: bytes) -> int:
-        raise PermissionError(13, "Permission denied", str(self))
+    def refuse(**_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
     with pytest.raises(OutputError, match="Permission denied"):
         rs.run(tmp_path)
 
