@@ -66,9 +66,7 @@ class SamplingPlan:
             The moment in Blender frames.
         """
         instant = instant_at(self.frame + fraction * self.duration_s * self.fps, self.fps)
-        # Blender adds frame and subframe in float32.
-        evaluated = float(np.float32(instant.frame) + np.float32(instant.subframe))
-        return (evaluated - self.frame) / self.fps, instant
+        return (instant.evaluated_frame - self.frame) / self.fps, instant
 
     @property
     def corners(self) -> list[float]:
