@@ -38,13 +38,10 @@ class PathJob(MeasurementJob):
 
     Parameters
     ----------
-    scene, view_layer : bpy types
-    measurement, folder
+    scene, view_layer, measurement, folder, **keywords
         As for `MeasurementJob`.
     options
         How paths are followed, and when the result is good enough.
-    **keywords
-        Those of `MeasurementJob`.
 
     Raises
     ------
