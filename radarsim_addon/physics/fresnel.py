@@ -26,15 +26,12 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
     Parameters
     ----------
-    index
-        Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
-    cos_incidence
-        Cosine of the angle of incidence, 0 to 1.
+    index : Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
+    cos_incidence : Cosine of the angle of incidence, 0 to 1
 
     Returns
     -------
-    r_s, r_p
-        Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s.
+    r_s, r_p : Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s
 
     Notes
     -----
@@ -55,13 +52,11 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `reflection_coefficients`.
+    index, cos_incidence : As for `reflection_coefficients`
 
     Returns
     -------
-    t_s, t_p
-        Fractions for both polarisations, of the broadcast shape.
+    t_s, t_p : Fractions for both polarisations, of the broadcast shape
     """
     eps, cosine, q = _terms(index, cos_incidence)
     t_s = 4 * cosine * q.real / np.abs(cosine + q) ** 2
@@ -74,13 +69,11 @@ def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `reflection_coefficients`.
+    index, cos_incidence : As for `reflection_coefficients`
 
     Returns
     -------
-    ndarray
-        Fraction of the incident power, of the broadcast shape.
+    ndarray : Fraction of the incident power, of the broadcast shape
     """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
     return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)

@@ -28,10 +28,8 @@ class ItuRow(NamedTuple):
 
     Attributes
     ----------
-    low_ghz, high_ghz
-        Band [GHz].
-    a, b, c, d
-        Coefficients.
+    low_ghz, high_ghz : Band [GHz]
+    a, b, c, d : Coefficients
     """
 
     low_ghz: float
@@ -78,15 +76,12 @@ def itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
 
     Parameters
     ----------
-    frequency_hz
-        Frequency [Hz], any shape.
-    rows
-        Bands of one material.
+    frequency_hz : Frequency [Hz], any shape
+    rows : Bands of one material
 
     Returns
     -------
-    ndarray
-        Permittivity in the same shape, NaN outside all bands.
+    ndarray : Permittivity in the same shape, NaN outside all bands
     """
     f_ghz = frequency_hz / 1e9
     eps = np.full(f_ghz.shape, complex(np.nan, np.nan))
@@ -127,8 +122,7 @@ def itu_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel
-        One per material.
+    tuple of MaterialModel : One per material
     """
     return tuple(
         _model(name, rows, edition)

@@ -45,10 +45,8 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
 
     Parameters
     ----------
-    normals
-        Unit normals of the faces, shape (n, 3).
-    areas
-        Areas of the faces, shape (n,).
+    normals : Unit normals of the faces, shape (n, 3)
+    areas : Areas of the faces, shape (n,)
     """
     total = float(areas.sum())
     if not total > 0:
@@ -74,15 +72,12 @@ def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
 
     Parameters
     ----------
-    item, depsgraph
-        Object and depsgraph.
-    **widths
-        Properties of `bpy.types.MeshPolygon`, and their numbers per face.
+    item, depsgraph : Object and depsgraph
+    **widths : Properties of `bpy.types.MeshPolygon`, and their numbers per face
 
     Returns
     -------
-    dict of numpy.ndarray
-        By property, shape (faces, width).
+    dict of numpy.ndarray : By property, shape (faces, width)
     """
     with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
         if mesh is None or not len(mesh.polygons):
@@ -119,10 +114,8 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
 
     Parameters
     ----------
-    item, depsgraph
-        Object and depsgraph.
-    normal
-        Normal of the layer in object space, not zero.
+    item, depsgraph : Object and depsgraph
+    normal : Normal of the layer in object space, not zero
     """
     faces = _faces(item, depsgraph, normal=3, center=3, area=1)
     if faces is None:
@@ -148,15 +141,13 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
     Parameters
     ----------
-    recorder
-        Records the changes.
+    recorder : Records the changes
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        Names the objects that are no layers.
+    list of Finding : Names the objects that are no layers
     """
     others = []
     for item, materials in assigned_materials(depsgraph):
@@ -196,8 +187,7 @@ def is_entered(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None and for materials without the physical group.
+    bool : False for None and for materials without the physical group
     """
     node = group_node(material)
     if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
@@ -213,15 +203,13 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
 
     Parameters
     ----------
-    wavelength
-        Wavelength in Blender units.
+    wavelength : Wavelength in Blender units
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
+    list of Finding : One ``absorption-below-float32`` per object, with its loss and the limit [dB]
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}

@@ -109,8 +109,7 @@ def is_physical(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None.
+    bool : False for None
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
 
@@ -143,16 +142,12 @@ def make_physical_material(
 
     Parameters
     ----------
-    name
-        Name of the data-block. Blender adds a number if it is in use.
-    medium, path, parameters
-        As in `physics.materials.material`.
+    name : Name of the data-block. Blender adds a number if it is in use.
+    medium, path, parameters : As in `physics.materials.material`
     carrier_hz
         Carrier for the first evaluation [Hz]. A run evaluates the medium at its own carrier.
-    rms_height_m, correlation_length_m, rms_slope
-        Surface. All 0: smooth.
-    penetrable
-        Link the interior. None: yes, unless the medium is a conductor at this carrier.
+    rms_height_m, correlation_length_m, rms_slope : Surface. All 0: smooth.
+    penetrable : Link the interior. None: yes, unless the medium is a conductor at this carrier.
     sheet_thickness_m
         Above 0: a thin pane of smooth faces, modelled as one face with interference [m].
 
@@ -162,8 +157,7 @@ def make_physical_material(
 
     Raises
     ------
-    ConfigError
-        Unknown medium or parameter, carrier outside the band, or slope too steep.
+    ConfigError : Unknown medium or parameter, carrier outside the band, or slope too steep
     """
     material = bpy.data.materials.new(name)
     try:
@@ -269,8 +263,7 @@ def update_material(
 
     Raises
     ------
-    ConfigError
-        As `inputs_at`; or a linked file contains a node group of an older radarsim.
+    ConfigError : As `inputs_at`; or a linked file contains a node group of an older radarsim
     """
     for socket, value in _inputs_to_set(material, carrier_hz):
         _put(socket, value, recorder)
@@ -315,12 +308,9 @@ def update_materials(
 
     Parameters
     ----------
-    carrier_hz
-        Carrier [Hz].
-    recorder
-        Records the changes. None: they are permanent.
-    assigned
-        Materials of rendered objects. None: those in the slots of all objects of the file.
+    carrier_hz : Carrier [Hz]
+    recorder : Records the changes. None: they are permanent.
+    assigned : Materials of rendered objects. None: those in the slots of all objects of the file.
 
     Returns
     -------
@@ -383,8 +373,7 @@ def refresh_materials(carrier_hz: float) -> None:
 
     Parameters
     ----------
-    carrier_hz
-        Carrier [Hz].
+    carrier_hz : Carrier [Hz]
     """
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):

@@ -28,18 +28,12 @@ class SocketSpec:
 
     Parameters
     ----------
-    name
-        Label. Values and links of users' nodes are kept by this name when a group is rebuilt.
-    in_out
-        ``"INPUT"`` or ``"OUTPUT"``.
-    socket_type
-        ``"NodeSocketFloat"``, ``"NodeSocketShader"``...
-    description
-        Tooltip, with the unit.
-    default, minimum, maximum
-        Default and slider limits of a float socket.
-    subtype
-        Blender's unit or widget: ``"NONE"``, ``"FACTOR"``, ``"DISTANCE"``...
+    name : Label. Values and links of users' nodes are kept by this name when a group is rebuilt.
+    in_out : ``"INPUT"`` or ``"OUTPUT"``
+    socket_type : ``"NodeSocketFloat"``, ``"NodeSocketShader"``...
+    description : Tooltip, with the unit
+    default, minimum, maximum : Default and slider limits of a float socket
+    subtype : Blender's unit or widget: ``"NONE"``, ``"FACTOR"``, ``"DISTANCE"``...
     """
 
     name: str
@@ -79,19 +73,14 @@ class GroupDefinition:
 
     Parameters
     ----------
-    kind
-        Identifier in the data-block. It does not depend on the name, which users may change.
-    name
-        Name of a new data-block.
+    kind : Identifier in the data-block. It does not depend on the name, which users may change.
+    name : Name of a new data-block
     version
         Raise it with every change of sockets or nodes, except tooltips. Groups with a lower
         version are rebuilt.
-    description
-        Tooltip of the group as a whole.
-    sockets
-        Interface, in order.
-    draw
-        Adds the nodes to an empty tree.
+    description : Tooltip of the group as a whole
+    sockets : Interface, in order
+    draw : Adds the nodes to an empty tree
     """
 
     kind: str
@@ -131,14 +120,10 @@ class TreeBuilder:
 
         Parameters
         ----------
-        idname
-            ``bl_idname`` of the node.
-        label
-            Label and name of the node: the quantity that it computes.
-        inputs
-            Socket (name or index) to an output socket, which is linked, or to a constant.
-        properties
-            Attributes of the node, set before its inputs.
+        idname : ``bl_idname`` of the node
+        label : Label and name of the node: the quantity that it computes
+        inputs : Socket (name or index) to an output socket, which is linked, or to a constant
+        properties : Attributes of the node, set before its inputs
         """
         node = self.tree.nodes.new(idname)
         node.name = node.label = self._prefix + label

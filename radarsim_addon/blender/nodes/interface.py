@@ -96,14 +96,10 @@ def interface_power(
 
     Parameters
     ----------
-    build
-        Tree.
-    n, kappa
-        Sockets with the complex index.
-    wave
-        Wave inside.
-    echoes
-        Socket with j, the number of earlier reflections inside.
+    build : Tree
+    n, kappa : Sockets with the complex index
+    wave : Wave inside
+    echoes : Socket with j, the number of earlier reflections inside
     """
     math = build.math
     s, p, ratio = _powers(build, wave)

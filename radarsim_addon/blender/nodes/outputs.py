@@ -41,12 +41,9 @@ def interior(build: TreeBuilder, alpha: Any, delay: Any, label: str) -> None:
 
     Parameters
     ----------
-    build
-        Tree of the group.
-    alpha, delay
-        Sockets with the absorption, and the excess length over k, both per Blender unit.
-    label
-        Formula of the delay, for the names of the nodes.
+    build : Tree of the group
+    alpha, delay : Sockets with the absorption, and the excess length over k, both per Blender unit
+    label : Formula of the delay, for the names of the nodes
     """
     math = build.math
     double_delay = math("MULTIPLY", f"2 {label}", delay, 2.0)
