@@ -23,22 +23,6 @@ def _length(name: str, value: ArrayLike) -> Real:
     return real_array(name, value, "m", above=0.0)
 
 
-def dbsm(rcs_m2: ArrayLike) -> Real:
-    """Return a cross section in dB over one square metre.
-
-    Parameters
-    ----------
-    rcs_m2 : Cross section [m^2]
-
-    Returns
-    -------
-    ndarray : Level [dBsm]; -inf for zero
-    """
-    value = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
-    with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(value), dtype=np.float64)
-
-
 def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
     """Return 4 pi A^2 / lambda^2, the cross section of an effective area that returns in phase.
 

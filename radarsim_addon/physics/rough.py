@@ -9,7 +9,6 @@ alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcas
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -48,21 +47,6 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
     return np.asarray(np.sqrt(2) * height / length, dtype=np.float64)
 
 
-def beckmann_alpha(slope: ArrayLike) -> Real:
-    """Return alpha = sqrt(2) m.
-
-    Parameters
-    ----------
-    slope : Rms slope m
-
-    Returns
-    -------
-    ndarray : Width of the Beckmann distribution
-    """
-    value = real_array("Rms slope", slope, "", minimum=0.0)
-    return np.asarray(np.sqrt(2) * value, dtype=np.float64)
-
-
 def cycles_roughness(slope: ArrayLike) -> Real:
     """Return the Roughness of Cycles' glossy and metallic nodes, sqrt(alpha).
 
@@ -78,7 +62,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
     ------
     ConfigError : For slopes above 1/sqrt(2), beyond a roughness of 1
     """
-    roughness = np.sqrt(beckmann_alpha(slope))
+    roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
         raise ConfigError(
             f"Rms slope {np.max(np.asarray(slope)):g} needs a roughness of {roughness.max():g}; "
@@ -289,15 +273,9 @@ def albedo(
     facing = (cos_i - slope_x * sin_i) * cos_m
     cos_o = 2 * facing * cos_m - cos_i
     used = (facing > 0) & (cos_o > 0)
-    incidence = np.clip(facing, 0.0, 1.0)
-    reflectance: Callable[[Real], Real] | None = None
+    weight: Real | float = 1.0
     if index is not None:
-        n = passive_index(index)
-
-        def reflectance(cosine: Real) -> Real:
-            return unpolarised_reflectance(n, cosine)
-
-    weight = np.ones_like(facing) if reflectance is None else reflectance(incidence)
+        weight = unpolarised_reflectance(passive_index(index), np.clip(facing, 0.0, 1.0))
     lambda_i = masking_lambda(alpha, cos_i, masking)
     lambda_o = masking_lambda(alpha, np.where(used, cos_o, 1.0), masking)
     value = weight * facing / (cos_i * cos_m) / (1 + lambda_i + lambda_o)

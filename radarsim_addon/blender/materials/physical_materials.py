@@ -224,13 +224,7 @@ def write_surface(material: Any, surface: Surface) -> None:
 
 
 def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
-    """Return the values of the group's inputs at a carrier, by socket name.
-
-    Raises
-    ------
-    ConfigError
-        Carrier outside the band, parameter missing, or slope too steep. Names the material.
-    """
+    """Return the group's inputs at a carrier by socket name. A ConfigError names the material."""
     medium = medium_of(material)
     if medium is None:
         return {}
@@ -261,9 +255,7 @@ def update_material(
 ) -> None:
     """Set the inputs of a physical material for a carrier; linked sockets do not change.
 
-    Raises
-    ------
-    ConfigError : As `inputs_at`; or a linked file contains a node group of an older radarsim
+    Raises ConfigError as `inputs_at`, or for a linked file with a group of an older radarsim.
     """
     for socket, value in _inputs_to_set(material, carrier_hz):
         _put(socket, value, recorder)

@@ -93,10 +93,7 @@ def is_radar_material(material: Any) -> bool:
 
 
 def lets_nothing_through(material: Any) -> bool:
-    """Return whether a material is an opaque Radar Material: a conductor with constant inputs.
-
-    See :func:`.fresnel.transmittance`.
-    """
+    """Return whether a material is an opaque Radar Material: a conductor with constant inputs."""
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
@@ -181,12 +178,7 @@ def make_material(
 
 
 def preset_material(preset: str) -> Any:
-    """Return the file's material for a preset; make one if it is missing or was changed.
-
-    Raises
-    ------
-    ConfigError : No preset of that name
-    """
+    """Return the file's material for a preset; make one if it is missing or was changed."""
     values = PRESETS.get(preset)
     if values is None:
         raise ConfigError(
