@@ -44,8 +44,7 @@ def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Com
 
     Parameters
     ----------
-    frequency_hz : Frequency [Hz]
-    temperature_c : Temperature [degC]
+    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
 
     Returns
     -------
@@ -70,8 +69,7 @@ def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Co
 
     Parameters
     ----------
-    frequency_hz : Frequency [Hz]
-    temperature_c : Temperature [degC]
+    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
 
     Returns
     -------
@@ -94,9 +92,7 @@ def klein_swift_permittivity(
 
     Parameters
     ----------
-    frequency_hz : Frequency [Hz]
-    temperature_c : Temperature [degC]
-    salinity_psu : Salinity [psu]
+    frequency_hz, temperature_c, salinity_psu : Frequency [Hz], temperature [degC], salinity [psu]
 
     Returns
     -------
@@ -131,8 +127,7 @@ def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Compl
 
     Parameters
     ----------
-    frequency_hz : Frequency [Hz]
-    temperature_c : Temperature [degC]
+    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
 
     Returns
     -------

@@ -11,11 +11,13 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
+from ...physics.checks import real_array
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .group_search import group_input, group_node
 from .groups import ensure_group
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 
+_INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
 VOLUME_STEP_RATE = 1000.0
 """Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
@@ -156,20 +158,15 @@ def make_material(
     ------
     ConfigError : A number outside its limits
     """
-    _check("Index of refraction n", n, 1.0, math.inf)
-    _check("Extinction coefficient kappa", kappa, 0.0, math.inf)
-    _check("Specularity", specularity, 0.0, 1.0)
-    _check("Roughness", roughness, 0.0, 1.0)
+    real_array("Index of refraction n", n, minimum=1.0)
+    real_array("Extinction coefficient kappa", kappa, minimum=0.0)
+    real_array("Specularity", specularity, "", 0.0, 1.0)
+    real_array("Roughness", roughness, "", 0.0, 1.0)
     group = ensure_group(KIND)
     material = bpy.data.materials.new(name)
     try:
         node = link_group(material, group, penetrable)
-        for socket, value in (
-            (INDEX, n),
-            (EXTINCTION, kappa),
-            (SPECULARITY, specularity),
-            (ROUGHNESS, roughness),
-        ):
+        for socket, value in zip(_INPUTS, (n, kappa, specularity, roughness), strict=True):
             node.inputs[socket].default_value = value
     except BaseException:
         bpy.data.materials.remove(material)
@@ -271,22 +268,11 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
     node = group_node(material)
     if node is None:
         return False
-    expected = (
-        (INDEX, values.n),
-        (EXTINCTION, values.kappa),
-        (SPECULARITY, values.specularity),
-        (ROUGHNESS, values.roughness),
-    )
-    sockets = [(node.inputs.get(name), value) for name, value in expected]
+    expected = (values.n, values.kappa, values.specularity, values.roughness)
+    sockets = zip((node.inputs.get(name) for name in _INPUTS), expected, strict=True)
     return all(
         socket is not None
         and not socket.is_linked
         and math.isclose(socket.default_value, value, rel_tol=1e-6, abs_tol=1e-9)
         for socket, value in sockets
     )
-
-
-def _check(name: str, value: float, low: float, high: float) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        limits = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
-        raise ConfigError(f"{name} is {value!r}. Enter a number {limits}.")
