@@ -21,6 +21,7 @@ from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
 from radarsim_addon.errors import ConfigError, SceneError
+from radarsim_addon.signal.paths import read_paths_record
 from tests.blender import radar_scenes as rs
 
 QUIET = signal.ProcessOptions(plots=False)
@@ -160,6 +161,13 @@ def test_unknown_settings_of_a_measurement_are_refused(empty: Any, tmp_path: Pat
     with pytest.raises(ConfigError, match="width_px"):
         radarsim.measure(rig, tmp_path / "run", widht_px=8)
     assert not (tmp_path / "run").exists()
+
+
+def test_settings_without_a_field_in_the_window_are_taken(empty: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar(width_px=16, height_px=16, pulses=1)
+    wall(3.0)
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1], tile_px=8, replicates=1)
+    assert read_paths_record(run.frame(1).path, 1).tiles == 4  # 16 pixels a side, 8 a tile
 
 
 def test_library_media_follow_the_carrier(empty: Any) -> None:

@@ -58,7 +58,7 @@ def test_radar_that_flies_over_flat_ground(tmp_path: Path) -> None:
     assert error < WITHIN, error
     bin_mps = 299_792_458.0 / CARRIER_HZ * BURST.prf_hz / (2 * BURST.pulses)
     assert np.abs(rows["range_rate_mps"] + rows["direction"] @ velocity).max() < 1e-3 * bin_mps
-    assert [b.segments for b in motion_record(run).bodies] == [[]], "the ground stands still"
+    assert [b.segments for b in motion_record(run).bodies] == [[]], "the ground is stationary"
 
 
 def test_parent_and_constraint(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def true_lengths(
 
 
 def scene(antennas: bool, orthographic: bool = False) -> FrameMotion:
-    """Three bodies, one of which stands still."""
+    """Three bodies, one of which is stationary."""
     still = (BodyMotion(RECEIVER.pose), BodyMotion(EMITTER.pose))
     receiver, emitter = (RECEIVER, EMITTER) if antennas else still
     return FrameMotion(SPAN_S, receiver, emitter, orthographic, BODIES)

@@ -256,7 +256,7 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
     report = budget_of(folder, dataclasses.replace(quick, range_limits_m=None, radar=fmcw))
     assert report.excluded_reason == {"Far": "beyond the ADC's band"}
-    # echoes of pulses fold: 900 m is heard at 400 m
+    # echoes of pulses fold: 900 m is received at 400 m
     folding = Radar(pr.WAVEFORM, Burst(pr.C0_MPS / 2 / 500, 64))
     report = budget_of(
         folder, dataclasses.replace(quick, range_limits_m=(300.0, 480.0), radar=folding)
