@@ -78,11 +78,6 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
     ------
     RadarSimError
         One of its named kinds, see :mod:`radarsim_addon.errors`.
-
-    Notes
-    -----
-    A BLAS library of several threads may round the noise of an ordered-statistic CFAR differently
-    in its last bits; echoes, profiles and maps do not depend on it.
     """
     steps = frame_steps(frame_input, options)
     while True:
