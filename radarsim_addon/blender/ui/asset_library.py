@@ -15,7 +15,7 @@ import bpy
 
 from ...errors import SceneError
 from ..materials import physical_materials as pm
-from ..rig_settings import carrier_hz
+from ..rig_settings import beyond_band, carrier_hz
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 BLEND = FOLDER / "radar_materials.blend"
@@ -178,7 +178,7 @@ class RADARSIM_OT_add_asset_library(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         # The file may contain materials of the library from another carrier.
-        pm.refresh_materials(carrier_hz(context.scene))
+        pm.refresh_materials(carrier_hz(context.scene), beyond_band(context.scene))
         self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
         return {"FINISHED"}
 
