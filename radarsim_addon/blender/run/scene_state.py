@@ -19,6 +19,7 @@ from ..materials import (
     assigned_materials,
     beyond_float32,
     set_layer_normals,
+    settle_interiors,
     update_materials,
 )
 from ..nodes import attributes
@@ -280,6 +281,7 @@ class MeasurementSettings:
         }
         carrier_hz = self._plan.measurement.waveform.carrier_hz
         failures = update_materials(carrier_hz, self._recorder, assigned)
+        failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
