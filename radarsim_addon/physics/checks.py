@@ -49,8 +49,8 @@ def real_array(
     ConfigError : A value is no number, not finite or out of range; the message has the first one
     """
     try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex")
+        if np.asarray(value).dtype.kind not in "iuf":  # a text or a truth value is no number
+            raise TypeError("no real numbers")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ConfigError(f"{name} is {value!r}; expected {_expected(unit)}.") from None

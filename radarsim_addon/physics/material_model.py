@@ -95,8 +95,13 @@ class MaterialModel:
         require_one_shape(frequency_hz=frequency, **values)
         frequency = self._within_band(frequency)
         eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
+        given = ", ".join(f"{name} {value}" for name, value in values.items())
+        if np.any(eps == 0):
+            raise ConfigError(
+                f"Material {self.name!r} with {given} has the index 0; expected n or k above 0 "
+                "(vacuum is n = 1)."
+            )
         if not np.all(np.isfinite(eps)) or np.any(eps.imag < 0):
-            given = ", ".join(f"{name} {value}" for name, value in values.items())
             raise ConfigError(
                 f"Material {self.name!r} ({self.source}) gives no passive permittivity with "
                 f"{given}: its fit does not extend there. Use values nearer to its data, or the "

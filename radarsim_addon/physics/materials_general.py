@@ -68,6 +68,12 @@ def _debye(
     relaxation_frequency_hz: Real,
     conductivity_s_per_m: Real,
 ) -> Complex:
+    if np.any(static_permittivity < infinite_permittivity):
+        raise ConfigError(
+            f"Material 'debye' has the static permittivity {np.min(static_permittivity):g} below "
+            f"the infinite one, {np.max(infinite_permittivity):g}: its relaxation amplifies. "
+            "Exchange the two, or use the model 'permittivity'."
+        )
     relaxation = debye_permittivity(
         frequency_hz, static_permittivity, infinite_permittivity, relaxation_frequency_hz
     )

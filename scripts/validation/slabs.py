@@ -211,7 +211,7 @@ def limits(bench: Bench) -> list[Check]:
 def opaque(bench: Bench) -> list[Check]:
     """Walls whose Volume is not connected let nothing through."""
     checks = []
-    walls = (
+    walls: tuple[tuple[str, str, float, dict[str, float]], ...] = (
         ("2 m of concrete", "concrete", 5.3e9, {}),
         ("ITU metal", "metal", 77e9, {}),
         ("steel", "conductor", 77e9, {"conductivity_s_per_m": 1.45e6}),

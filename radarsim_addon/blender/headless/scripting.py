@@ -197,7 +197,16 @@ def material(
     if (medium is None) == (n is None):
         raise ConfigError("A material needs a medium or n (with kappa), and not both.")
     if medium is None:
-        medium, parameters = "index", {"n": float(n or 0.0), "k": float(kappa), **parameters}
+        medium, parameters = "index", {"n": n, "k": kappa, **parameters}
+    elif not isinstance(medium, str):
+        raise ConfigError(
+            f"Medium is {medium!r}; expected a name, such as 'concrete'. Give an index as n=2.5."
+        )
+    elif kappa:
+        raise ConfigError(
+            f"kappa is {kappa!r}, but the medium {medium!r} has its own. Leave out kappa, or give "
+            "n in place of the medium."
+        )
     known = medium.removeprefix(_ITU)
     _ensure_registered()
     return make_physical_material(

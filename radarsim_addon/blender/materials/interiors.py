@@ -32,7 +32,8 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
     ------
     ConfigError : Two materials, one with Volume, share the node that would be changed
     """
-    closed, entered = [], {}
+    closed: list[Any] = []
+    entered: dict[int, Any] = {}
     for material in sorted(materials, key=lambda item: item.name_full):
         opaque, link = lets_nothing_through(material), volume_link(material)
         if link is not None and opaque:

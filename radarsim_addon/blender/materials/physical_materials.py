@@ -26,6 +26,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
@@ -165,8 +166,13 @@ def make_physical_material(
         RMS_SLOPE: rms_slope,
         SHEET_THICKNESS: sheet_thickness_m,
     }
+    for key, value in {**numbers, **parameters}.items():
+        if np.ndim(value):
+            raise ConfigError(f"{key} is {value!r}; expected one number.")
     for key, value in numbers.items():
-        real_array(key, value, minimum=0.0)
+        real_array(key.removeprefix("radarsim_"), value, minimum=0.0)
+    if not isinstance(name, str):
+        raise ConfigError(f"The name of a material is {name!r}; expected text.")
     index = Medium(medium, parameters, path).index(carrier_hz)
     material = bpy.data.materials.new(name)
     material[MEDIUM] = medium

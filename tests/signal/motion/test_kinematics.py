@@ -13,6 +13,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError, FrameFileError, SchemaError
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.motion import (
     BodyMotion,
@@ -242,7 +243,7 @@ def tracks() -> Tracks:
 def written(folder: Path) -> str:
     """A motion file with tracks; returns its hash."""
     path = write_tracks(folder, tracks())
-    record = contract.MotionRecord(
+    record = MotionRecord(
         frame=1,
         time_s=0.0,
         duration_s=SPAN_S,
