@@ -5,6 +5,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .interiors import settle_interiors
 from .layers import beyond_float32, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
@@ -29,6 +30,7 @@ __all__ = [
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",
+    "settle_interiors",
     "slot_materials",
     "update_materials",
 ]

@@ -20,6 +20,7 @@ from ..materials import (
     beyond_float32,
     media_beyond_their_band,
     set_layer_normals,
+    settle_interiors,
     update_materials,
 )
 from ..nodes import attributes
@@ -284,6 +285,7 @@ class MeasurementSettings:
         failures = update_materials(carrier_hz, self._recorder, assigned, beyond)
         in_order = sorted(assigned, key=lambda material: str(material.name_full))
         failures += media_beyond_their_band(carrier_hz, beyond, in_order)
+        failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
