@@ -252,22 +252,7 @@ class BurstMotion:
         return self._frame_motion([BodyMotion(pose, epoch_offset_s=at_s) for pose in poses])
 
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
-        """Write the motion file (and surface points) of this frame, after `complete` of all rows.
-
-        Parameters
-        ----------
-        folder
-            Folder of the burst.
-        time_s
-            Time of the frame [s].
-        versions
-            Versions of the programs, for the record.
-
-        Returns
-        -------
-        Path
-            The motion file.
-        """
+        """Write the files of this frame, after `complete` of all rows; return the motion file."""
         scene, tracks_file, digest = self._scene, "", ""
         if scene.tracks is not None:
             path = write_tracks(folder, scene.tracks)
