@@ -4,6 +4,7 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
+from .closing_speeds import ClosingSpeeds
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
@@ -36,6 +37,7 @@ __all__ = [
     "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "ClosingSpeeds",
     "InstancePose",
     "Poses",
     "Rig",
