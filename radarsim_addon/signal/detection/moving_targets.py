@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
+from ...array_types import Complex
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
 from ..maps import (
@@ -44,6 +44,7 @@ from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
 from .doppler_folds import DopplerFolds
 from .peaks import Peak, local_maxima, peak_to_background_db, pulse_spectra, refine_peak
+from .response_shapes import doppler_line, envelope, ridge_shape, vertex
 
 #: Fewer pulses do not separate moving from stationary targets.
 _MIN_PULSES = 16
@@ -218,8 +219,8 @@ class _Search:
         #: Amplitude that the subtracted echoes may have left.
         self._explained = np.zeros(self._residual.shape)
         weight = slow_time_window(rd_map.doppler_taper, self._pulses)
-        self._still = _line(weight, 0.0)
-        self._ridge = _ridge_shape(weight)
+        self._still = doppler_line(weight, 0.0)
+        self._ridge = ridge_shape(weight, _RIDGE_CELLS)
         rows = np.abs(np.arange(self._pulses) - self._zero)
         self._wanted = rows >= max(2, math.floor(slowest_cells))
         self._noisy_columns = noisy_columns
@@ -282,9 +283,9 @@ class _Search:
         for echo in target.echoes:
             more = target.leaves - (0.0 if echo is target.echoes[-1] else before)
             if more:
-                envelope = _envelope(echo.response, echo.row, echo.col)
-                envelope = np.maximum(envelope, self._error / _POINT_LEAVES)
-                self._explained += more * abs(echo.amplitude) * envelope
+                around = envelope(echo.response, echo.row, echo.col)
+                around = np.maximum(around, self._error / _POINT_LEAVES)
+                self._explained += more * abs(echo.amplitude) * around
 
     def _take(self, row: int, col: int, new: bool) -> _Echo:
         """Subtract the echo that peaks near a cell."""
@@ -363,9 +364,9 @@ class _Search:
         fine = (row - self._zero + np.arange(-16, 17) / 16) / pulses
         spectra = np.abs(np.exp(-2j * np.pi * np.outer(fine, pulse)) @ trains)
         best = int(np.argmax(spectra[1:-1, 1])) + 1
-        cycles = fine[best] + _vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
+        cycles = fine[best] + vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
         step_m = float(range_m[1] - range_m[0]) if range_m.size > 1 else 0.0
-        return float(range_m[col]) + step_m * _vertex(spectra[best]), float(cycles)
+        return float(range_m[col]) + step_m * vertex(spectra[best]), float(cycles)
 
     def refined(self, target: _Target) -> Peak:
         """Return a target's peak in the map without all other targets."""
@@ -374,54 +375,3 @@ class _Search:
             values += echo.response.echo(echo.amplitude)
         alone = dataclasses.replace(self._recording.rd_map, values=values[None])
         return refine_peak(alone, pulse_spectra(alone), target.row, target.col, 0.0)
-
-
-def _line(weight: Real, cells: float) -> Complex:
-    """Return the map's response, row by row, to an echo at a Doppler in cells; 1 at its place."""
-    pulse = np.arange(weight.size)
-    train = weight / weight.sum() * np.exp(2j * np.pi * cells * pulse / weight.size)
-    return np.asarray(np.fft.fftshift(np.fft.fft(train)))
-
-
-def _ridge_shape(weight: Real) -> Real:
-    """Return the largest response of a ridge scatterer per row, relative to that next to 0 Hz.
-
-    Scatterers slower than `_RIDGE_CELLS`, after step 1 of the module.
-    """
-    zero, still = weight.size // 2, _line(weight, 0.0)
-    shape = np.zeros(weight.size)
-    for cells in np.linspace(0.05, _RIDGE_CELLS, 25):
-        line = _line(weight, float(cells))
-        line -= line[zero] * still
-        level = np.abs(line)
-        shape = np.maximum(shape, level / max(level[zero - 1], level[zero + 1]))
-    return np.asarray(np.maximum(shape, np.roll(shape[::-1], 1 - weight.size % 2)))
-
-
-def _envelope(response: PointResponse, row: int, col: int) -> Real:
-    """Return the envelope of a response without nulls between sidelobes, (Doppler, ranges)."""
-    pulses, nodes = response.doppler.shape
-    columns = response.ranges.shape[1]
-    near = response.ranges[:, max(0, col - 4) : col + 5]
-    # also between the rows: an echo on a row has its zeros in all others
-    trains = np.fft.ifft(np.fft.ifftshift(response.doppler, axes=0), axis=0)
-    half = np.exp(-1j * np.pi * np.arange(pulses) / pulses)[:, None]
-    between = np.fft.fftshift(np.fft.fft(trains * half, axis=0), axes=0)
-    lines = np.maximum(np.abs(response.doppler @ near), np.abs(between @ near)).max(axis=1)
-    reach = 1 + math.ceil(nodes / 2)  # range sidelobes of a migrating echo are next to its row
-    doppler = np.max([np.roll(lines, k) for k in range(-reach, reach + 1)], axis=0)
-    profile = np.pad(np.abs(response.ranges).max(axis=0), 2)
-    ranges = np.max([profile[k : k + columns] for k in range(5)], axis=0)
-    envelope = np.outer(doppler, ranges)
-    if response.image is not None:
-        envelope += np.outer(
-            np.abs(response.image.doppler).max(axis=1), np.abs(response.image.ranges).max(axis=0)
-        )
-    return envelope
-
-
-def _vertex(values: Real) -> float:
-    """Return the maximum of a parabola through the logarithms of three values, -1/2 to 1/2."""
-    low, middle, high = np.log(np.maximum(values, 1e-300))
-    bend = low - 2 * middle + high
-    return float(np.clip((low - high) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0

@@ -10,6 +10,7 @@ import pytest
 from radarsim_addon.signal import (
     Burst,
     Cfar,
+    Detection,
     FmcwWaveform,
     FrameResult,
     Paths,
@@ -109,7 +110,8 @@ def test_files_of_a_frame_tell_the_true_rate(tmp_path: Path) -> None:
     options = ProcessOptions(products=False, plots=False, cfar=Cfar(pfa=1e-4))
     (result,) = (e for e in process_run(folder, options) if isinstance(e, FrameResult))
     assert result.detections is not None
-    for target in (*result.moving_targets, result.detections.targets[0]):
+    targets: list[Peak | Detection] = [*result.moving_targets, result.detections.targets[0]]
+    for target in targets:
         assert target.velocity_mps == pytest.approx(40.0 - 28.28, abs=0.1)
         assert target.unfolded_velocity_mps == pytest.approx(40.0, abs=0.1)
     (found,) = (f for f in result.findings if f.code == "doppler-ambiguous-paths")
