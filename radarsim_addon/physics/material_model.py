@@ -17,6 +17,33 @@ from ..array_types import Complex, Real
 from ..errors import ConfigError
 from .checks import EDGE_SLACK, real_array, require_one_shape
 
+BEYOND_BAND = ("hold", "extrapolate", "refuse")
+"""What a model does outside its band: take the nearest edge, continue its equation, or raise."""
+
+
+@dataclass(frozen=True)
+class OutOfBand:
+    """How far a model is from its band, and what that may cost.
+
+    Attributes
+    ----------
+    edge_hz : Nearest edge of the band [Hz]
+    reflection_db : Reflection at normal incidence, held against extrapolated [dB, 0 or more]
+    absorption_ratio : Absorption per length, the larger of the two over the smaller
+    """
+
+    edge_hz: float
+    reflection_db: float
+    absorption_ratio: float
+
+    @property
+    def error_class(self) -> str:
+        """'small' (0.5 dB, factor 1.25), 'moderate' (2 dB, factor 2) or 'large'."""
+        for name, most_db, most_ratio in (("small", 0.5, 1.25), ("moderate", 2.0, 2.0)):
+            if self.reflection_db <= most_db and self.absorption_ratio <= most_ratio:
+                return name
+        return "large"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -24,14 +51,10 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit, meaning
-        Texts for users.
-    default
-        Value if none is given; None: it must be given.
-    minimum, maximum
-        Closed bounds; None: no bound.
-    above
-        Open lower bound; None: no bound.
+    name, unit, meaning : Texts for users
+    default : Value if none is given; None: it must be given
+    minimum, maximum : Closed bounds; None: no bound
+    above : Open lower bound; None: no bound
     """
 
     name: str
@@ -49,20 +72,14 @@ class MaterialModel:
 
     Parameters
     ----------
-    name
-        Key in the registry.
-    title
-        Name for people.
-    source, edition
-        Publication of the equation or the numbers, and its edition.
-    bands_hz
-        Frequency intervals [Hz], both ends included, in which the source declares it valid.
+    name : Key in the registry
+    title : Name for people
+    source, edition : Publication of the equation or the numbers, and its edition
+    bands_hz : Frequency intervals [Hz], both ends included, in which the source declares it valid
     permittivity_of
         Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
-    parameters
-        Its other parameters.
-    remedy
-        Advice for frequencies outside the band.
+    parameters : Its other parameters
+    remedy : Advice for frequencies outside the band
     """
 
     name: str
@@ -82,20 +99,19 @@ class MaterialModel:
         """The valid bands as text, in GHz."""
         return " and ".join(_interval_text(low, high) for low, high in self.bands_hz)
 
-    def permittivity(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
+    def permittivity(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
         """Return the complex relative permittivity.
 
         Parameters
         ----------
-        frequency_hz
-            Frequency [Hz], any shape; parameters broadcast with it.
-        **parameters
-            Values of the model's `parameters` by name.
+        frequency_hz : Frequency [Hz], any shape; parameters broadcast with it
+        **parameters : Values of the model's `parameters` by name
 
         Returns
         -------
-        ndarray
-            Complex, of the broadcast shape.
+        ndarray : Complex, of the broadcast shape
 
         Raises
         ------
@@ -106,10 +122,15 @@ class MaterialModel:
         frequency = real_array("Frequency", frequency_hz, "Hz", above=0.0)
         values = self._values(parameters)
         require_one_shape(frequency_hz=frequency, **values)
-        frequency = self._within_band(frequency)
+        frequency = self._within_band(frequency, beyond_band)
         eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
+        given = ", ".join(f"{name} {value}" for name, value in values.items())
+        if np.any(eps == 0):
+            raise ConfigError(
+                f"Material {self.name!r} with {given} has the index 0; expected n or k above 0 "
+                "(vacuum is n = 1)."
+            )
         if not np.all(np.isfinite(eps)) or np.any(eps.imag < 0):
-            given = ", ".join(f"{name} {value}" for name, value in values.items())
             raise ConfigError(
                 f"Material {self.name!r} ({self.source}) gives no passive permittivity with "
                 f"{given}: its fit does not extend there. Use values nearer to its data, or the "
@@ -117,9 +138,36 @@ class MaterialModel:
             )
         return eps
 
-    def index(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
+    def index(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
         """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
-        return index_from_permittivity(self.permittivity(frequency_hz, **parameters))
+        return _passive_index(self.permittivity(frequency_hz, beyond_band, **parameters))
+
+    def out_of_band(self, frequency_hz: float, **parameters: ArrayLike) -> OutOfBand | None:
+        """Return how far a frequency is from the band; None inside.
+
+        Parameters
+        ----------
+        frequency_hz : Frequency [Hz], one number
+        **parameters : As for `permittivity`
+
+        Returns
+        -------
+        OutOfBand or None : Infinite errors if the equation cannot be continued so far
+        """
+        edge_hz = float(self._nearest(np.asarray(float(frequency_hz))))
+        if abs(edge_hz - frequency_hz) <= EDGE_SLACK * edge_hz:
+            return None
+        held = complex(self.index(frequency_hz, "hold", **parameters))
+        try:
+            continued = complex(self.index(frequency_hz, "extrapolate", **parameters))
+        except ConfigError:
+            return OutOfBand(edge_hz, np.inf, np.inf)
+        db = [10 * np.log10(max(abs((n - 1) / (n + 1)) ** 2, 1e-12)) for n in (held, continued)]
+        low, high = sorted((held.imag, continued.imag))
+        ratio = 1.0 if high == 0 else high / low if low > 0 else np.inf
+        return OutOfBand(edge_hz, float(abs(db[0] - db[1])), float(ratio))
 
     def _values(self, given: dict[str, ArrayLike]) -> dict[str, Real]:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -147,14 +195,23 @@ class MaterialModel:
             )
         return values
 
-    def _within_band(self, frequency: Real) -> Real:
-        inside = np.zeros(frequency.shape, dtype=bool)
-        clipped = frequency
-        for low, high in self.bands_hz:
-            here = (frequency >= low * (1 - EDGE_SLACK)) & (frequency <= high * (1 + EDGE_SLACK))
-            clipped = np.where(here & ~inside, np.clip(frequency, low, high), clipped)
-            inside |= here
-        if not np.all(inside):
+    def _nearest(self, frequency: Real) -> Real:
+        """Return the frequencies, or the nearest edge of a band for those outside all bands."""
+        with np.errstate(divide="ignore"):
+            edges = np.stack([np.clip(frequency, low, high) for low, high in self.bands_hz])
+            near = np.argmin(np.abs(np.log(edges) - np.log(frequency)), axis=0)
+        return np.asarray(np.take_along_axis(edges, near[None], axis=0)[0])
+
+    def _within_band(self, frequency: Real, beyond_band: str) -> Real:
+        if beyond_band not in BEYOND_BAND:
+            raise ConfigError(
+                f"Beyond band is {beyond_band!r}; expected one of {', '.join(BEYOND_BAND)}."
+            )
+        clipped = self._nearest(frequency)
+        inside = np.abs(clipped - frequency) <= EDGE_SLACK * clipped
+        if beyond_band == "extrapolate":
+            return np.where(inside, clipped, frequency)
+        if beyond_band == "refuse" and not np.all(inside):
             bad = frequency[~inside].flat[0]
             raise ConfigError(
                 f"Material {self.name!r} is not defined at {bad / 1e9:g} GHz: {self.source} "
@@ -163,22 +220,11 @@ class MaterialModel:
         return clipped
 
 
-def index_from_permittivity(permittivity: ArrayLike) -> Complex:
-    """Return n + jk = sqrt(eps), the root of a passive medium.
-
-    Parameters
-    ----------
-    permittivity
-        Complex relative permittivity, any shape.
-
-    Returns
-    -------
-    ndarray
-        Index with Re >= 0 and Im >= 0, in the same shape.
-    """
-    eps = np.array(permittivity, dtype=np.complex128)
+def _passive_index(permittivity: Complex) -> Complex:
+    """Return n + jk = sqrt(eps), the root of a passive medium: Re >= 0 and Im >= 0."""
     # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
-    return np.asarray(np.sqrt(eps.real + 1j * np.abs(eps.imag)), dtype=np.complex128)
+    root = np.sqrt(permittivity.real + 1j * np.abs(permittivity.imag))
+    return np.asarray(root, dtype=np.complex128)
 
 
 def _interval_text(low_hz: float, high_hz: float) -> str:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,12 @@ import bpy
 from mathutils import Vector
 
 from ...errors import ConfigError, SceneError
+from ...options import declared
 from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
 from ..materials import make_physical_material
 from ..nodes import assign_to
-from ..plan import preset_settings
+from ..plan import PathOptions, preset_settings
 from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
 from ..rig_settings import settings as settings_of
 from ..scene import antennas_of, find_rig, radars, setup_rig
@@ -85,9 +86,7 @@ def add_radar(
     target = None if look_at is None else _point("Point to look at", look_at)
     rig = setup_rig(scene, place)
     try:
-        view = settings(rig)
-        for name, value in chosen.items():
-            setattr(view, name, value)
+        _set(settings(rig), chosen)
         if field_of_view_deg is not None:
             if not 0 < field_of_view_deg < 180:
                 raise ConfigError(
@@ -106,6 +105,15 @@ def add_radar(
                 bpy.data.batch_remove([item, item.data])
         raise
     return rig
+
+
+def _set(view: Settings, values: Mapping[str, Any]) -> None:
+    """Set settings; a mapping holds those of an antenna."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            _set(getattr(view, name), value)
+        else:
+            setattr(view, name, value)
 
 
 def _look(rig: Any, target: Sequence[float]) -> None:
@@ -189,7 +197,16 @@ def material(
     if (medium is None) == (n is None):
         raise ConfigError("A material needs a medium or n (with kappa), and not both.")
     if medium is None:
-        medium, parameters = "index", {"n": float(n or 0.0), "k": float(kappa), **parameters}
+        medium, parameters = "index", {"n": n, "k": kappa, **parameters}
+    elif not isinstance(medium, str):
+        raise ConfigError(
+            f"Medium is {medium!r}; expected a name, such as 'concrete'. Give an index as n=2.5."
+        )
+    elif kappa:
+        raise ConfigError(
+            f"kappa is {kappa!r}, but the medium {medium!r} has its own. Leave out kappa, or give "
+            "n in place of the medium."
+        )
     known = medium.removeprefix(_ITU)
     _ensure_registered()
     return make_physical_material(
@@ -258,7 +275,8 @@ def measure(
     scene : bpy.types.Scene, optional
         None: the current one.
     **values
-        Settings in place of the radar's own for this run, by their names, in SI.
+        Settings in place of the radar's own for this run, by their names, in SI; also those that
+        the window does not show (docs/settings.md).
 
     Returns
     -------
@@ -273,9 +291,8 @@ def measure(
     view, scene = settings(rig), bpy.context.scene if scene is None else scene
     if frames is not None:
         values["frames"] = _frame_numbers(frames)
-    for name in values:
-        if name != "frames":
-            getattr(view, name)  # an unknown name is refused before anything is written
+    for name in values.keys() - declared(PathOptions).keys() - {"frames"}:
+        getattr(view, name)  # an unknown name is refused before anything is written
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     path = Path(folder).absolute()
     with quiet_blender():

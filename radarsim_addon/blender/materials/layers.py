@@ -13,12 +13,14 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ...array_types import Real
 from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
+from ..nodes.materials import has_interior
 from ..nodes.physical_material import EXTINCTION, KIND
 from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
@@ -38,17 +40,16 @@ MIN_PLATE_FRACTION = 0.9
 _IN_PLANE = 1e-3
 #: Number of directions, by area, that are tried.
 _CANDIDATES = 8
+#: Maximum number of faces behind which the depth is measured.
+_MOST_DEPTHS = 500
+#: Distance from a face at which its ray begins, relative to the size of the object.
+_OFF_FACE = 1e-6
 
 
 def layer_normal(normals: Real, areas: Real) -> Real | None:
-    """Return the normal of the parallel faces that form most of a surface; None without such.
+    """Return the normal (3,) of the parallel faces that form most of a surface; None without such.
 
-    Parameters
-    ----------
-    normals
-        Unit normals of the faces, shape (n, 3).
-    areas
-        Areas of the faces, shape (n,).
+    `normals` are unit normals of the faces, (n, 3); `areas` their areas, (n,).
     """
     total = float(areas.sum())
     if not total > 0:
@@ -70,20 +71,7 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
 
 
 def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
-    """Return properties of an evaluated object's faces in object space; None without faces.
-
-    Parameters
-    ----------
-    item, depsgraph
-        Object and depsgraph.
-    **widths
-        Properties of `bpy.types.MeshPolygon`, and their numbers per face.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By property, shape (faces, width).
-    """
+    """Return properties of an evaluated object's polygons, (faces, width); None without faces."""
     with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
         if mesh is None or not len(mesh.polygons):
             return None
@@ -115,15 +103,7 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
 
 
 def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
-    """Return the distance of a layer's two faces in the object's own units; None with more faces.
-
-    Parameters
-    ----------
-    item, depsgraph
-        Object and depsgraph.
-    normal
-        Normal of the layer in object space, not zero.
-    """
+    """Return the distance of a layer's two faces in the object's units; None with more faces."""
     faces = _faces(item, depsgraph, normal=3, center=3, area=1)
     if faces is None:
         return None
@@ -148,15 +128,13 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
     Parameters
     ----------
-    recorder
-        Records the changes.
+    recorder : Records the changes
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        Names the objects that are no layers.
+    list of Finding : Names the objects that are no layers
     """
     others = []
     for item, materials in assigned_materials(depsgraph):
@@ -188,7 +166,7 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
 
 def is_entered(material: Any) -> bool:
-    """Return whether a physical material has an interior: its Volume is connected.
+    """Return whether waves enter objects of a physical material: its Volume is connected.
 
     Parameters
     ----------
@@ -196,16 +174,36 @@ def is_entered(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None and for materials without the physical group.
+    bool : False for None and for materials without the physical group
     """
     node = group_node(material)
-    if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
-        return False
-    return any(
-        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Volume"].is_linked
-        for node in material.node_tree.nodes
-    )
+    return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND and has_interior(material)
+
+
+def thinnest(item: Any, depsgraph: Any) -> float:
+    """Return the least depth behind a face of an object, across it, in Blender units.
+
+    Tried are the largest faces; 0 for a mesh that is open behind all of them.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return 0.0
+        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+        points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
+        largest = np.argsort(-read_numbers(mesh.polygons, "area", 1).ravel())[:_MOST_DEPTHS]
+        corners = [tuple(face.vertices) for face in mesh.polygons]
+    tree = BVHTree.FromPolygons(points.tolist(), corners)
+    size = float(np.ptp(points, axis=0).max())
+    depths = []
+    for face in largest:
+        around = points[list(corners[face])]
+        inward = np.cross(around[2] - around[1], around[1] - around[0])
+        length = np.linalg.norm(inward) * np.copysign(1.0, np.linalg.det(linear))
+        start = around.mean(axis=0) + _OFF_FACE * size * inward / length
+        depth = tree.ray_cast(start, inward / length)[3]
+        depths += [] if depth is None else [depth]
+    return min(depths, default=0.0)
 
 
 def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
@@ -213,15 +211,13 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
 
     Parameters
     ----------
-    wavelength
-        Wavelength in Blender units.
+    wavelength : Wavelength in Blender units
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
+    list of Finding : One ``absorption-below-float32`` per object, with its loss and the limit [dB]
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}
@@ -229,16 +225,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
         entered = [material for material in materials if is_entered(material)]
         if item.type != "MESH" or not entered:
             continue
-        corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
-        normal = item.get(attributes.OBJECT_LAYER_NORMAL)
-        if normal is not None and any(normal):
-            # Normals transform by the inverse transpose.
-            linear = np.array(item.matrix_world.to_3x3())
-            across = np.linalg.solve(linear.T, np.array(normal))
-            directions = (across / np.linalg.norm(across))[None]
-        else:
-            directions = np.eye(3)
-        thickness = float(np.ptp(corners @ directions.T, axis=0).min())
+        thickness = thinnest(item, depsgraph)
         sockets = [group_input(material, EXTINCTION) for material in entered]
         kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)

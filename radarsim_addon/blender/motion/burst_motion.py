@@ -18,6 +18,7 @@ import numpy as np
 
 from ... import contract
 from ...findings import Finding, finding, merge
+from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, write_record
 from ...signal.motion import (
     BodyMotion,
@@ -301,7 +302,7 @@ class BurstMotion:
                     wavelengths=wavelengths,
                 )
             )
-        record = contract.MotionRecord(
+        record = MotionRecord(
             frame=self._plan.frame,
             time_s=time_s,
             duration_s=self._plan.duration_s,

@@ -40,12 +40,8 @@ FAINTEST = 1e-8
 class CellPowers:
     """Powers of one tile by cell (range bins, then objects).
 
-    Attributes
-    ----------
-    cells
-        Numbers of the cells that hold power, (n,).
-    mean, variance
-        Mean power over the replicates [W], and the variance of that mean, (n,).
+    `cells` are the numbers of those that hold power; their mean over the replicates [W] and the
+    variance of that mean, (n,) each.
     """
 
     cells: NDArray[np.int64]
@@ -55,17 +51,10 @@ class CellPowers:
 
 @dataclass(frozen=True)
 class ReplicatePowers:
-    """Powers of one replicate of a tile.
+    """Powers of one replicate of a tile: cells whose power is not zero, and their power [W], (n,).
 
-    Attributes
-    ----------
-    cells, power
-        Cells whose power is not zero, and their power [W], (n,).
-    hits
-        Pixels on each object, as a fraction of one of all replicates, by object number.
-    edges
-        Least variance of each object's mean power by its edges, likewise; where there is one
-        replicate alone, all of its variance.
+    By object number: `hits` is its pixels as a fraction of one of all replicates, `edges` the least
+    variance of its mean power by its edges, likewise (of one replicate alone, all of its variance).
     """
 
     cells: NDArray[np.int64]

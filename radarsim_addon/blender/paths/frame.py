@@ -23,10 +23,15 @@ from ..plan import FINEST_PITCH
 from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .inset_tiles import add_inset_tiles
-from .missed_objects import missed_objects_findings
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
-from .small_object_ranking import MOST_TILED, in_sight, rank_by_error, small_boxes
+from .small_object_ranking import (
+    MOST_TILED,
+    in_sight,
+    missed_objects_findings,
+    rank_by_error,
+    small_boxes,
+)
 from .tile_checkpoints import TileCheckpoints, TileRecord
 from .tiles import Tile
 from .view_tracer import PathTask, ViewTracer
@@ -73,18 +78,10 @@ class _Measured:
 
 
 class FrameWork:
-    """Tiles of one radar frame: measured, refined, joined into one table.
+    """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    Parameters
-    ----------
-    tracer
-        Makes the renders of the frame.
-    motion
-        Motion of the frame's bodies over the burst.
-    folder
-        Where the table goes.
-    progress
-        Is told of every tile.
+    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
+    `progress` is told of every tile.
     """
 
     def __init__(
@@ -274,10 +271,9 @@ class FrameWork:
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
                 part.add(rows)
-            digest = part.finish()
         record = TileRecord(
             rows_of,
-            digest,
+            part.sha256,
             quality.numbers(),
             further.numbers(),
             sorted(quality.seen),
@@ -291,13 +287,7 @@ class FrameWork:
     # -- the table ---------------------------------------------------------------------------------
 
     def write(self, stop_reason: str) -> contract.PathsRecord:
-        """Write the table, the motion and their record, and remove the tiles.
-
-        Parameters
-        ----------
-        stop_reason
-            From `measure`.
-        """
+        """Write the table, the motion and their record, and remove the tiles."""
         rows = self._write_table()
         motion_file = self._motion.write(
             self._folder, self._tracer.instant.time_s, self._run.versions

@@ -48,19 +48,7 @@ def pixels_across(options: PathOptions) -> float:
 def add_inset_tiles(
     tiles: Sequence[Tile], areas: Sequence[Area], frame: ViewWindow, options: PathOptions
 ) -> list[Tile]:
-    """The partition with finer tiles over those of the areas that are small in it.
-
-    Parameters
-    ----------
-    tiles
-        A partition of the frame.
-    areas
-        Around each object in sight.
-    frame
-        All of it.
-    options
-        What accuracy is asked for.
-    """
+    """Return the partition with finer tiles over the areas of objects that are small in it."""
     small = [area for area in areas if area.shorter > 0 and _least_px(area, frame) < SMALL_PX]
     most_px = max(_PIXELS_FOR_ALL, frame.width_px * frame.height_px) / max(len(small), 1)
     wanted = []

@@ -17,6 +17,7 @@ import bpy
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
+from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ..materials import SURFACE_TYPES, assigned_materials
 from ..motion import BurstMotion, SamplingPlan, key_frames
@@ -38,13 +39,10 @@ class PathJob(MeasurementJob):
 
     Parameters
     ----------
-    scene, view_layer : bpy types
-    measurement, folder
+    scene, view_layer, measurement, folder, **keywords
         As for `MeasurementJob`.
     options
         How paths are followed, and when the result is good enough.
-    **keywords
-        Those of `MeasurementJob`.
 
     Raises
     ------
@@ -81,7 +79,7 @@ class PathJob(MeasurementJob):
         return (float(frame), frame + self._span_s * self._fps())
 
     def _make_plan(self, extent: Extent) -> Plan:
-        # One "ring" as wide as the scene: the range window, and what the range encoding has to
+        # One "ring" as wide as the scene: the range limits, and what the range encoding has to
         # reach.
         reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
         self._measurement = dataclasses.replace(
@@ -166,7 +164,7 @@ class PathJob(MeasurementJob):
         folder = self.folder / contract.burst_dir(frame, render)
         try:
             record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-            motion = read_record(folder / contract.MOTION_FILE, contract.MotionRecord)
+            motion = read_record(folder / contract.MOTION_FILE, MotionRecord)
             return (
                 file_sha256(folder / record.table_file) == record.table_sha256
                 and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256

@@ -26,22 +26,13 @@ _PAIRS = np.array(list(itertools.combinations(range(8), 2))).T
 
 @dataclass(frozen=True)
 class ViewBoxes:
-    """Areas around n boxes that are in view.
+    """Areas around n boxes that are in view, all fields (n, ...).
 
-    Attributes
-    ----------
-    number
-        Number of the object, from 1, (n,).
-    left, right, bottom, top
-        Edges in the camera's coordinates (`contract.ReceiverRecord`), (n,). Longitudes may lie
-        beyond pi where a box straddles the seam: see :meth:`areas`.
-    stretch
-        Most true length per unit of the first coordinate, (n,): the cosine of the latitude in an
-        equirectangular view, else 1.
-    centre_m
-        Middle of the box in the camera's axes, (n, 3).
-    distance_m, radius_m
-        Distance of the middle (orthographic: its depth), and half the box's diagonal, (n,).
+    Edges are in the camera's coordinates (`contract.ReceiverRecord`); longitudes may lie beyond pi
+    where a box straddles the seam, see :meth:`areas`. `number` is the object's, from 1; `stretch`
+    the most true length per unit of the first coordinate (cosine of the latitude, or 1); `centre_m`
+    is in the camera's axes, `distance_m` its distance (orthographic: depth), `radius_m` half the
+    diagonal.
     """
 
     number: NDArray[np.intp]
@@ -88,21 +79,10 @@ def projected_bounds(
     receiver: contract.ReceiverRecord,
     left_out: Collection[int] = (),
 ) -> ViewBoxes:
-    """Areas around the boxes of all that is in view.
+    """Areas around the boxes of all that is shown and in view, but for the numbers `left_out`.
 
-    Left out is what is out of sight, around the receiver, or partly behind a perspective one; all
-    of these are near or not small.
-
-    Parameters
-    ----------
-    poses
-        What is shown.
-    names
-        Names of the object numbers, from 1.
-    receiver
-        The frame.
-    left_out
-        Numbers that are not asked for.
+    Left out, too, is what is around the receiver or partly behind a perspective one: near or not
+    small. `names` are those of the object numbers, from 1.
     """
     found = [
         (number, shown)

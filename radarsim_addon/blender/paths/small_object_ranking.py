@@ -9,21 +9,26 @@ import bpy.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ... import contract
 from ...array_types import Mask, Real
+from ...findings import Finding, finding
+from ..scene import Poses
 from ..views import View, ViewWindow
 from .error_budget import FAINTEST
 from .inset_tiles import SMALL_PX
-from .screen_boxes import ViewBoxes
+from .screen_boxes import ViewBoxes, projected_bounds
 
 #: So many small objects get tiles of their own at most.
 MOST_TILED = 256
 #: Pixels on each side of an object's own that are looked at, and the most across or down.
 _BESIDE, _MOST_LOOKED = 1, 16
+#: Objects of fewer pixels than this can lie between all rays of a view.
+_SURELY_HIT_PX = 2.0
 
 
 def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
@@ -41,21 +46,10 @@ def in_sight(
     opaque: frozenset[int],
     metres_per_unit: float,
 ) -> Mask:
-    """Whether something of each box may be seen in a part of the frame, (n,).
+    """Whether something of each small box may be seen in a part of the frame, (n,).
 
     Told from the surfaces that its rays met first on and around the box: none of them may be nearer
-    and hide it. Where a box has many pixels, some of them are looked at.
-
-    Parameters
-    ----------
-    boxes
-        Small ones.
-    receiver, window, view
-        Camera of the part, its pixels, and their first surfaces.
-    opaque
-        Numbers of the objects that nothing passes through.
-    metres_per_unit
-        Scale of the positions.
+    and hide it (`opaque`: objects that nothing passes through). Of many pixels, some are looked at.
     """
     seen = np.zeros(len(boxes), dtype=bool)
     if view.position is None or view.object_index is None:
@@ -98,27 +92,12 @@ def rank_by_error(
     transmitter_m: Real,
     most: int,
 ) -> ViewBoxes:
-    """The boxes that get tiles: at most so many of those in sight.
+    """The small boxes that get tiles: at most so many of those in sight (`seen`, (n,)).
 
     An object that covers n pixels on average is met by n rays give or take: its relative error
     goes as 1/sqrt(n), and all objects count alike in the error (`ErrorBudget.relative_error`). So
-    those of fewest pixels come first, but after them what is so far below the strongest echo that
-    it does not drive refinement.
-
-    Parameters
-    ----------
-    small
-        The small ones.
-    seen
-        Whether something of each may be seen.
-    boxes
-        All in view.
-    frame, receiver
-        All of the view.
-    emitter_m
-        Place of the transmitter in world space, (3,) [m].
-    most
-        Number of boxes that get tiles.
+    those of fewest pixels come first, but after them what is so far below the strongest echo of all
+    `boxes` that it does not drive refinement.
     """
     strongest = _echo(boxes, frame, receiver, transmitter_m).max(initial=0.0)
     faint = _echo(small, frame, receiver, transmitter_m) <= FAINTEST * strongest
@@ -135,3 +114,22 @@ def _echo(
     pose = np.array(receiver.matrix_world, dtype=np.float64)
     away = np.linalg.norm(boxes.centre_m - (transmitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
     return np.asarray(across * down * boxes.stretch / np.maximum(away, boxes.radius_m) ** 2)
+
+
+def missed_objects_findings(
+    poses: Poses,
+    names: Sequence[str],
+    met: Collection[int],
+    receiver: contract.ReceiverRecord,
+    frame: ViewWindow,
+) -> list[Finding]:
+    """Find objects that no ray met (numbers not in `met`) although they are in sight.
+
+    Refinement follows echoes: what gave none is never refined, and its power is missing from the
+    error estimate too. Larger objects that were not met are hidden by others: nothing is said.
+    """
+    boxes = projected_bounds(poses, names, receiver, met)
+    # The side of fewer pixels decides whether it can slip through between rays.
+    slips = np.minimum(*boxes.pixels(frame)) < _SURELY_HIT_PX
+    small = [names[number - 1] for number in np.unique(boxes.number[slips])]
+    return [finding("object-missed-by-rays", *small)] if small else []

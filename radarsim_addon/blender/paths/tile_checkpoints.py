@@ -14,13 +14,12 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from ... import contract
-from ...atomic_files import AtomicFile, cannot_write
+from ...atomic_files import cannot_write, replaced
 from ...errors import RadarSimError
 from ...sidecar import file_sha256, read_record, write_record
 from ...signal.paths import PATH_DTYPE, PathRows
@@ -56,14 +55,9 @@ class TileRecord:
 
 
 class TileCheckpoints:
-    """Folder of the tiles of one frame.
+    """Tiles of one frame, in a folder in the frame's.
 
-    Parameters
-    ----------
-    frame_folder
-        The radar frame's.
-    stamp
-        All that rows depend on besides the scene (which the run's fingerprint is of) and the tile.
+    `stamp` is all that rows depend on besides the scene (see the run's fingerprint) and the tile.
     """
 
     def __init__(self, frame_folder: Path, stamp: str) -> None:
@@ -88,13 +82,15 @@ class TileCheckpoints:
         """Where a tile's rows are."""
         return self._folder / f"{key}.rows"
 
-    def writer(self, key: str) -> PartWriter:
-        """To write a tile's rows with, replicate by replicate."""
+    @contextlib.contextmanager
+    def writer(self, key: str) -> Iterator[TileWriter]:
+        """To write a tile's rows with, replicate by replicate; an error leaves nothing."""
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
             raise cannot_write(self._folder, error) from error
-        return PartWriter(self.rows_file(key))
+        with replaced(self.rows_file(key)) as temporary, open(temporary, "wb") as stream:
+            yield TileWriter(stream)
 
     def keep(self, key: str, record: TileRecord) -> None:
         """Say that a tile is whole."""
@@ -118,44 +114,19 @@ class TileCheckpoints:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-class PartWriter:
-    """Writes rows under a temporary name; leaving it without `finish` removes them."""
+class TileWriter:
+    """Writes rows to a stream; `sha256` is that of all of them."""
 
-    def __init__(self, path: Path) -> None:
-        self._file = AtomicFile(path)
-        self._digest = hashlib.sha256()
-        try:
-            self._stream = open(self._file.temporary, "wb")  # noqa: SIM115 (closed in __exit__)
-        except OSError as error:
-            raise cannot_write(path, error) from error
-
-    def __enter__(self) -> PartWriter:
-        return self
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self._digest = stream, hashlib.sha256()
 
     def add(self, rows: PathRows) -> None:
         """Append the rows of a replicate."""
         data = np.ascontiguousarray(rows).view(np.uint8)
         self._digest.update(data)
-        try:
-            self._stream.write(data.data)
-        except OSError as error:
-            raise cannot_write(self._file.path, error) from error
+        self._stream.write(data.data)
 
-    def finish(self) -> str:
-        """Make the file appear; returns the SHA-256 of all rows."""
-        try:
-            self._stream.close()
-        except OSError as error:
-            raise cannot_write(self._file.path, error) from error
-        self._file.commit()
+    @property
+    def sha256(self) -> str:
+        """Of what was written so far."""
         return self._digest.hexdigest()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        with contextlib.suppress(OSError):  # a full disk refuses to close, too
-            self._stream.close()
-        self._file.discard()

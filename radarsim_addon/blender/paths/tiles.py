@@ -66,7 +66,7 @@ class Tile:
         Each pixel is cut `across` times, and `down` times if that is another number.
         """
         down = across if down is None else down
-        part = part_of(self.window, left, right, top, bottom)
+        part = _part_of(self.window, left, right, top, bottom)
         window = dataclasses.replace(
             part, width_px=part.width_px * across, height_px=part.height_px * down
         )
@@ -106,7 +106,7 @@ class Tile:
         return [part for part in parts if part.own_pixels()]
 
 
-def part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
+def _part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
     """Columns left to right and rows top to bottom (exclusive) of a view, same pixels."""
     du, dv = frame.step_u, frame.step_v
     # Edges that are the frame's are so to the bit.
@@ -126,26 +126,9 @@ def lay_in(
 ) -> list[Tile]:
     """Put finer tiles over an area: what lies in it is taken from the tiles there, by whole pixels.
 
-    Parameters
-    ----------
-    tiles
-        A partition of the view.
-    area
-        Where.
-    pitch
-        Largest true pixel pitch wanted there; tiles that are as fine stay as they are. Near a
-        pole that takes fewer cuts of longitude than of latitude.
-    most_px
-        Pixels a side of a tile.
-    finest
-        Least pixel pitch.
-    most_level
-        Most halvings.
-
-    Returns
-    -------
-    list of Tile
-        A partition of the same view, the new tiles last.
+    `pitch` is the largest true pixel pitch wanted there (near a pole it takes fewer cuts of
+    longitude than of latitude), `finest` the least; tiles that are as fine stay. The new tiles, of
+    at most `most_px` a side and `most_level` halvings, are the last of the partition.
     """
     kept, laid = [], []
     for tile in tiles:

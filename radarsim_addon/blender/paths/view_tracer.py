@@ -110,17 +110,7 @@ class PathTask:
 
 
 class ViewTracer:
-    """Makes the renders of one radar frame.
-
-    Parameters
-    ----------
-    run
-        What all frames share. Its scene is at the frame's moment.
-    frame, instant
-        Number of the radar frame, and the moment that is rendered.
-    receiver, transmitter
-        Antennas at that moment.
-    """
+    """Makes the renders of one radar frame at one instant, to which the run's scene is set."""
 
     def __init__(
         self,

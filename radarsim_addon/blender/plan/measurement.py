@@ -17,7 +17,7 @@ from ...signal.radar import AnyWaveform, Burst, Radar
 #: Maximum number of rings. More come from a wrong unit (a ring step in millimetres).
 MAX_RINGS = 10_000
 #: Pixels of one render; Cycles needs about 50 bytes for each.
-MAX_PIXELS = 1 << 28
+_MAX_PIXELS = 1 << 28
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
@@ -155,6 +155,20 @@ class Measurement:
             ("horizontal", "Horizontal", "Field level"),
         ),
     )
+    beyond_band: str = setting(
+        "Beyond band",
+        "Choose what media do at a carrier outside their band of validity",
+        "hold",
+        choices=(
+            (
+                "hold",
+                "Hold",
+                "Take the permittivity at the edge of the band, with a caution",
+            ),
+            ("extrapolate", "Extrapolate", "Continue the medium's equation, with a caution"),
+            ("refuse", "Refuse", "Stop before the render"),
+        ),
+    )
 
     def __post_init__(self) -> None:
         Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval
@@ -171,10 +185,10 @@ class Measurement:
                 f"Snapshot interval is {self.snapshot_interval_s!r} s; expected a positive time "
                 "between the two snapshots. 10 ms is a good value; one snapshot alone needs none."
             )
-        if self.width_px * self.height_px > MAX_PIXELS:
+        if self.width_px * self.height_px > _MAX_PIXELS:
             raise ConfigError(
                 f"A render of {self.width_px} x {self.height_px} pixels is asked for; "
-                f"expected at most {MAX_PIXELS} pixels. Lower the resolution."
+                f"expected at most {_MAX_PIXELS} pixels. Lower the resolution."
             )
 
     @property

@@ -19,24 +19,9 @@ from ...signal.runs import exr_backend
 
 
 def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
-    """Read passes of the only view layer in the file.
+    """Read the wanted passes of the only view layer in a multilayer EXR, those that are there.
 
-    Parameters
-    ----------
-    path
-        Multilayer EXR.
-    wanted
-        Pass names, such as "Combined" or "Position".
-
-    Returns
-    -------
-    dict
-        Pass to component ("R", "X"...) to float32 array (height, width). Absent passes are absent.
-
-    Raises
-    ------
-    RenderError
-        The file cannot be read.
+    Pass to component ("R", "X"...) to float32 array (height, width). RenderError where unreadable.
     """
     kind, module = exr_backend()
     names = set(wanted)

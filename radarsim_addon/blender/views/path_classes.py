@@ -9,9 +9,9 @@ so its range is exact; an open path class, rendered with the same paths, says pi
 the path classes must add up to. The plan below asks only for path classes in which something is
 left.
 
-:func:`trace_view` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
-made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
-closed form in tests.
+:func:`trace_replicate` is a generator: it yields a `RenderRequest` and is sent the `View` that
+Cycles made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by
+a closed form in tests.
 """
 
 from __future__ import annotations
@@ -27,35 +27,25 @@ from .requests import PathClass, Region, RenderRequest, View, bounding_region, c
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
-GREY_TOLERANCE = 1e-5
+_GREY_TOLERANCE = 1e-5
 #: Orders above the limit whose power is measured, without following their paths.
-PROBED_ORDERS = 4
+_PROBED_ORDERS = 4
 #: Pixels per side of the blocks that have one such ray: five reflections cost several times
 #: as much as one.
-PROBE_COARSE = 4
+_PROBE_COARSE = 4
 #: Transparent surfaces after which it is asked whether anything worth following is left.
-TAIL_EVERY = 4
+_TAIL_EVERY = 4
 #: Differences of renders below this fraction of the minuend are float32 rounding.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class PathClassLayer:
-    """Paths of one path class, at most one a pixel.
+    """Paths of one path class, at most one a pixel: `amplitude` is their radiance, (h, w), or 0.
 
-    Attributes
-    ----------
-    order, depth
-        Reflections, and transparent surfaces passed on the camera's side.
-    amplitude
-        Radiance (h, w), 0 where there is no path.
-    encoded
-        The encoded render, and plain the same paths without range encoding where the scene is
-        coloured.
-    vertex
-        Render with the last vertex in its colours; orders above 1.
-    position_is_first
-        Whether the encoded view's position is where the path first scatters.
+    `encoded` is the encoded render, `plain` the same paths without range encoding (coloured
+    scenes), `vertex` with the last vertex in its colours (orders above 1). `position_is_first`: the
+    encoded view's position is where the path first scatters.
     """
 
     order: int
@@ -123,7 +113,7 @@ class TraceLimits:
     amplitude_channel
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
     probe
-        One more render says how much power is in the next `PROBED_ORDERS` orders.
+        One more render says how much power is in the next `_PROBED_ORDERS` orders.
     opaque
         Numbers of objects that let nothing through, whatever the ray.
     """
@@ -187,9 +177,9 @@ def trace_replicate(
         left = left - base
     found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
-        path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + PROBED_ORDERS)
+        path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
         view = yield RenderRequest(
-            path_class, encoded=not limits.world_encoding, coarse=PROBE_COARSE, probe=True
+            path_class, encoded=not limits.world_encoding, coarse=_PROBE_COARSE, probe=True
         )
         found.renders += 1
         probed = tracer.amplitude(view) * weight
@@ -199,7 +189,7 @@ def trace_replicate(
 
 
 class _Tracer:
-    """The steps of :func:`trace_view` with their common state."""
+    """The steps of :func:`trace_replicate` with their common state."""
 
     def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
         self._limits = limits
@@ -275,7 +265,7 @@ class _Tracer:
         left, in_layers = 0.0, 0.0
         region: Region | None = None
         for depth in range(limits.max_depth + 1):
-            if depth and depth % TAIL_EVERY == 0:
+            if depth and depth % _TAIL_EVERY == 0:
                 left = yield from self._tail(depth, region)
                 if left <= limits.max_unfollowed_fraction * (in_layers + left):
                     break
@@ -342,4 +332,4 @@ class _Tracer:
 def _is_coloured(view: View) -> bool:
     scale = view.channels().max(axis=0)
     spread = scale - view.channels().min(axis=0)
-    return bool(np.any(spread > GREY_TOLERANCE * scale))
+    return bool(np.any(spread > _GREY_TOLERANCE * scale))

@@ -120,11 +120,9 @@ class View:
 def coarse_variance(power: Real, coarse: int) -> float:
     """Variance of the sum of an image whose blocks of `coarse` pixels a side share one ray.
 
-    Each ray stands for its block, by chance (where its reflections went) and by where it happened
-    to meet the surface. Blocks that lie side by side have the same expectation but for what the
-    surface changes from one to the next, so half the squared difference of two is the variance of
-    one, or more (successive differences: Wolter, Introduction to Variance Estimation, 2007, ch. 8,
-    for systematic samples). A single block may be wrong by all of itself.
+    Neighbouring blocks have nearly the same expectation, so half the squared difference of two is
+    the variance of one, or more (successive differences: Wolter, Introduction to Variance
+    Estimation, 2007, ch. 8, for systematic samples). A single block may be wrong by all of itself.
     """
     rows, cols = power.shape
     blocks = np.add.reduceat(power, _starts(rows, coarse), axis=0)

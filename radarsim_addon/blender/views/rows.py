@@ -17,7 +17,7 @@ def rows_of_replicate(
     metres_per_unit: float,
     vertex_map: tuple[Real, float],
 ) -> PathRows:
-    """Make the rows of all paths of one tile replicate.
+    """Make the rows of all paths of one tile replicate, path class by path class.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def rows_of_replicate(
     Returns
     -------
     ndarray
-        (paths,), of `PATH_DTYPE`, path class by path class.
+        (paths,), of `PATH_DTYPE`.
     """
     parts = []
     for layer in traced.layers:

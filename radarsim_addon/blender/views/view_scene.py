@@ -56,13 +56,12 @@ class PathScene:
 
     Parameters
     ----------
-    scene, view_layer : bpy types
-    camera, transmitter : bpy.types.Object
+    scene, view_layer, camera, transmitter : bpy types
     metres_per_unit
     range_encoding_length_m
         k.
     world_encoding
-        The range encoding is carried by a world volume instead of by Radar Materials.
+        A world volume carries the range encoding instead of Radar Materials.
     """
 
     def __init__(
@@ -104,12 +103,7 @@ class PathScene:
             self._add_camera()
             self._set_format()
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
-            numbered = number_objects(self._recorder)
-            self.objects, self.opaque, self.hidden = (
-                numbered.names,
-                numbered.opaque,
-                numbered.hidden,
-            )
+            self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             for name in (
                 attributes.ATTR_ORDER_MIN,
                 attributes.ATTR_ORDER_MAX,
@@ -152,8 +146,7 @@ class PathScene:
         """
         data = self._view.data
         self._scene.cycles.seed = seed
-        pixel_u = (window.right - window.left) / window.width_px
-        pixel_v = (window.top - window.bottom) / window.height_px
+        pixel_u, pixel_v = window.step_u, window.step_v
         self._size = (window.width_px, window.height_px)
         # A smaller view is the upper left corner of what Blender can render.
         across, down = (max(count, _LEAST_PX) for count in self._size)
@@ -262,12 +255,8 @@ class PathScene:
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
     def render(self) -> None:
-        """Render and write the render passes (not for use in the UI).
-
-        Raises
-        ------
-        RenderError
-            Cycles failed.
+        """Render and write the render passes (not for use in the UI); RenderError where Cycles
+        failed.
         """
         try:
             result = bpy.ops.render.render(write_still=True, scene=self._scene.name)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -22,25 +21,13 @@ ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
 ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
 
 
-@dataclass(frozen=True)
-class NumberedObjects:
-    """Surfaces by their pass index.
+def number_objects(
+    recorder: SettingsRestorer,
+) -> tuple[list[str], frozenset[int], frozenset[int]]:
+    """Give every surface a number that its pixels carry: its place in the names, from 1.
 
-    Attributes
-    ----------
-    names
-        Object n has pass index n, from 1.
-    opaque, hidden
-        Numbers of those that let nothing through, and of those that are not rendered.
+    Returns the names, and the numbers of those that let nothing through, and that are not rendered.
     """
-
-    names: list[str]
-    opaque: frozenset[int]
-    hidden: frozenset[int]
-
-
-def number_objects(recorder: SettingsRestorer) -> NumberedObjects:
-    """Give every surface a number that its pixels carry."""
     names = []
     opaque, hidden = set(), set()
     for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
@@ -51,7 +38,7 @@ def number_objects(recorder: SettingsRestorer) -> NumberedObjects:
                 opaque.add(len(names))
             if item.hide_render:
                 hidden.add(len(names))
-    return NumberedObjects(names, frozenset(opaque), frozenset(hidden))
+    return names, frozenset(opaque), frozenset(hidden)
 
 
 def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmitter: Any) -> None:

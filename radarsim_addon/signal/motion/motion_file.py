@@ -25,11 +25,9 @@ from ...atomic_files import write_arrays
 from ...contract import (
     DEFORMING_SURFACES_FILE,
     MOTION_FILE,
-    BodyRecord,
-    MotionRecord,
-    SegmentRecord,
 )
 from ...errors import FrameFileError, SchemaError
+from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
 

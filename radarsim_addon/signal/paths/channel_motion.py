@@ -37,18 +37,10 @@ _BLOCK = 1 << 19
 
 @dataclass(frozen=True)
 class ChannelMotion:
-    """`PathMotion` of paths between two elements of the antennas.
+    """`PathMotion` of paths between two elements (`channel`) of the antennas.
 
-    Attributes
-    ----------
-    reference
-        Between the antennas' origins.
-    channel
-        The elements.
-    antennas
-        Motion of the origins.
-    first_scatterer_m, last_scatterer_m
-        Vertices at t, (n, 3) [m].
+    `reference` is between the antennas' origins, whose motion is `antennas`; the vertices at t are
+    (n, 3) [m].
     """
 
     reference: PathMotion
@@ -123,9 +115,9 @@ def channel_lengths(
     paths
         n paths between the antennas' origins.
     channel
-        Elements; where they are at the origins the lengths are those of the paths.
+        Elements; at the origins the lengths are those of the paths.
     antennas
-        Motion of the antennas; None is enough for elements at the origins.
+        Motion of the antennas; needed where an element is away from its origin.
 
     Returns
     -------
@@ -135,8 +127,7 @@ def channel_lengths(
     Raises
     ------
     ConfigError
-        Elements away from the origins, and a vertex, the antennas, or the motion of a vertex is not
-        known.
+        An element is away from the origin and a vertex, its motion, or the antennas are unknown.
     """
     if not channel.displaced:
         return paths.lengths

@@ -15,15 +15,9 @@ Table = TypeVar("Table")
 
 
 def select_columns(table: Table, rows: Rows) -> Table:
-    """Return some rows of every column.
+    """Return some rows (mask, row numbers or slice) of every column of a dataclass.
 
-    Parameters
-    ----------
-    table
-        Dataclass. Its columns are arrays (n, ...) and objects that have a method `select`; other
-        fields are kept as they are.
-    rows
-        Mask (n,), row numbers (m,) or slice.
+    Columns are arrays (n, ...) and objects with a method `select`; other fields are kept.
     """
     columns = dict(vars(table))
     for name, column in columns.items():
@@ -35,15 +29,10 @@ def select_columns(table: Table, rows: Rows) -> Table:
 
 
 def join_columns(tables: Sequence[Table], **joined: Any) -> Table:
-    """Return the rows of several tables, one table behind the other.
+    """Return the rows of several tables (one at least) of one type, one behind the other.
 
-    Parameters
-    ----------
-    tables
-        At least one dataclass, all of one type. Where a table has None for a column, the column is
-        filled with the field's metadata "absent"; without that the result has None, too.
-    joined
-        Fields that are no arrays, already joined.
+    Where a table has None for a column, it is filled with the field's metadata "absent"; without
+    that the result has None, too. `joined` are fields that are no arrays, already joined.
     """
     kind: Any = type(tables[0])
     for item in dataclasses.fields(kind):

@@ -44,13 +44,13 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes from ray to ray: of length, of range rate, and of power relative to the ray's own.
+    """Changes from ray to ray of n rows.
 
     Attributes
     ----------
     length_m, range_rate_mps, power
-        (n, 2, 2): by axis (across, up) and side (before, after), counted along the axis; 0 where
-        unknown [m, m/s, 1].
+        Of length, range rate, and power over the ray's own, (n, 2, 2) [m, m/s, 1]: by axis (across,
+        up) and side (before, after), counted along the axis; 0 where unknown.
     """
 
     length_m: Real
@@ -101,7 +101,6 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
     Returns
     -------
     Steps
-        For each of the n rows.
     """
     found = Steps(*np.zeros((3, rows.size, 2, 2)))
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
@@ -251,7 +250,6 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
     Yields
     ------
     iterator of ndarray
-        Rows of a replicate, tile by tile, (n,) each.
     """
     tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1

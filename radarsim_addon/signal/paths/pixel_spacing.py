@@ -34,16 +34,9 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
-    """Column and row of each path's pixel, counted from the first ones that are met.
+    """Return column and row of each path's pixel, counted from the first ones that are met, (n,).
 
-    Parameters
-    ----------
-    rows
-        Of one tile at one replicate, all of them `placed`, one at least.
-    receiver
-        The frame's.
-    count
-        Number of replicates of the tile, which share the solid angle.
+    The rows are of one tile at one of `count` replicates, one at least, all of them `placed`.
     """
     pose = np.array(receiver.matrix_world, dtype=np.float64)
     # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one

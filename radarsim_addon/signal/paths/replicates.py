@@ -44,7 +44,6 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
     Returns
     -------
     (float, float)
-        Across and up [pixels].
     """
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
@@ -53,22 +52,15 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def replicate_variances(count: int) -> tuple[float, float]:
-    """Return the variance of a side in pixels, as told by the first `count` replicates.
+    """Return the variance of a side, as told by the first `count` replicates, across and down
+    [px^2].
 
-    It is the mean over all lengths and places of the side.
-
-    Returns
-    -------
-    (float, float)
-        Across and down [square pixels].
-
-    Notes
-    -----
-    The points x_i of the replicates in an interval, less its length, are psi(a) - psi(b) with psi
-    the mean of the first Bernoulli polynomials of a - x_i. Over all a and b the mean of its square
-    is (1/S^2) sum_ij B_2(frac(x_i - x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of intervals
-    on a circle (Kuipers & Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2). Evenly
-    spaced points have 1/(6 S^2).
+    It is the mean over all lengths and places of the side. The points x_i of the replicates in an
+    interval, less its length, are psi(a) - psi(b) with psi the mean of the first Bernoulli
+    polynomials of a - x_i. Over all a and b the mean of its square is (1/S^2) sum_ij B_2(frac(x_i -
+    x_j)), B_2(x) = x^2 - x + 1/6: the L2 discrepancy of intervals on a circle (Kuipers &
+    Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2). Evenly spaced points have 1/(6
+    S^2).
     """
     paired = min(count, _MOST_PAIRED)
     replicates = np.array([replicate_offset_px(i) for i in range(paired)])
@@ -115,8 +107,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: Recei
     systematically, and neighbours of one surface and path class have the same expectation but for
     what changes from one pixel to the next, so half the mean squared difference of two is the
     variance of one, or more (successive differences: Wolter, Introduction to Variance Estimation,
-    2007, ch. 8). Reflections left to chance and texture show in it; of a smooth surface little is
-    left. A pixel without neighbours may be wrong by all of itself.
+    2007, ch. 8). A pixel without neighbours may be wrong by all of itself.
 
     Parameters
     ----------

@@ -145,7 +145,7 @@ def open_table(
     Returns
     -------
     ndarray
-        (rows,), with the columns of the groups that this version knows; others are ignored.
+        (rows,), with the columns of the groups that this version knows.
 
     Raises
     ------
@@ -242,12 +242,11 @@ def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
     table
         Rows, (n,), in memory or mapped.
     rows
-        Largest number of rows of a chunk.
+        Most rows of a chunk.
 
     Yields
     ------
     ndarray
-        (m,), m at most `rows`.
     """
     for start in range(0, table.size, rows):
         yield np.array(table[start : start + rows])

@@ -32,7 +32,6 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
     Returns
     -------
     PathsRecord
-        The sidecar, checked.
 
     Raises
     ------
@@ -66,8 +65,7 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
     Raises
     ------
     FrameFileError, SchemaError
-        A file is missing or damaged, they do not belong together, or the table lacks a group of
-        columns.
+        A file is missing or damaged, they do not belong together, or a group of columns is missing.
     """
     record = read_paths_record(folder, frame)
     path = folder / PATHS_TABLE
@@ -100,7 +98,6 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
     Returns
     -------
     FrameMotion or None
-        Motion of antennas and bodies over the burst.
 
     Raises
     ------
@@ -118,9 +115,8 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
-    """Return the radiance of rows of the table, (n,) [W m^-2 sr^-1].
-
-    It is their power over the effective area of an isotropic receiver and their solid angle.
+    """Return the radiance of rows: power over solid angle and an isotropic receiver's effective
+    area.
 
     Parameters
     ----------
@@ -145,12 +141,11 @@ def geometry_of(rows: PathRows) -> PathGeometry:
     Parameters
     ----------
     rows
-        Rows of the table, (n,).
+        (n,).
 
     Returns
     -------
     PathGeometry
-        Of the n paths.
     """
     return PathGeometry(
         order=rows["order"].astype(np.int32),
@@ -164,12 +159,12 @@ def geometry_of(rows: PathRows) -> PathGeometry:
 
 
 def usable(rows: PathRows) -> Mask:
-    """Return which rows have a length, (n,).
+    """Return which rows have a length.
 
     Parameters
     ----------
     rows
-        Rows of the table, (n,).
+        (n,).
 
     Returns
     -------
@@ -185,14 +180,13 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
     Parameters
     ----------
     rows
-        Rows of the table, (n,).
+        (n,).
     scene
         The frame's motion.
 
     Returns
     -------
     KinematicMotion
-        Of the n paths.
 
     Raises
     ------

@@ -119,7 +119,14 @@ def test_stale_group_is_rebuilt_in_place(tmp_path: Path) -> None:
     assert node.node_tree == nodes.ensure_group("radar_material")
     assert dump(node.node_tree) == fresh
     names = [socket.name for socket in node.inputs]
-    assert names == ["Index of Refraction", "Extinction Coefficient", "Specularity", "Roughness"]
+    assert names == [
+        "Index of Refraction",
+        "Extinction Coefficient",
+        "Specularity",
+        "Roughness",
+        "Transmission",
+    ]
+    assert node.inputs["Transmission"].default_value == 1.0
     assert node.inputs["Extinction Coefficient"].default_value == 0.125
     assert node.inputs["Roughness"].default_value == 0.75
     assert node.inputs["Specularity"].default_value == 0.5  # was gone: the default again
@@ -224,7 +231,7 @@ def test_presets(preset: str) -> None:
     assert output.inputs["Volume"].is_linked is values.penetrable
     node = output.inputs["Surface"].links[0].from_node
     got = [socket.default_value for socket in node.inputs]
-    wanted = [values.n, values.kappa, values.specularity, values.roughness]
+    wanted = [values.n, values.kappa, values.specularity, values.roughness, 1.0]
     assert got == pytest.approx(wanted, rel=1e-6)
     # A conductor by the material's own rule, and only that, is not penetrable.
     transmittance = 4 * values.n / ((values.n + 1) ** 2 + values.kappa**2)
@@ -287,11 +294,11 @@ def test_assigning_to_nothing_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0.5, 0.0), "Index of refraction n is 0.5. Enter a number of at least 1"),
-        ((float("nan"), 0.0), "Index of refraction n is nan"),
+        ((0.5, 0.0), "Index of refraction n is 0.5; expected at least 1"),
+        ((float("nan"), 0.0), "Index of refraction n holds nan"),
         ((1.5, -0.1), "Extinction coefficient kappa is -0.1"),
-        ((1.5, 0.0, 1.5), "Specularity is 1.5. Enter a number from 0 to 1"),
-        ((1.5, 0.0, 0.5, -1.0), "Roughness is -1.0"),
+        ((1.5, 0.0, 1.5), "Specularity is 1.5; expected 0 to 1"),
+        ((1.5, 0.0, 0.5, -1.0), "Roughness is -1; expected 0 to 1"),
     ],
 )
 def test_material_numbers_are_checked(arguments: tuple[float, ...], message: str) -> None:
