@@ -31,9 +31,17 @@ _MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offs
 
 
 def key_frames(first: float, last: float) -> list[float]:
-    """Return frames from `first` to `last` at which an F-curve of the file may have a corner.
+    """Return frames at which an F-curve of the file may have a corner.
 
-    These are keyframes, repeated by Cycles modifiers and strips, and the steps of Stepped ones.
+    Parameters
+    ----------
+    first, last
+        Limits of these Blender frames.
+
+    Returns
+    -------
+    list of float
+        Ascending: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
     """
     found: set[float] = set()
     for action in bpy.data.actions:

@@ -16,7 +16,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
+from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
