@@ -295,6 +295,12 @@ MOTION = {
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
+    "motion-in-steps": Kind(
+        "caution",
+        "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
+        "Between two steps they are stationary and have no Doppler; at a step they jump.",
+        "Set the interpolation of their keyframes to Linear or Bezier in the Graph Editor.",
+    ),
     "instances-appear-or-vanish": Kind(
         "caution",
         "Instances of {subjects} exist during a part of the burst only.",

@@ -15,7 +15,7 @@ from .instance_poses import (
     instance_name,
     pose_in_metres,
 )
-from .isolation import echoes, isolate
+from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
@@ -43,6 +43,7 @@ __all__ = [
     "Rig",
     "active_radar",
     "aim",
+    "animation_curves",
     "antennas_of",
     "camera_kind",
     "check_meshes",
