@@ -72,12 +72,6 @@ SCENE = {
         "To let waves through, connect Volume of the Radar Material to the Material Output, or "
         "give a thin pane its thickness (Thin Sheet).",
     ),
-    "unused-material-not-evaluated": Kind(
-        "info",
-        "The medium of {subjects} cannot be evaluated: {reason}",
-        "No rendered object has this material, so the results are right.",
-        "Correct the medium before you assign the material.",
-    ),
     "medium-not-connected": Kind(
         "caution",
         "The Radar Material of {subjects} does not feed the Surface of the material output alone.",
@@ -230,9 +224,11 @@ PATHS = {
     "object-without-echo": Kind(
         "caution",
         "Rays met {subjects}, but received no echo from there.",
-        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
-        "shadowed objects return no echo either.",
-        "Give smooth surfaces a roughness above 0.",
+        "A smooth surface (roughness 0) reflects away from the radar. At grazing incidence a rough "
+        "one returns too little for float32 to hold. Black, fully transparent and shadowed objects "
+        "return no echo either.",
+        "If you expect an echo, give smooth surfaces a roughness above 0, and rough ones a larger "
+        "roughness or a diffuse part (Specularity below 1).",
     ),
     "object-missed-by-rays": Kind(
         "caution",

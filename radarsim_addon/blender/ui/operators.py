@@ -15,6 +15,7 @@ from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, sett
 from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
+from .placement import radar_pose
 from .results import ProcessingJob, show_images
 from .shown_findings import findings_text, report_findings, reported
 
@@ -25,7 +26,7 @@ _HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD"
 
 
 class RADARSIM_OT_setup_rig(bpy.types.Operator):
-    """Add a radar: receiver and transmitter under one empty, at the 3D cursor"""
+    """Add a radar at your view, looking at the selected objects: receiver and transmitter"""
 
     bl_idname = "radarsim.setup_rig"
     bl_label = "Set Up Radar"
@@ -33,7 +34,10 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         with reported(self):
+            pose = radar_pose(context)
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
+            if pose is not None:
+                empty.location, empty.rotation_euler = pose
             migrate_scene(context.scene)  # settings of 0.1 that had no radar to go to
             for item in context.selected_objects:
                 item.select_set(False)
