@@ -72,6 +72,16 @@ SCENE = {
         "To let waves through, connect Volume of the Radar Material to the Material Output, or "
         "give a thin pane its thickness (Thin Sheet).",
     ),
+    "medium-beyond-band": Kind(
+        "caution",
+        "The carrier, {carrier_hz:frequency}, is outside the band of the medium {medium} of "
+        "{subjects}: {band}.",
+        "Beyond Band is {beyond_band}, from {edge_hz:frequency}. Held and extrapolated values "
+        "differ by {reflection_db:.2g} dB in reflection and by a factor {absorption_ratio:.3g} in "
+        "absorption: error class {error_class}.",
+        "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
+        "Beyond Band: Refuse stops such runs.",
+    ),
     "medium-not-connected": Kind(
         "caution",
         "The Radar Material of {subjects} does not feed the Surface of the material output alone.",

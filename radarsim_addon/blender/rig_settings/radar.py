@@ -99,10 +99,26 @@ def _carrier_of_file(path: Path, _: int) -> float:
     return float(load_radar(path, Burst(1.0, 1)).waveform.carrier_hz)
 
 
+def beyond_band(scene: Any) -> str:
+    """Return what media do outside their band, for a scene's active radar.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    str : Without a radar, the initial choice
+    """
+    with contextlib.suppress(SceneError):
+        return str(settings(active_radar(scene)).beyond_band)
+    return "hold"
+
+
 def _refresh_for_carrier(_: Any, __: Any = None) -> None:
     """Evaluate physical materials at the carrier of the active radar, and show them."""
-    # What cannot be evaluated there is told by the material's panel, and by the run.
-    refresh_materials(carrier_hz(bpy.context.scene))
+    # What cannot be evaluated there, or lies beyond its band, is told by the panels and by the run.
+    refresh_materials(carrier_hz(bpy.context.scene), beyond_band(bpy.context.scene))
     manager = bpy.context.window_manager
     for window in () if manager is None else manager.windows:
         for area in window.screen.areas:
@@ -159,7 +175,9 @@ RadarGroup = property_group(
             type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
         ),
     },
-    dict.fromkeys(("carrier_hz", "waveform_kind", "waveform_file"), _refresh_for_carrier),
+    dict.fromkeys(
+        ("carrier_hz", "waveform_kind", "waveform_file", "beyond_band"), _refresh_for_carrier
+    ),
 )
 
 
