@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any, ClassVar
 
 import bpy
@@ -227,7 +228,8 @@ class RADARSIM_OT_render_frames(_TimedOperator):
 
     def _state(self) -> tuple[float, str]:
         job = self._run.job
-        return job.fraction, progress_text(job.done, job.total, job.seconds_left, job.unit)
+        text = progress_text(job.done, job.total, job.seconds_left, job.unit)
+        return job.fraction, f"{text} ({job.stage})" if job.stage else text
 
     def _escape(self, context: Any) -> set[str]:
         self._run.request_stop("stopped by Esc")
@@ -283,7 +285,8 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     _job: ProcessingJob
 
     def _start(self, context: Any) -> list[Finding]:
-        self._job = ProcessingJob(output_folder(active_radar(context.scene)))
+        folder = output_folder(active_radar(context.scene))
+        self._job = ProcessingJob(folder, apart=not bpy.app.background)
         return []
 
     def _tick(self) -> bool:
@@ -296,6 +299,10 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         self._end(context, "Processing stopped")
         return {"CANCELLED"}
 
+    def _end(self, context: Any, text: str) -> None:
+        self._job.close()
+        super()._end(context, text)
+
     def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
@@ -306,8 +313,9 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         """Without a window: at once."""
         with reported(self):
             self._start(context)
-            while not self._job.step():
-                pass
+            with contextlib.closing(self._job):
+                while not self._job.step():
+                    pass
             self._report_end()
             return {"FINISHED"}
         return {"CANCELLED"}
