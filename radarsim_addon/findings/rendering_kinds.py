@@ -12,6 +12,13 @@ SCENE = {
         "These objects cast a radar shadow and return no echo.",
         "Select them and choose Radar > Material > Assign.",
     ),
+    "optical-material": Kind(
+        "caution",
+        "{subjects} have materials that are made for light, or none.",
+        "The powers of their echoes follow colour and gloss in the visible, not the material at "
+        "the carrier.",
+        "Choose Radar > Material > Assign by Name, review the list, then Apply.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
