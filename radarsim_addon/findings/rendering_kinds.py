@@ -154,6 +154,15 @@ SETTINGS = {
         "Lower the PRF, take smaller frequency steps, or use a longer code: here the {limit} sets "
         "the limit.",
     ),
+    "scene-beyond-unambiguous-velocity": Kind(
+        "caution",
+        "Range rates of {subjects} reach {fastest_mps:.4g} m/s, beyond the maximum unambiguous "
+        "velocity of {max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
+        "Doppler folds, as in a radar: they appear at a wrong range rate, maybe of the opposite "
+        "sign.",
+        "Set the PRF to at least {prf_hz:frequency}. A pulse or sweep must fit into 1 / PRF, and "
+        "a pulse's unambiguous range falls with it.",
+    ),
     "scene-beyond-sampled-band": Kind(
         "caution",
         "The scene reaches {farthest_m:.6g} m, beyond the {unambiguous_range_m:.6g} m that the "
@@ -288,6 +297,12 @@ MOTION = {
         "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
+    ),
+    "motion-in-steps": Kind(
+        "caution",
+        "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
+        "Between two steps they are stationary and have no Doppler; at a step they jump.",
+        "Set the interpolation of their keyframes to Linear or Bezier in the Graph Editor.",
     ),
     "instances-appear-or-vanish": Kind(
         "caution",

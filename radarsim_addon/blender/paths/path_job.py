@@ -20,7 +20,7 @@ from ...errors import RadarSimError, SchemaError
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ..materials import SURFACE_TYPES, assigned_materials
-from ..motion import BurstMotion, SamplingPlan
+from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
@@ -248,6 +248,7 @@ class PathJob(MeasurementJob):
             self._measurement.waveform.wavelength_m,
             self.options.motion_samples,
             render / last if last else 0.0,
+            key_frames(frame - 3, frame + 3 + self._span_s * self._fps()),
         )
         motion = BurstMotion(
             self._show,

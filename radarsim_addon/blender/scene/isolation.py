@@ -139,11 +139,16 @@ def _scatters_inside(material: Any) -> bool:
 
 
 def echoes(item: Any) -> bool:
-    """Return whether an object can echo: Radar Material in a slot or perhaps from Geometry Nodes.
+    """Return whether an object can echo: a Radar Material in a slot or from Geometry Nodes.
 
     Parameters
     ----------
     item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True also where Geometry Nodes might assign a Radar Material.
     """
     if item.type not in SURFACE_TYPES:
         return False
@@ -188,7 +193,17 @@ def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> No
 
 
 def animation_curves(animation: Any) -> Iterator[Any]:
-    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones."""
+    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones.
+
+    Parameters
+    ----------
+    animation : bpy.types.AnimData or None
+
+    Yields
+    ------
+    bpy.types.FCurve
+        One at a time.
+    """
     if animation is None:
         return
     yield from animation.drivers
