@@ -12,6 +12,13 @@ SCENE = {
         "These objects cast a radar shadow and return no echo.",
         "Select them and choose Radar > Material > Assign.",
     ),
+    "optical-material": Kind(
+        "caution",
+        "{subjects} have materials that are made for light, or none.",
+        "The powers of their echoes follow colour and gloss in the visible, not the material at "
+        "the carrier.",
+        "Choose Radar > Material > Assign by Name, review the list, then Apply.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
@@ -71,12 +78,6 @@ SCENE = {
         "Waves that enter objects of these materials are absorbed: nothing behind returns an echo.",
         "To let waves through, connect Volume of the Radar Material to the Material Output, or "
         "give a thin pane its thickness (Thin Sheet).",
-    ),
-    "unused-material-not-evaluated": Kind(
-        "info",
-        "The medium of {subjects} cannot be evaluated: {reason}",
-        "No rendered object has this material, so the results are right.",
-        "Correct the medium before you assign the material.",
     ),
     "medium-beyond-band": Kind(
         "caution",
@@ -256,9 +257,11 @@ PATHS = {
     "object-without-echo": Kind(
         "caution",
         "Rays met {subjects}, but received no echo from there.",
-        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
-        "shadowed objects return no echo either.",
-        "Give smooth surfaces a roughness above 0.",
+        "A smooth surface (roughness 0) reflects away from the radar. At grazing incidence a rough "
+        "one returns too little for float32 to hold. Black, fully transparent and shadowed objects "
+        "return no echo either.",
+        "If you expect an echo, give smooth surfaces a roughness above 0, and rough ones a larger "
+        "roughness or a diffuse part (Specularity below 1).",
     ),
     "object-missed-by-rays": Kind(
         "caution",

@@ -78,6 +78,10 @@ class MeasurementJob:
     unit = "renders"
     any_projection = False
     blocking = False
+    #: What is being done, within the run.
+    stage = ""
+    #: Whether the step is a pause before something else that takes time.
+    pausing = False
     #: Whether objects of any material echo.
     code_world = False
 

@@ -17,6 +17,7 @@ from .instance_poses import (
 )
 from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
@@ -62,9 +63,11 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "replace_material",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_what_renders",
+    "suggest_materials",
     "transmitter_record",
 ]
