@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -275,6 +276,24 @@ def test_two_reflections_have_two_scatterers(tmp_path: Path) -> None:
     error = found.std(ddof=1) / math.sqrt(found.size)
     assert abs(found.mean() - rows["power_w"].sum()) < 3 * error
     assert stats.kstest(found / found.mean(), "expon").pvalue > 0.01
+
+
+def test_coherent_part_of_two_reflections_is_the_product_of_both(tmp_path: Path) -> None:
+    """exp(-(k h)^2 |u_in - u_out|^2) of each surface, from the path's own three legs."""
+    record, table, _ = scene(tmp_path / "run")
+    rows = two_bounces(record, np.array(table))
+    height_m = 0.4 / WAVENUMBER
+    report = speckle(record, rows, 0, {1: Roughness(height_m)}).report()
+    ends = [np.array(end.matrix_world)[:3, 3] for end in (record.receiver, record.transmitter)]
+    way = [ends[0] + 0 * rows["direction"], rows["first_scatterer_m"], rows["last_scatterer_m"]]
+    way.append(ends[1] + 0 * rows["direction"])
+    legs = [b - a for a, b in itertools.pairwise(way)]
+    units = [leg / np.linalg.norm(leg, axis=1, keepdims=True) for leg in legs]
+    turns2 = sum(np.sum((b - a) ** 2, axis=1) for a, b in itertools.pairwise(units))
+    coherent = np.exp(-((WAVENUMBER * height_m) ** 2) * turns2)
+    want = float(coherent @ rows["power_w"] / rows["power_w"].sum())
+    assert 0.1 < want < 0.9
+    assert report.coherent_power_fraction == pytest.approx(want, rel=1e-9)
 
 
 def test_three_reflections_have_none(tmp_path: Path) -> None:
