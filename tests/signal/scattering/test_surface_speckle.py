@@ -227,9 +227,9 @@ def test_neighbours_within_a_correlation_length_share_their_height(tmp_path: Pat
         length_m: speckle(record, table, 1, {1: Roughness(1.0, length_m)}).report().cells
         for length_m in (0.0, 5.0, 40.0)
     }
-    assert cells[0.0] > 4 * cells[5.0] > 0
-    assert cells[5.0] == pytest.approx((30 / 5) ** 2, rel=0.5)
-    assert cells[40.0] <= 8
+    # 30 m from -15 to 15, none of whose ends is on a border: 31 cells of 1 m, 7 of 5 m each way;
+    # of 40 m one across, and two up.
+    assert cells == {0.0: 31**2, 5.0: 7**2, 40.0: 2}
     assert rows.size > cells[0.0] * 1.5  # two paths a cell or more by default
 
 
@@ -429,5 +429,5 @@ def test_map_shows_the_speckle(tmp_path: Path) -> None:
     expected = float(table["power_w"].sum())
     error = np.std(peaks, ddof=1) / math.sqrt(len(peaks))
     assert abs(np.mean(peaks) - expected) < 3 * error
-    assert np.std(peaks) == pytest.approx(expected, rel=0.6)  # exponential: as large as the mean
+    assert stats.kstest(np.array(peaks) / expected, "expon").pvalue > 0.05
     assert reports[0] is not None
