@@ -157,8 +157,8 @@ def report(slips: Sequence[Slip], tree: Path) -> dict[str, list[bool]]:
         print(f"{word}  {slip.part}/{slip.name}  {time.monotonic() - start:.1f} s", flush=True)
         if not caught:
             print(f"        {slip.seen}", flush=True)
-    for part, caught in results.items():
-        print(f"{part}: {sum(caught)} of {len(caught)} caught")
+    for part, verdicts in results.items():
+        print(f"{part}: {sum(verdicts)} of {len(verdicts)} caught")
     return results
 
 
