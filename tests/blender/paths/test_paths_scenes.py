@@ -134,8 +134,10 @@ def test_scales(tmp_path: Path, metres_per_unit: float, size: float, code: str) 
     ph.quad("Wall", wall, ph.rough_metal())
     options = {"max_reflections": 2, "range_encoding": code}
     run = ph.run_paths(tmp_path, width_px=24, height_px=24, options=options)
-    rows = run.table()
+    rows, record = run.table(), run.record()
     unit_m = size * metres_per_unit
+    followed_w = record.total_power_w * (1 - record.truncated_reflections_fraction)
+    assert rows["power_w"].sum() == pytest.approx(followed_w, rel=1e-5)
     direction = rows["direction"]
     image = direction * (10 / direction[:, 1:2])
     seen = image + np.array([0.0, 0.0, 2.0])

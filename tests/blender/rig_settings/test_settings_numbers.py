@@ -115,6 +115,18 @@ def test_no_finding_where_all_fits() -> None:
     assert config_findings(PAPER, 1, 200e3 * 0.7, sampling_mode="paths") == []
 
 
+def test_objects_faster_than_the_prf_holds_are_named_with_the_prf_that_does() -> None:
+    """The paper's 5.3 GHz and 1 kHz hold 14.14 m/s."""
+    speeds = {"Ground": 0.0, "Walker": 1.5, "Bus": 14.2, "Car": 30.0}
+    (found,) = config_findings(PAPER, 21, 5000.0, speeds_mps=speeds)
+    assert found.code == "scene-beyond-unambiguous-velocity"
+    assert found.subjects == ("Car", "Bus")
+    # 4 x 30 / 0.0565646
+    assert "at least 2.13 kHz" in found.remedy
+    faster = dataclasses.replace(PAPER, burst=Burst(2130.0, 128))
+    assert config_findings(faster, 21, 5000.0, speeds_mps=speeds) == []
+
+
 @pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
 def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(sampling_mode: str) -> None:
     narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))

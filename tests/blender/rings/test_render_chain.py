@@ -51,10 +51,13 @@ def test_lens_shift_and_sensor_fit(tmp_path: Path) -> None:
     camera.shift_x, camera.shift_y = 0.2, -0.1
     rs.add_plate(10.0, size=60.0)
     rs.run(tmp_path, width_px=40, height_px=24)
+    seen = np.zeros((24, 40), dtype=int)
     for found in rs.decoded(tmp_path):
         _, y, _ = directions(found)
         error = np.abs(found.range_m * y / 10.0 - 1)[found.mask]
         assert error.size == 0 or error.max() < 1e-5
+        seen += found.mask
+    assert np.all(seen == 1)
 
 
 @pytest.mark.parametrize("metres_per_unit", [0.001, 1.0, 100.0])
@@ -199,6 +202,7 @@ def test_same_paths_in_both_passes(tmp_path: Path) -> None:
     rs.new_scene()
     rs.add_plate(10.0, preset="ground")
     rs.run(tmp_path, snapshots=2, samples=4)
+    assert any(np.any(image["B"] > 0) for image in rs.images(tmp_path))
     for first, second in zip(
         rs.images(tmp_path), rs.images(tmp_path, snapshot_index=1), strict=True
     ):

@@ -236,7 +236,10 @@ def test_foreign_light_does_not_enter(tmp_path: Path) -> None:
     scene.camera.data.dof.focus_distance = 2.0
     scene.view_layers[0].material_override = material
     scene.render.film_transparent = True
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 1e-6
+    scene.cycles.film_exposure, scene.cycles.blur_glossy = 3.0, 1.0
     rs.run(tmp_path / "spoilt", samples=4)
+    assert any(np.any(image["B"] > 0) for image in rs.images(tmp_path / "clean"))
     for clean, spoilt in zip(
         rs.images(tmp_path / "clean"), rs.images(tmp_path / "spoilt"), strict=True
     ):
@@ -291,6 +294,7 @@ def test_fog_without_radar_model_is_removed(tmp_path: Path) -> None:
     bpy.context.object.data.materials.append(material)
     rs.run(tmp_path / "fog", rings=1, ring_step_m=40.0)
     clear, foggy = rs.images(tmp_path / "clear")[0], rs.images(tmp_path / "fog")[0]
+    assert np.all(clear["B"] > 0)
     np.testing.assert_allclose(foggy["B"], clear["B"], rtol=1e-6)
     np.testing.assert_allclose(foggy["R"], clear["R"], rtol=1e-5)
 
