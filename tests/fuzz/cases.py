@@ -175,8 +175,9 @@ def _forked(work: Callable[[], int], log: Path, place: Path) -> tuple[int, resou
         code = 1
         try:
             output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-            os.dup2(output, 1)
-            os.dup2(output, 2)
+            for number, name in ((1, "stdout"), (2, "stderr")):
+                os.dup2(output, number)  # and not into what pytest has put in their place
+                setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
             os.chdir(place)
             resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 2))
             resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES + (1 << 29),) * 2)

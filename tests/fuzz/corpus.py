@@ -25,7 +25,7 @@ from tests.signal import path_runs, synthetic
 from tests.signal.waveform_kinds import ALL
 
 OLD_RUN = Path(__file__).parents[1] / "data" / "version_0_1" / "run_paths"
-SPAN_S = 0.064
+SPAN_S = 0.1
 IDENTITY = np.eye(4)
 
 
@@ -50,7 +50,7 @@ def _paths(folder: Path) -> None:
     receiver = path_runs.camera(path_runs.pose((0, 0, 0)))
     emitter = contract.TransmitterRecord(path_runs.pose((0, 0, 0)), 1.0)
     plates = [path_runs.plate("Near", (0, 20, 0), 4.0), path_runs.plate("Far", (3, 50, 0), 9.0)]
-    rows = path_runs.trace(plates, receiver, emitter, 8, replicates=2)
+    rows = path_runs.trace(plates, receiver, emitter, 24, replicates=2)
     rows["last_body"] = rows["first_body"] = rows["last_object"]
     rows["last_surface_point"][:1] = rows["first_surface_point"][:1] = 1
     beamwidths = ("azimuth_beamwidth_deg", "elevation_beamwidth_deg")
