@@ -20,7 +20,7 @@ NUMBERS: list[Any] = [
     float("nan"), float("inf"), float("-inf"),
 ]  # fmt: skip
 TEXTS = [
-    "", "a", "x" * 1_000_000, "../../../etc/passwd", "/dev/zero", "\x1b[2Jgone", "\ud800", "a\0b",
+    "", "a", "x" * 1_000_000, "../../no/such", "/dev/zero", "\x1b[2Jgone", "\ud800", "a\0b",
     "nan", "1e9", "-1", "paths", "rings", "equirectangular", "orthographic", "fmcw", "lfm", "pmcw",
     "stepped", "barker", "arbitrary", "array", "table", "gaussian", "\u202etxt", "{}", "%s%n",
 ]  # fmt: skip
@@ -207,8 +207,13 @@ BY_SUFFIX: dict[str, Callable[[random.Random, Path], None]] = {
 }
 
 
-def change_file(rng: random.Random, path: Path) -> None:
-    """One change of a file: of its content as its kind has it, or of its bytes."""
+def change_file(rng: random.Random, path: Path, within: Path) -> None:
+    """One change of a file: of its content as its kind has it, or of its bytes.
+
+    Words of a command line may name any file of the machine: nothing outside `within` is touched.
+    """
+    if not path.resolve().is_relative_to(within.resolve()):
+        raise ValueError(f"{path} is not in {within}")
     if path.is_file() and path.stat().st_size:
         try:
             if rng.random() < 0.8:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 import shutil
 import time
@@ -21,8 +22,10 @@ from radarsim_addon.errors import RadarSimError
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import load_radar
+from tests.fuzz import cases
 from tests.fuzz.cases import run_case
 from tests.fuzz.corpus import make_corpus, mend
+from tests.fuzz.mutations import change_file
 
 CASES, SEED = 100, 2
 
@@ -55,10 +58,27 @@ def test_the_inputs_are_valid_before_they_are_changed(inputs: Path) -> None:
 
 def test_changed_inputs(inputs: Path) -> None:
     """If one fails: python -m tests.fuzz --seed 2 --only NUMBER."""
-    cases = {number: run_case(inputs, SEED, number) for number in range(CASES)}
-    assert {number: case.fault for number, case in cases.items() if case.fault} == {}
-    codes = [case.code for case in cases.values()]
+    ends = {number: run_case(inputs, SEED, number) for number in range(CASES)}
+    assert {number: case.fault for number, case in ends.items() if case.fault} == {}
+    codes = [case.code for case in ends.values()]
     assert min(codes.count(code) for code in (0, 1, 2)) > CASES // 20
+
+
+def test_no_file_elsewhere_is_changed(inputs: Path, tmp_path: Path) -> None:
+    """Also where a word of the command line, or a link, leads there."""
+    place = Path(shutil.copytree(inputs / "corpus", tmp_path / "case"))
+    shutil.copytree(place / "paths", place / "run")
+    precious = tmp_path / "precious.json"
+    precious.write_text("[1, 2, 3]")
+    words = ["process", str(precious), "../precious.json", "precious.json"]
+    for number in range(200):
+        cases._change(random.Random(number), place, words)
+    assert precious.read_text() == "[1, 2, 3]"
+    (place / "link.json").symlink_to(precious)
+    for path in (precious, place / "link.json", place / ".." / "precious.json"):
+        with pytest.raises(ValueError, match="is not in"):
+            change_file(random.Random(0), path, place)
+    assert precious.read_text() == "[1, 2, 3]"
 
 
 def test_a_fault_is_seen(inputs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
