@@ -41,21 +41,19 @@ class PathRun:
         return read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
 
 
-def run_paths(
-    folder: Path,
-    *,
-    overwrite: bool = False,
-    limit: int | None = None,
-    options: dict[str, Any] | None = None,
-    **changes: Any,
-) -> PathRun:
-    """Measure the current scene; stop after `limit` renders if given."""
+def job_for(
+    folder: Path, *, overwrite: bool = False, options: dict[str, Any] | None = None, **changes: Any
+) -> PathJob:
+    """A job over the current scene."""
     scene = bpy.context.scene
     path_options = PathOptions(**{"replicates": 1, **(options or {})})
     measured = rs.measurement(**changes)
-    with PathJob(
-        scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite
-    ) as job:
+    return PathJob(scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite)
+
+
+def run_paths(folder: Path, *, limit: int | None = None, **changes: Any) -> PathRun:
+    """Measure the current scene; stop after `limit` renders if given."""
+    with job_for(folder, **changes) as job:
         for count, task in enumerate(job.pending()):
             if count == limit:
                 break
@@ -128,6 +126,17 @@ def half_transparent(transmission: float, name: str = "Half") -> Any:
 def rough_metal() -> Any:
     """Radar Material that reflects 99.98 %, as a Lambert surface."""
     return nodes.make_material("Rough metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+
+
+def bare_sheet(n: float, specularity: float, roughness: float) -> Any:
+    """Radar Material of a face alone: a part F of the power is reflected, 1 - F goes through."""
+    material = nodes.make_material("Sheet", n, 0.0, specularity, roughness, penetrable=False)
+    tree = material.node_tree
+    group = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    one = tree.nodes.new("ShaderNodeValue")
+    one.outputs[0].default_value = 1.0  # linked: a run does not close it
+    tree.links.new(one.outputs[0], group.inputs["Transmission"])
+    return material
 
 
 def mirror(name: str = "Mirror") -> Any:

@@ -5,9 +5,12 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .interiors import settle_interiors
 from .layers import beyond_float32, is_entered, set_layer_normals
+from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
+    has_rough_facets,
     is_physical,
     make_physical_material,
     refresh_materials,
@@ -21,12 +24,15 @@ __all__ = [
     "MaterialAssignment",
     "assigned_materials",
     "beyond_float32",
+    "has_rough_facets",
     "is_entered",
     "is_physical",
     "make_physical_material",
+    "media_beyond_their_band",
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",
+    "settle_interiors",
     "slot_materials",
     "update_materials",
 ]

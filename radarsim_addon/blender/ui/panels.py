@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
-from ...findings import Finding, length_text
+from ...findings import Finding, length_text, merge
 from ...options import declared
+from ..materials import media_beyond_their_band
 from ..plan import (
     Extent,
     Measurement,
@@ -23,6 +24,8 @@ from ..rig_settings import (
     RADAR_PROPERTY,
     RADAR_SETTINGS,
     WAVEFORMS,
+    beyond_band,
+    carrier_hz,
     read_measurement,
     read_path_options,
     settings,
@@ -38,6 +41,7 @@ from ..scene import (
     scene_extent,
 )
 from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
+from .material_names import draw_suggestions
 from .shown_findings import draw_findings, read_findings
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
@@ -80,6 +84,7 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         column.prop(state, "preset", text="")
         button = column.operator("radarsim.assign_material", icon="MATERIAL")
         button.preset = state.preset
+        draw_suggestions(context, layout)
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
         item = context.active_object
         if item is not None and item.type == "MESH":
@@ -92,6 +97,7 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         if group is None:
             return
         layout.prop(group, "polarisation")
+        layout.prop(group, "beyond_band")
         column = layout.column(align=True)
         column.label(text="Extinction is normalised to:")
         column.row(align=True).prop(group, "extinction", expand=True)
@@ -116,6 +122,9 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
         if group.waveform_kind == "lfm":
             layout.prop(group, "fm_rate_mhz_per_us")
         draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses")
+        scene = context.scene
+        outside = media_beyond_their_band(carrier_hz(scene), beyond_band(scene))
+        draw_findings(context, layout, merge(outside))
         measurement = _measurement(context, layout)
         if measurement is None:
             return
