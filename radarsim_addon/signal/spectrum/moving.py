@@ -42,6 +42,9 @@ _MOTION_SHARE = 0.25
 _OFFSETS_SHARE = 4.0
 #: Lengths (rows x times) asked of a motion at a time: 16 MB.
 _MAX_LENGTHS = 1 << 21
+#: Blocks of pulses, at least: so many that threads have work, not their number, on which sums of
+#: errors would hang.
+_BLOCKS = 8
 #: Rows of constant rate that wait for one transform: 25 MB.
 _MAX_LINEAR = 1 << 19
 #: Rows times terms of amplitudes that vary, the same: 67 MB.
@@ -341,7 +344,7 @@ class MovingPathAccumulator:
         pulses, moving = self._times_s.size, self._matrix()
         largest = max(self._offsets_s.size * min(self._rows, count), self._sums.grid.count)
         most = _MAX_LENGTHS // largest
-        length = max(1, min(most, -(-pulses // self._lanes.threads)))
+        length = max(1, min(most, -(-pulses // _BLOCKS)))
         blocks = [slice(at, min(at + length, pulses)) for at in range(0, pulses, length)]
         cpu_s, transforms = 0.0, 0
         for start in range(0, count, self._rows):
