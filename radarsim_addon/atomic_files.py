@@ -32,16 +32,7 @@ def cannot_write(path: Path, error: object) -> OutputError:
 class AtomicFile:
     """A file in the making: write to `temporary`, then `commit` or `discard`.
 
-    Parameters
-    ----------
-    path
-        The file that is to appear. Its folder must exist.
-
-    Raises
-    ------
-    OutputError
-        The folder is missing, read-only or full, or the path is a symbolic link: radarsim does not
-        write to a place that a link names.
+    OutputError: the folder is missing, read-only or full, or the path is a symbolic link.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,13 +53,7 @@ class AtomicFile:
             raise cannot_write(path, error) from error
 
     def commit(self) -> None:
-        """Make the file appear; `temporary` must be closed.
-
-        Raises
-        ------
-        OutputError
-            It cannot be synced or renamed.
-        """
+        """Make the file appear; `temporary` must be closed."""
         try:
             with open(self.temporary, "rb+") as stream:
                 os.fsync(stream.fileno())
@@ -85,22 +70,9 @@ class AtomicFile:
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Give a temporary path to write to, and rename it to `path` when all went well.
+    """Give an empty temporary file beside `path`, with its suffix, and rename it at the end.
 
-    Parameters
-    ----------
-    path
-        The file that is to appear.
-
-    Yields
-    ------
-    Path
-        An empty file beside `path`, with the same suffix.
-
-    Raises
-    ------
-    OutputError
-        The folder is missing, read-only or full, or `path` is a symbolic link.
+    OutputError: the folder is missing, read-only or full, or `path` is a symbolic link.
     """
     file = AtomicFile(path)
     try:
@@ -133,13 +105,7 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def make_folder(path: Path) -> Path:
-    """Make a folder for results, parents included.
-
-    Raises
-    ------
-    OutputError
-        It cannot be made.
-    """
+    """Make a folder for results, parents included."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -151,13 +117,7 @@ def make_folder(path: Path) -> Path:
 
 
 def remove_file(path: Path) -> None:
-    """Remove a file of an earlier run where there is one.
-
-    Raises
-    ------
-    OutputError
-        It cannot be removed.
-    """
+    """Remove a file of an earlier run where there is one."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
@@ -168,10 +128,7 @@ def remove_file(path: Path) -> None:
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what killed processes left half-written in a folder; its subfolders are not searched.
-
-    Call it only where no other process is writing.
-    """
+    """Remove what killed processes left half-written in a folder; nobody may be writing there."""
     for path in folder.glob(TEMPORARY_PATTERN):
         with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
             path.unlink(missing_ok=True)

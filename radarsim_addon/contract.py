@@ -9,14 +9,13 @@ Pure standard library.
 Layout of a run's folder::
 
     run.json                              the plan: radar, rings, snapshots, frames  (RunRecord)
+    products/                             what ``radarsim process`` makes of the frames
     frames/frame_0001/ground_truth.json   where the objects truly are        (GroundTruthRecord)
+                                          -- sampling mode "rings" --
     frames/frame_0001/ring_000_t0.exr     ring 0 at t: float32 R, G, B
     frames/frame_0001/ring_000_t0.json    its sidecar                             (RenderRecord)
     frames/frame_0001/ring_000_t1.exr     ring 0 in the second snapshot
-    products/                             what ``radarsim process`` makes of them
-
-and, instead of the rings, for the sampling mode "paths"::
-
+                                          -- sampling mode "paths" --
     frames/frame_0001/paths.npy           one row per path                  (signal.paths.table)
     frames/frame_0001/paths.json          its sidecar                              (PathsRecord)
     frames/frame_0001/motion.json         how bodies move in the burst            (MotionRecord)
@@ -62,10 +61,7 @@ def frame_dir(frame: int) -> str:
 
 
 def burst_dir(frame: int, render: int) -> str:
-    """Folder of one of the renders of a burst (from 0), relative to the run's folder.
-
-    The first one is in the frame's own folder; with several, the others are in folders below it.
-    """
+    """Folder of a render of a burst, relative to the run's; the first: the frame's own."""
     return frame_dir(frame) if render == 0 else f"{frame_dir(frame)}/burst_{render:03d}"
 
 
@@ -144,15 +140,19 @@ class AntennaRecord:
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
+_LOSS: dict[str, Any] = {"default": 0.0, "unit": "dB", "minimum": 0.0, "digits": 2}
+
+
+def _loss(label: str, where: str) -> Any:
+    return setting(label, f"Set the loss {where}", **_LOSS)
+
+
 @documented
 @dataclass(frozen=True)
 class LinkBudget:
     """Power budget of the radar; see docs/system.md.
 
-    transmit_power_w is the peak power P_t at the transmitter's output. transmit_loss_db lies
-    between there and the antenna, receive_loss_db between antenna and receiver, other_loss_db holds
-    what remains (atmosphere, processing). With it the emitter's EIRP is the light level of the
-    renders alone: it cancels.
+    With it the emitter's EIRP is the light level of the renders alone: it cancels.
     """
 
     transmit_power_w: float = setting(
@@ -161,22 +161,14 @@ class LinkBudget:
     )  # fmt: skip
     transmitter: AntennaRecord = field(default_factory=AntennaRecord)
     receiver: AntennaRecord = field(default_factory=AntennaRecord)
-    transmit_loss_db: float = setting(
-        "Transmit loss", "Set the loss between transmitter and antenna", 0.0, unit="dB",
-        minimum=0.0, digits=2,
-    )  # fmt: skip
-    receive_loss_db: float = setting(
-        "Receive loss", "Set the loss between antenna and receiver", 0.0, unit="dB",
-        minimum=0.0, digits=2,
-    )  # fmt: skip
+    transmit_loss_db: float = _loss("Transmit loss", "between transmitter and antenna")
+    receive_loss_db: float = _loss("Receive loss", "between antenna and receiver")
     other_loss_db: float = setting(
-        "Other losses", "Set the losses that remain: atmosphere, processing", 0.0, unit="dB",
-        minimum=0.0, digits=2,
-    )  # fmt: skip
+        "Other losses", "Set the losses that remain: atmosphere, processing", **_LOSS
+    )
     noise_figure_db: float = setting(
-        "Noise figure", "Set the noise figure of the receiver, at 290 K", 0.0, unit="dB",
-        minimum=0.0, digits=2, initial=3.0,
-    )  # fmt: skip
+        "Noise figure", "Set the noise figure of the receiver, at 290 K", initial=3.0, **_LOSS
+    )
     antenna_temperature_k: float = setting(
         "Antenna temperature", "Set the noise temperature of the antenna", 290.0, unit="K",
         minimum=0.0, digits=1,
@@ -237,13 +229,11 @@ class ColumnGroupRecord:
 class PathsRecord:
     """Sidecar of one radar frame's table of paths (acquisition "paths").
 
-    objects names the numbers in the table's object columns, from 1. Shares are of total_power_w:
-    truncated_reflections_fraction lies in orders above max_reflections,
-    truncated_transparency_fraction in gates that were not rendered, mixed_power_fraction in rows
-    whose pixel held several paths even so, unranged_power_fraction in rows without a usable range.
-    truncated_reflections_stderr is the standard error of truncated_reflections_fraction, which is
-    probed by few rays. relative_error is over error_scope: "both", "ranges" or "objects".
-    stop_reason says which limit ended the refinement. small_objects are in view before refinement
+    objects names the numbers in the table's object columns, from 1. Fractions are of total_power_w:
+    truncated_reflections in orders above max_reflections (probed by few rays: see its standard
+    error), truncated_transparency in gates that were not rendered, mixed_power in rows whose pixel
+    held several paths even so, unranged_power in rows without a usable range. relative_error is
+    over error_scope: "both", "ranges" or "objects". small_objects are in view before refinement
     and have few pixels; small_objects_tiled of them got tiles of their own. column_groups describes
     the table (none: that of radarsim 0.1), flags gives the values that its column flags sums up.
     """
@@ -294,69 +284,6 @@ class PathsRecord:
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"
-    schema_version: int = SCHEMA_VERSION
-
-
-@dataclass(frozen=True)
-class SegmentRecord:
-    """A piece of a body's motion; see signal.motionmodel.Segment for what the numbers are."""
-
-    start_s: float
-    stop_s: float
-    translation: Matrix
-    rotation_centre: list[float]
-    rotation: Matrix
-    initial_orientation: Matrix
-    linear: Matrix = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class BodyRecord:
-    """One object or instance: its pose at t, translation in metres, and how it moves from there.
-
-    instance tells instances of one object apart; it is empty for the object itself. Without
-    pieces the body stands still. noise_m is what the samples scatter about the fit,
-    displacement_error_bound_m bounds the error of a displacement, both at the body's farthest
-    point.
-    """
-
-    object: str
-    instance: str
-    pose: Matrix
-    deforms: bool
-    segments: list[SegmentRecord]
-    noise_m: float
-    displacement_error_bound_m: float
-
-
-@dataclass(frozen=True)
-class MotionRecord:
-    """Motion of all bodies that paths touch, over one burst from time_s on.
-
-    Numbers in the table's columns body and first_body count bodies from 1. antennas are receiver
-    and emitter. displacement_error_bound_m is the largest bound of what moves.
-    approximated_motion_fraction is the power of moving paths of three and more reflections, whose
-    middle is unknown; unknown_motion_fraction that of paths with a vertex that is not known to
-    belong to any body, which is taken to stand still.
-    """
-
-    frame: int
-    time_s: float
-    duration_s: float
-    samples: int
-    receiver_kind: str
-    antennas: list[BodyRecord]
-    bodies: list[BodyRecord]
-    displacement_error_bound_m: float
-    displacement_error_bound_wavelengths: float
-    approximated_motion_fraction: float
-    unknown_motion_fraction: float
-    deforming_surfaces_file: str
-    deforming_surfaces_sha256: str
-    epoch_offset_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
-    findings: list[Finding] = field(default_factory=list)
-    versions: dict[str, str] = field(default_factory=dict)
-    schema: str = "radarsim/motion"
     schema_version: int = SCHEMA_VERSION
 
 

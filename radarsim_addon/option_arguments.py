@@ -28,26 +28,16 @@ def add_arguments(
     *names: str,
     defaults: bool = False,
 ) -> None:
-    """Add an option for each setting.
+    """Add an option for each setting of `names` (none: all), in their order.
 
     Values that are given are in SI, see :func:`given`. Former options are accepted and not shown.
-
-    Parameters
-    ----------
-    parser
-        Parser or group of arguments.
-    settings
-        By their names, see :func:`.options.declared`.
-    *names
-        Those that are added, in the order of the help; none: all.
-    defaults
-        Whether the help tells the defaults: they hold where an option is left out.
+    With `defaults` the help tells the defaults: they hold where an option is left out.
     """
     for name in names or settings:
         item = settings[name]
         shown = item.of.help
         if defaults and item.default is not MISSING:
-            shown += f" [{default_text(item)}]"
+            shown += f" [{_default_text(item)}]"
         options = {"dest": name, "default": argparse.SUPPRESS, **_reading(item)}
         # argparse takes % for a format
         parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
@@ -93,7 +83,7 @@ def given(arguments: argparse.Namespace, settings: Iterable[str]) -> dict[str, A
     return {name: getattr(arguments, name) for name in settings if hasattr(arguments, name)}
 
 
-def default_text(item: Declared) -> str:
+def _default_text(item: Declared) -> str:
     """Return the default in the unit that is shown, as text; empty where a value must be given."""
     value = item.default
     if isinstance(value, bool) or value in (None, MISSING):
@@ -105,15 +95,7 @@ def default_text(item: Declared) -> str:
 
 
 def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
-    """Return a Markdown table of the settings of a dataclass.
-
-    Parameters
-    ----------
-    kind
-        Dataclass.
-    with_flags
-        Names of the settings that a command has options for.
-    """
+    """Return a Markdown table of the settings of a dataclass; `with_flags`: those with options."""
     flags = frozenset(with_flags)
     rows = ["| setting | option | default | allowed | meaning |", "|---|---|---|---|---|"]
     for name, item in declared(kind).items():
@@ -121,7 +103,7 @@ def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
         allowed = ", ".join(f"`{value}`" for value in item.values) or item.bounds.strip()
         unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
         default = (
-            "must be given" if item.default is MISSING else f"`{default_text(item) or 'none'}`"
+            "must be given" if item.default is MISSING else f"`{_default_text(item) or 'none'}`"
         )
         rows.append(
             f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"

@@ -3,7 +3,7 @@
 
 A frozen dataclass declares its fields by :func:`setting`, in SI units and float64. From the
 declaration follow the check of its bounds (:func:`check_settings`), its key in JSON files
-(:mod:`.option_files`), its command-line option (:mod:`.option_arguments`), its
+(:mod:`.typed_json`), its command-line option (:mod:`.option_arguments`), its
 field in Blender's window (:mod:`.blender.rig_settings`) and its row in the reference.
 
 A setting has one stem. The field ends with its SI unit (``carrier_hz``), the window and the command

@@ -11,18 +11,9 @@ class TextTooLongError(ValueError):
 
 
 def read_text(path: Path, most_bytes: int) -> str:
-    """Text of a file, UTF-8 with or without byte-order mark.
+    """Text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
 
     What is read is counted, not what the file system says: a device or a pipe has no size.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    UnicodeDecodeError
-        It is not UTF-8.
-    TextTooLongError
-        It holds more bytes than `most_bytes`.
     """
     with open(path, "rb") as stream:
         data = stream.read(most_bytes + 1)

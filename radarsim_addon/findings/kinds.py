@@ -11,15 +11,10 @@ Severity = Literal["info", "caution", "error"]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of finding.
+    """Severity and templates (what happened, why it matters, what to do) of a kind of finding.
 
-    Attributes
-    ----------
-    severity
-        "info": nothing is wrong; "caution": a result may not mean what you expect; "error": the
-        results concerned are wrong or empty.
-    text, cause, remedy
-        Templates: what happened, why it matters, what to do.
+    "info": nothing is wrong; "caution": a result may not mean what you expect; "error": the
+    results concerned are wrong or empty.
     """
 
     severity: Severity

@@ -24,14 +24,10 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit, meaning
-        Texts for users.
-    default
-        Value if none is given; None: it must be given.
-    minimum, maximum
-        Closed bounds; None: no bound.
-    above
-        Open lower bound; None: no bound.
+    name, unit, meaning : Texts for users
+    default : Value if none is given; None: it must be given
+    minimum, maximum : Closed bounds; None: no bound
+    above : Open lower bound; None: no bound
     """
 
     name: str
@@ -49,20 +45,14 @@ class MaterialModel:
 
     Parameters
     ----------
-    name
-        Key in the registry.
-    title
-        Name for people.
-    source, edition
-        Publication of the equation or the numbers, and its edition.
-    bands_hz
-        Frequency intervals [Hz], both ends included, in which the source declares it valid.
+    name : Key in the registry
+    title : Name for people
+    source, edition : Publication of the equation or the numbers, and its edition
+    bands_hz : Frequency intervals [Hz], both ends included, in which the source declares it valid
     permittivity_of
         Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
-    parameters
-        Its other parameters.
-    remedy
-        Advice for frequencies outside the band.
+    parameters : Its other parameters
+    remedy : Advice for frequencies outside the band
     """
 
     name: str
@@ -87,15 +77,12 @@ class MaterialModel:
 
         Parameters
         ----------
-        frequency_hz
-            Frequency [Hz], any shape; parameters broadcast with it.
-        **parameters
-            Values of the model's `parameters` by name.
+        frequency_hz : Frequency [Hz], any shape; parameters broadcast with it
+        **parameters : Values of the model's `parameters` by name
 
         Returns
         -------
-        ndarray
-            Complex, of the broadcast shape.
+        ndarray : Complex, of the broadcast shape
 
         Raises
         ------
@@ -108,8 +95,13 @@ class MaterialModel:
         require_one_shape(frequency_hz=frequency, **values)
         frequency = self._within_band(frequency)
         eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
+        given = ", ".join(f"{name} {value}" for name, value in values.items())
+        if np.any(eps == 0):
+            raise ConfigError(
+                f"Material {self.name!r} with {given} has the index 0; expected n or k above 0 "
+                "(vacuum is n = 1)."
+            )
         if not np.all(np.isfinite(eps)) or np.any(eps.imag < 0):
-            given = ", ".join(f"{name} {value}" for name, value in values.items())
             raise ConfigError(
                 f"Material {self.name!r} ({self.source}) gives no passive permittivity with "
                 f"{given}: its fit does not extend there. Use values nearer to its data, or the "
@@ -119,7 +111,7 @@ class MaterialModel:
 
     def index(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
         """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
-        return index_from_permittivity(self.permittivity(frequency_hz, **parameters))
+        return _passive_index(self.permittivity(frequency_hz, **parameters))
 
     def _values(self, given: dict[str, ArrayLike]) -> dict[str, Real]:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -163,22 +155,11 @@ class MaterialModel:
         return clipped
 
 
-def index_from_permittivity(permittivity: ArrayLike) -> Complex:
-    """Return n + jk = sqrt(eps), the root of a passive medium.
-
-    Parameters
-    ----------
-    permittivity
-        Complex relative permittivity, any shape.
-
-    Returns
-    -------
-    ndarray
-        Index with Re >= 0 and Im >= 0, in the same shape.
-    """
-    eps = np.array(permittivity, dtype=np.complex128)
+def _passive_index(permittivity: Complex) -> Complex:
+    """Return n + jk = sqrt(eps), the root of a passive medium: Re >= 0 and Im >= 0."""
     # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
-    return np.asarray(np.sqrt(eps.real + 1j * np.abs(eps.imag)), dtype=np.complex128)
+    root = np.sqrt(permittivity.real + 1j * np.abs(permittivity.imag))
+    return np.asarray(root, dtype=np.complex128)
 
 
 def _interval_text(low_hz: float, high_hz: float) -> str:

@@ -41,15 +41,12 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
 
     Parameters
     ----------
-    name
-        Key of `models`, or 'table'.
-    path
-        CSV file, for 'table' only.
+    name : Key of `models`, or 'table'
+    path : CSV file, for 'table' only
 
     Returns
     -------
-    MaterialModel
-        The model.
+    MaterialModel : The model
 
     Raises
     ------
@@ -79,19 +76,14 @@ def material(
 
     Parameters
     ----------
-    name
-        Key of `models`, or 'table' together with `path`.
-    frequency_hz
-        Frequency [Hz], any shape.
-    path
-        CSV file, for 'table' only.
-    **parameters
-        Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`.
+    name : Key of `models`, or 'table' together with `path`
+    frequency_hz : Frequency [Hz], any shape
+    path : CSV file, for 'table' only
+    **parameters : Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`
 
     Returns
     -------
-    ndarray
-        Index of the broadcast shape, Im >= 0.
+    ndarray : Index of the broadcast shape, Im >= 0
 
     Raises
     ------
@@ -108,12 +100,10 @@ def permittivity(
 
     Parameters
     ----------
-    name, frequency_hz, path, **parameters
-        As for `material`.
+    name, frequency_hz, path, **parameters : As for `material`
 
     Returns
     -------
-    ndarray
-        Permittivity of the broadcast shape, Im >= 0.
+    ndarray : Permittivity of the broadcast shape, Im >= 0
     """
     return material_model(name, path).permittivity(frequency_hz, **parameters)

@@ -33,17 +33,13 @@ def conductor_permittivity(
 
     Parameters
     ----------
-    frequency_hz
-        f [Hz]. All arguments broadcast.
-    conductivity_s_per_m
-        sigma [S/m].
-    relative_permittivity
-        eps'.
+    frequency_hz : f [Hz]. All arguments broadcast.
+    conductivity_s_per_m : sigma [S/m]
+    relative_permittivity : eps'
 
     Returns
     -------
-    ndarray
-        Complex relative permittivity.
+    ndarray : Complex relative permittivity
     """
     f = np.asarray(frequency_hz, dtype=np.float64)
     loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
@@ -72,6 +68,12 @@ def _debye(
     relaxation_frequency_hz: Real,
     conductivity_s_per_m: Real,
 ) -> Complex:
+    if np.any(static_permittivity < infinite_permittivity):
+        raise ConfigError(
+            f"Material 'debye' has the static permittivity {np.min(static_permittivity):g} below "
+            f"the infinite one, {np.max(infinite_permittivity):g}: its relaxation amplifies. "
+            "Exchange the two, or use the model 'permittivity'."
+        )
     relaxation = debye_permittivity(
         frequency_hz, static_permittivity, infinite_permittivity, relaxation_frequency_hz
     )
@@ -86,8 +88,7 @@ def general_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel
-        Vacuum, permittivity, index, debye, conductor.
+    tuple of MaterialModel : Vacuum, permittivity, index, debye, conductor
     """
     own, edition = "values given by the user", "constant over frequency"
     return (

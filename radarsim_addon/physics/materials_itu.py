@@ -11,6 +11,7 @@ not at hand: they come from two implementations of it that agree, and carry ``IT
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,14 +25,12 @@ ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"
 
 
 class ItuRow(NamedTuple):
-    """Coefficients of a material in a band: eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m.
+    """Coefficients of a material in a band.
 
     Attributes
     ----------
-    low_ghz, high_ghz
-        Band [GHz].
-    a, b, c, d
-        Coefficients.
+    low_ghz, high_ghz : Band [GHz]
+    a, b, c, d : eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m
     """
 
     low_ghz: float
@@ -73,21 +72,8 @@ ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
 }
 
 
-def itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
-    """Return the complex relative permittivity of P.2040 eq. (57) to (59).
-
-    Parameters
-    ----------
-    frequency_hz
-        Frequency [Hz], any shape.
-    rows
-        Bands of one material.
-
-    Returns
-    -------
-    ndarray
-        Permittivity in the same shape, NaN outside all bands.
-    """
+def _permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
+    """Return P.2040 eq. (57) to (59) in the shape of the frequencies, NaN outside all bands."""
     f_ghz = frequency_hz / 1e9
     eps = np.full(f_ghz.shape, complex(np.nan, np.nan))
     for row in rows:
@@ -100,9 +86,6 @@ def itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
 
 
 def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
-    def permittivity_of(frequency_hz: Real) -> Complex:
-        return itu_permittivity(frequency_hz, rows)
-
     remedy = (
         "Change the carrier, or use the model 'soil' (0.3 to 1.3 and 1.4 to 18 GHz), 'table' or "
         "'permittivity'."
@@ -117,7 +100,7 @@ def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
         source="Recommendation ITU-R P.2040",
         edition=edition,
         bands_hz=tuple((row.low_ghz * 1e9, row.high_ghz * 1e9) for row in rows),
-        permittivity_of=permittivity_of,
+        permittivity_of=partial(_permittivity, rows=rows),
         remedy=remedy,
     )
 
@@ -127,8 +110,7 @@ def itu_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel
-        One per material.
+    tuple of MaterialModel : One per material
     """
     return tuple(
         _model(name, rows, edition)

@@ -39,16 +39,11 @@ def soil_permittivity(
 
     Parameters
     ----------
-    frequency_hz
-        Frequency [Hz]. All arguments broadcast.
-    moisture
-        Water by volume, fraction of 1.
-    sand, clay
-        Fractions of 1 by weight.
-    bulk_density_g_per_cm3
-        Dry bulk density [g/cm^3].
-    temperature_c
-        Temperature [degC].
+    frequency_hz : Frequency [Hz]. All arguments broadcast.
+    moisture : Water by volume, fraction of 1
+    sand, clay : Fractions of 1 by weight
+    bulk_density_g_per_cm3 : Dry bulk density [g/cm^3]
+    temperature_c : Temperature [degC]
 
     Returns
     -------
@@ -89,23 +84,14 @@ def soil_permittivity(
     return np.asarray(real + 1j * imag, dtype=np.complex128)
 
 
-def _checked(
-    frequency_hz: Real,
-    moisture: Real,
-    sand: Real,
-    clay: Real,
-    bulk_density_g_per_cm3: Real,
-    temperature_c: Real,
-) -> Complex:
-    total = sand + clay
+def _checked(frequency_hz: Real, **soil: Real) -> Complex:
+    total = soil["sand"] + soil["clay"]
     if np.any(total > 1 + 1e-6):
         raise ConfigError(
             f"Sand and clay of material 'soil' add up to {np.max(total):g}; expected at most 1 "
             "(fractions by weight; the rest is silt). Divide percentages by 100."
         )
-    return soil_permittivity(
-        frequency_hz, moisture, sand, clay, bulk_density_g_per_cm3, temperature_c
-    )
+    return soil_permittivity(frequency_hz, **soil)
 
 
 def soil_models() -> tuple[MaterialModel, ...]:
@@ -113,8 +99,7 @@ def soil_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel
-        One model.
+    tuple of MaterialModel : One model
     """
     return (
         MaterialModel(

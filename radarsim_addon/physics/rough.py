@@ -9,7 +9,6 @@ alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcas
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -37,34 +36,15 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m
-        h and l [m].
+    rms_height_m, correlation_length_m : h and l [m]
 
     Returns
     -------
-    ndarray
-        Rms slope.
+    ndarray : Rms slope
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
     return np.asarray(np.sqrt(2) * height / length, dtype=np.float64)
-
-
-def beckmann_alpha(slope: ArrayLike) -> Real:
-    """Return alpha = sqrt(2) m.
-
-    Parameters
-    ----------
-    slope
-        Rms slope m.
-
-    Returns
-    -------
-    ndarray
-        Width of the Beckmann distribution.
-    """
-    value = real_array("Rms slope", slope, "", minimum=0.0)
-    return np.asarray(np.sqrt(2) * value, dtype=np.float64)
 
 
 def cycles_roughness(slope: ArrayLike) -> Real:
@@ -72,20 +52,17 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope
-        Rms slope m.
+    slope : Rms slope m
 
     Returns
     -------
-    ndarray
-        0 to 1; Cycles clamps larger values.
+    ndarray : 0 to 1; Cycles clamps larger values
 
     Raises
     ------
-    ConfigError
-        For slopes above 1/sqrt(2), beyond a roughness of 1.
+    ConfigError : For slopes above 1/sqrt(2), beyond a roughness of 1
     """
-    roughness = np.sqrt(beckmann_alpha(slope))
+    roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
         raise ConfigError(
             f"Rms slope {np.max(np.asarray(slope)):g} needs a roughness of {roughness.max():g}; "
@@ -99,13 +76,11 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
 
     Parameters
     ----------
-    roughness
-        r, 0 to 1.
+    roughness : r, 0 to 1
 
     Returns
     -------
-    ndarray
-        Rms slope.
+    ndarray : Rms slope
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
@@ -120,15 +95,12 @@ def coherent_fraction(
 
     Parameters
     ----------
-    rms_height_m, wavelength_m
-        h and wavelength [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, wavelength_m : h and wavelength [m]
+    cos_incidence : Cosine of the angle of incidence
 
     Returns
     -------
-    ndarray
-        Fraction, 0 to 1.
+    ndarray : Fraction, 0 to 1
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -151,15 +123,12 @@ def kirchhoff_limits(
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m, wavelength_m
-        h, l and lambda [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, correlation_length_m, wavelength_m : h, l and lambda [m]
+    cos_incidence : Cosine of the angle of incidence
 
     Returns
     -------
-    tuple of Finding
-        Without subjects; empty if the model is valid.
+    tuple of Finding : Without subjects; empty if the model is valid
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -197,19 +166,14 @@ def sigma0(
 
     Parameters
     ----------
-    index
-        Complex index n + jk.
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle; at 0 the coefficient is 0.
-    masking
-        'none', 'smith' or 'cycles'; see `masking_lambda`.
+    index : Complex index n + jk
+    slope : Rms slope m, more than 0
+    cos_incidence : Cosine of the incidence angle; at 0 the coefficient is 0
+    masking : 'none', 'smith' or 'cycles'; see `masking_lambda`
 
     Returns
     -------
-    ndarray
-        sigma_0 [m^2/m^2].
+    ndarray : sigma_0 [m^2/m^2]
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -237,10 +201,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Parameters
     ----------
-    alpha
-        Width of the Beckmann distribution.
-    cosine
-        Cosine of the angle from the normal.
+    alpha : Width of the Beckmann distribution
+    cosine : Cosine of the angle from the normal
     masking
         'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
         'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use, with
@@ -248,8 +210,7 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Returns
     -------
-    ndarray
-        Lambda, 0 or more.
+    ndarray : Lambda, 0 or more
     """
     width = np.asarray(alpha, dtype=np.float64)
     c = np.asarray(cosine, dtype=np.float64)
@@ -282,26 +243,19 @@ def albedo(
 
     Parameters
     ----------
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle, more than 0.
-    index
-        Complex index; None is a perfect conductor, F = 1.
-    masking
-        'smith' (exact) or 'cycles' (rational approximation).
-    steps
-        Cells per direction.
+    slope : Rms slope m, more than 0
+    cos_incidence : Cosine of the incidence angle, more than 0
+    index : Complex index; None is a perfect conductor, F = 1
+    masking : 'smith' (exact) or 'cycles' (rational approximation)
+    steps : Cells per direction
 
     Returns
     -------
-    float
-        Fraction, 0 to 1.
+    float : Fraction, 0 to 1
 
     Raises
     ------
-    ConfigError
-        Slope or cosine out of bounds, amplifying index, or no masking.
+    ConfigError : Slope or cosine out of bounds, amplifying index, or no masking
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))
@@ -319,15 +273,9 @@ def albedo(
     facing = (cos_i - slope_x * sin_i) * cos_m
     cos_o = 2 * facing * cos_m - cos_i
     used = (facing > 0) & (cos_o > 0)
-    incidence = np.clip(facing, 0.0, 1.0)
-    reflectance: Callable[[Real], Real] | None = None
+    weight: Real | float = 1.0
     if index is not None:
-        n = passive_index(index)
-
-        def reflectance(cosine: Real) -> Real:
-            return unpolarised_reflectance(n, cosine)
-
-    weight = np.ones_like(facing) if reflectance is None else reflectance(incidence)
+        weight = unpolarised_reflectance(passive_index(index), np.clip(facing, 0.0, 1.0))
     lambda_i = masking_lambda(alpha, cos_i, masking)
     lambda_o = masking_lambda(alpha, np.where(used, cos_o, 1.0), masking)
     value = weight * facing / (cos_i * cos_m) / (1 + lambda_i + lambda_o)

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from ..array_types import Complex, Real
 from ..errors import ConfigError
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
+from .fresnel import FacePower, faces, normal_wave
 
 Model = Literal["coherent", "incoherent", "single-pass"]
 MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
@@ -38,8 +39,7 @@ class SlabPower(NamedTuple):
 
     Attributes
     ----------
-    transmitted_s, transmitted_p, reflected_s, reflected_p
-        Fractions by polarisation.
+    transmitted_s, transmitted_p, reflected_s, reflected_p : Fractions by polarisation
     """
 
     transmitted_s: Real
@@ -68,14 +68,6 @@ class SlabPower(NamedTuple):
         return 1 - self.transmitted_p - self.reflected_p
 
 
-class _Faces(NamedTuple):
-    """One polarisation: r of the front face, tt = t_in t_out = 1 - r^2, entering = 1 - |r|^2."""
-
-    r: Complex
-    tt: Complex
-    entering: Real
-
-
 def _arguments(
     index: ArrayLike, thickness_m: ArrayLike, wavelength_m: ArrayLike, cos_incidence: ArrayLike
 ) -> tuple[Complex, Real, Complex, Complex]:
@@ -85,28 +77,11 @@ def _arguments(
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     cosine = direction_cosine(cos_incidence)
     require_one_shape(index=n, thickness_m=thickness, wavelength_m=wavelength, cos_incidence=cosine)
-    eps = n**2
-    q = np.asarray(np.sqrt((eps - 1) + cosine**2), dtype=np.complex128)
-    delta = np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)
-    return np.asarray(eps, dtype=np.complex128), cosine, q, delta
+    eps, cosine, q = normal_wave(n, cosine)
+    return eps, cosine, q, np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)
 
 
-def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_Faces, _Faces]:
-    """Return s and p, computed without subtraction of near-equal numbers (see fresnel.py)."""
-    sum_s, sum_p = cosine + q, eps * cosine + q
-    # q = c = 0 is vacuum at exactly grazing incidence: nothing reflects.
-    none = (sum_s == 0) | (sum_p == 0)
-    sum_s, sum_p = np.where(none, 1, sum_s), np.where(none, 1, sum_p)
-    r_s = np.where(none, 0, (1 - eps) / sum_s**2)
-    r_p = np.where(none, 0, (eps - 1) * ((eps + 1) * cosine**2 - 1) / sum_p**2)
-    tt_s = np.where(none, 1, 4 * cosine * q / sum_s**2)
-    tt_p = np.where(none, 1, 4 * eps * cosine * q / sum_p**2)
-    enter_s = np.where(none, 1, 4 * cosine * q.real / np.abs(sum_s) ** 2)
-    enter_p = np.where(none, 1, 4 * cosine * (eps * np.conj(q)).real / np.abs(sum_p) ** 2)
-    return _Faces(r_s, tt_s, enter_s), _Faces(r_p, tt_p, enter_p)
-
-
-def _coherent(face: _Faces, delta: Complex) -> tuple[Complex, Complex]:
+def _coherent(face: FacePower, delta: Complex) -> tuple[Complex, Complex]:
     """Return the amplitude transmission and reflection of the slab."""
     passage = np.exp(1j * delta)
     # 1 - exp(2 j delta) by expm1: a sheet much thinner than the wave keeps its digits.
@@ -130,8 +105,7 @@ def amplitude_coefficients(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : As for `slab_power`
 
     Returns
     -------
@@ -140,7 +114,7 @@ def amplitude_coefficients(
         gives exp(j k0 c d).
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = _faces(eps, cosine, q)
+    s, p = faces(eps, cosine, q)
     t_s, r_s = _coherent(s, delta)
     t_p, r_p = _coherent(p, delta)
     return t_s, t_p, r_s, r_p
@@ -157,30 +131,24 @@ def slab_power(
 
     Parameters
     ----------
-    index
-        Complex index n + jk, Im >= 0. All arguments broadcast.
-    thickness_m, wavelength_m
-        Thickness and vacuum wavelength [m], more than 0.
-    cos_incidence
-        Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
-    model
-        'coherent', 'incoherent' or 'single-pass'; see the module's docstring.
+    index : Complex index n + jk, Im >= 0. All arguments broadcast.
+    thickness_m, wavelength_m : Thickness and vacuum wavelength [m], more than 0
+    cos_incidence : Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
+    model : 'coherent', 'incoherent' or 'single-pass'; see the module's docstring
 
     Returns
     -------
-    SlabPower
-        Fractions of the incident power.
+    SlabPower : Fractions of the incident power
 
     Raises
     ------
-    ConfigError
-        NaN, thickness or wavelength not positive, amplifying index, unknown model.
+    ConfigError : NaN, thickness or wavelength not positive, amplifying index, unknown model
     """
     if model not in MODELS:
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     fractions = []
-    for face in _faces(eps, cosine, q):
+    for face in faces(eps, cosine, q):
         if model == "coherent":
             transmission, reflection = _coherent(face, delta)
             fractions.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
@@ -218,16 +186,14 @@ def straight_through_power(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : As for `slab_power`
 
     Returns
     -------
-    ndarray
-        Fraction of the incident power.
+    ndarray : Fraction of the incident power
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = _faces(eps, cosine, q)
+    s, p = faces(eps, cosine, q)
     reflectance = (np.abs(s.r) ** 2 + np.abs(p.r) ** 2) / 2
     return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag), dtype=np.float64)
 
@@ -240,19 +206,14 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
 
     Parameters
     ----------
-    index, thickness_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, cos_incidence : As for `slab_power`
 
     Returns
     -------
-    ndarray
-        Length [m].
+    ndarray : Length [m]
     """
-    n = passive_index(index)
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
-    cosine = direction_cosine(cos_incidence)
-    eps = n**2
-    q = np.sqrt((eps - 1) + cosine**2)
+    eps, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
     # Lossless: q - c = (n^2 - 1)/(q + c) keeps its digits for n near 1. Lossy: Re q directly.
     total = q + cosine
     safe = np.where(total == 0, 1, total)
@@ -267,16 +228,12 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `slab_power`.
+    index, cos_incidence : As for `slab_power`
 
     Returns
     -------
-    ndarray
-        Angle [rad].
+    ndarray : Angle [rad]
     """
-    n = passive_index(index)
-    cosine = direction_cosine(cos_incidence)
-    q = np.sqrt((n**2 - 1) + cosine**2)
+    _, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))
     return np.asarray(np.arctan2(sine, q.real), dtype=np.float64)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
 from radarsim_addon.array_types import Real
 from radarsim_addon.physics.radar_equation import effective_area_m2
@@ -45,7 +46,7 @@ class Result:
 
     Attributes
     ----------
-    acquisition, label
+    sampling_mode, label
         "rings" or "paths", and its settings in words.
     acquire, process
         Cost from the scene to the files, and from the files to the profile.
@@ -85,39 +86,23 @@ class PaperScene:
     def __init__(self, blend: Path, folder: Path) -> None:
         import bpy
 
-        from radarsim_addon.blender import rig_settings as properties
-        from radarsim_addon.blender.nodes import refresh_groups
-
-        if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
-            properties.register()
         bpy.ops.wm.open_mainfile(filepath=str(blend))
-        refresh_groups()
-        self._scene = bpy.context.scene
-        self._layer = self._scene.view_layers[0]
+        self._rig = bpy.data.objects["Radar"]
         self._folder = folder
-        self._read = properties.read_measurement
 
     def rings(
         self, width_px: int, height_px: int, samples: int, count: int | None = None
     ) -> Result:
         """Rings of 250 m, one snapshot: 21 as in the scene, or so many."""
-        from radarsim_addon.blender.rings import RingJob
-
         folder = self._fresh("rings")
-        measurement = self._read(
-            self._scene, width_px=width_px, height_px=height_px, samples=samples
-        )
-        measurement = dataclasses.replace(measurement, snapshots=1)
+        values = {"width_px": width_px, "height_px": height_px, "samples": samples, "snapshots": 1}
         if count is not None:
-            measurement = dataclasses.replace(measurement, rings=count)
-        with (
-            stopwatch() as acquire,
-            RingJob(self._scene, self._layer, measurement, folder) as job,
-        ):
-            drive(job)
+            values["rings"] = count
+        with stopwatch() as acquire:
+            radarsim.measure(self._rig, folder, sampling_mode="rings", **values)
         with stopwatch() as process:
             run = open_run(folder)
-            target = TargetSum(measurement.waveform.wavelength_m)
+            target = TargetSum(run.radar.waveform.wavelength_m)
             paths = target.ring_paths(run.frame(1))
             profile = range_profile(paths, run.radar)
         rings = run.record.rings
@@ -136,38 +121,37 @@ class PaperScene:
     def paths(
         self, width_px: int, height_px: int, *, single_rays: bool = False, **options: Any
     ) -> Result:
-        """Paths with the options of `PathOptions`."""
-        from radarsim_addon.blender.paths import PathJob
-        from radarsim_addon.blender.plan import PathOptions
-
+        """Paths with these settings of the radar."""
         folder = self._fresh("paths")
-        # One pass of rings has no motion either.
-        chosen = PathOptions(**{"motion": "off", **options})
-        measurement = self._read(self._scene, width_px=width_px, height_px=height_px)
-        measurement = dataclasses.replace(measurement, snapshots=1)
-        with (
-            stopwatch() as acquire,
-            PathJob(self._scene, self._layer, measurement, folder, chosen) as job,
-        ):
-            drive(job)
+        # One snapshot of rings has no motion either.
+        values = {"motion": "off", "snapshots": 1, **options}
+        with stopwatch() as acquire:
+            run = radarsim.measure(
+                self._rig,
+                folder,
+                sampling_mode="paths",
+                width_px=width_px,
+                height_px=height_px,
+                **values,
+            )
         peak = peak_mib()  # before the table is read: a mapped file counts as memory
         frame = folder / contract.frame_dir(1)
         record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
         number = record.objects.index(TARGET) + 1
-        wavelength_m = measurement.waveform.wavelength_m
+        wavelength_m = run.radar.waveform.wavelength_m
         with stopwatch() as process:
             rows = open_table(frame / record.table_file)
             if single_rays:  # a reference of single rays, which presumes nothing of what is between
                 points = table_paths(rows, wavelength_m)
             else:
-                points = spread_paths(rows, record, measurement.radar)
-            profile = range_profile(points, measurement.radar)
+                points = spread_paths(rows, record, run.radar)
+            profile = range_profile(points, run.radar)
             target_w = table_sum(rows, "power_w", number)
         single = []
         if single_rays:
             for replicate in range(record.replicates):
                 paths = table_paths(rows, wavelength_m, replicate)
-                single.append(record.replicates * range_profile(paths, measurement.radar))
+                single.append(record.replicates * range_profile(paths, run.radar))
         details = {
             "tiles": record.tiles,
             "finest_refinement_level": record.finest_refinement_level,
@@ -179,12 +163,11 @@ class PaperScene:
         }
         del rows
         shutil.rmtree(folder)
-        label = (
-            f"{width_px}x{height_px}, {chosen.replicates} replicate{'s' * (chosen.replicates > 1)}"
-        )
-        if chosen.refines:
-            label += f", {100 * chosen.max_standard_error:g} %"
-            label += "" if chosen.refine_for == "both" else f" of {chosen.refine_for}"
+        label = f"{width_px}x{height_px}, {record.replicates} replicate"
+        label += "s" * (record.replicates > 1)
+        if options.get("max_standard_error"):
+            label += f", {100 * options['max_standard_error']:g} %"
+            label += f" of {options['refine_for']}" if "refine_for" in options else ""
         return Result(
             "paths",
             label,
@@ -202,17 +185,6 @@ class PaperScene:
         folder = self._folder / name
         shutil.rmtree(folder, ignore_errors=True)
         return folder
-
-
-def drive(job: Any) -> None:
-    """All renders of a job that was entered."""
-    from radarsim_addon.blender.headless import quiet_blender
-
-    with quiet_blender():
-        for task in job.pending():
-            job.start(task)
-            job.render(task)
-            job.finish(task)
 
 
 class TargetSum:

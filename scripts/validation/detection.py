@@ -39,8 +39,8 @@ def _noise_maps(radar: Radar, range_limits_m: tuple[float, float], window: str) 
     found = []
     for seed in range(max(MAPS.values())):
         silence = synthesizer_for(radar, range_limits_m).result()
-        heard = apply_receiver(silence, Receiver(noise_figure_db=3.0, noise_seed=seed))
-        found.append((map_of(heard.echoes, window), heard.noise_power_w * gain))
+        received = apply_receiver(silence, Receiver(noise_figure_db=3.0, noise_seed=seed))
+        found.append((map_of(received.echoes, window), received.noise_power_w * gain))
     return found
 
 

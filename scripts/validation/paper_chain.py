@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon.array_types import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
-from radarsim_addon.signal import iter_path_chunks, open_run, range_doppler, synthesize
+from radarsim_addon.signal import iter_path_chunks, range_doppler, synthesize
 from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.detection import FrameBudget, object_echoes
 from radarsim_addon.signal.echoes import Receiver, apply_receiver
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.paths.paths import Paths
-from radarsim_addon.signal.radar import Burst
 from radarsim_addon.signal.scattering import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check, power_check
@@ -68,38 +68,23 @@ def measured_run(bench: Bench, width_px: int, replicates: int, close: bool) -> A
     """
     import bpy
 
-    from radarsim_addon.blender import rig_settings as properties
-    from radarsim_addon.blender.headless import quiet_blender
-    from radarsim_addon.blender.nodes import refresh_groups
-    from radarsim_addon.blender.paths import PathJob
-    from radarsim_addon.blender.plan import PathOptions
-
-    if not hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
-        properties.register()
     bpy.ops.wm.open_mainfile(filepath=str(BLEND))
-    refresh_groups()
-    scene = bpy.context.scene
+    rig = bpy.data.objects["Radar"]
     if close:
-        scene.camera.data.angle = math.radians(CLOSE_DEG)
-        radar = scene.camera.parent
-        radar.rotation_euler.z += math.radians(1.5)  # where the scene's script puts the target
-    height_px = width_px * 9 // 16
-    measurement = properties.read_measurement(scene, width_px=width_px, height_px=height_px)
-    wavelength_m = LIGHT / measurement.waveform.carrier_hz
-    prf_hz = 2 * SPEED_MPS / wavelength_m * PULSES / DOPPLER_CELL
-    measurement = dataclasses.replace(measurement, snapshots=2, burst=Burst(prf_hz, PULSES))
-    folder = bench.fresh()
-    with (
-        quiet_blender(),
-        PathJob(
-            scene, scene.view_layers[0], measurement, folder, PathOptions(replicates=replicates)
-        ) as job,
-    ):
-        for task in job.pending():
-            job.start(task)
-            job.render(task)
-            job.finish(task)
-    return open_run(folder)
+        bpy.context.scene.camera.data.angle = math.radians(CLOSE_DEG)
+        rig.rotation_euler.z += math.radians(1.5)  # where the scene's script puts the target
+    wavelength_m = LIGHT / radarsim.settings(rig).carrier_hz
+    return radarsim.measure(
+        rig,
+        bench.fresh(),
+        sampling_mode="paths",
+        width_px=width_px,
+        height_px=width_px * 9 // 16,
+        replicates=replicates,
+        snapshots=2,
+        prf_hz=2 * SPEED_MPS / wavelength_m * PULSES / DOPPLER_CELL,
+        pulses=PULSES,
+    )
 
 
 def system() -> LinkBudget:

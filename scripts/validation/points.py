@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Point echoes of known range, speed and level, heard by every kind of waveform; no renders."""
+"""Point echoes of known range, speed and level, received by every kind of waveform; no renders."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def radar_of(name: str) -> Radar:
     return Radar(WAVEFORMS[name], Burst(1000.0, 64))
 
 
-def heard(
+def received(
     name: str,
     points: Sequence[Point],
     range_limits_m: tuple[float, float],
@@ -81,7 +81,7 @@ def map_of(echoes: Echoes, window: str, mti: int = 0) -> RangeDopplerMap:
 def apparent_range_m(radar: Radar, range_m: float, rate_mps: float) -> float:
     """Where a map shows an echo: in the middle of the burst, with the range-Doppler coupling.
 
-    A waveform that sweeps is heard at its carrier f_c over its slope earlier (Richards,
+    A waveform that sweeps is received at its carrier f_c over its slope earlier (Richards,
     Fundamentals of Radar Signal Processing, 4.6).
     """
     waveform = radar.waveform

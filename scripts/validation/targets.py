@@ -14,7 +14,7 @@ from radarsim_addon.signal.detection import CfarKind, Peak, find_moving_targets,
 from radarsim_addon.signal.maps import map_noise_gain
 
 from .case import Bench, Check, absolute_check, worst_of
-from .points import WAVEFORMS, WINDOWS, Point, apparent_range_m, heard, map_of, radar_of
+from .points import WAVEFORMS, WINDOWS, Point, apparent_range_m, map_of, radar_of, received
 
 PLACES = 4
 SNR_DB = (20.0, 40.0, 60.0)
@@ -60,7 +60,7 @@ def peaks(_bench: Bench) -> list[Check]:
             for _ in range(PLACES):
                 cells = float(rng.uniform(4, 20) * rng.choice([-1, 1]))
                 point = (450 + float(rng.uniform()) * waveform.sample_spacing_m, cells, 0.0)
-                _, rd_map = heard(name, [point], (200.0, 700.0), window)
+                _, rd_map = received(name, [point], (200.0, 700.0), window)
                 rows.append(_errors(label, name, find_peaks(rd_map, 1)[0], point))
         checks += _worst(f"peaks, {name}", rows)
     return checks
@@ -78,11 +78,11 @@ def beside_clutter(_bench: Bench) -> list[Check]:
             for cells in (first, first + 1.6, 8.3):
                 range_m = 500 + float(rng.uniform()) * waveform.sample_spacing_m
                 point = (range_m, float(cells * rng.choice([-1, 1])), 0.0)
-                _, rd_map = heard(name, [point, (range_m, 0.0, 30.0)], (200.0, 900.0), window)
+                _, rd_map = received(name, [point, (range_m, 0.0, 30.0)], (200.0, 900.0), window)
                 found = find_peaks(rd_map, 1, min_speed_mps=1.6 * cell_mps)[0]
                 rows.append(_errors(f"{name}, {label}, {cells:g} cells off", name, found, point))
             point = (400 + 0.3 * waveform.sample_spacing_m, 8.3, 0.0)
-            echoes, rd_map = heard(name, [point], (400.0, 700.0), window)
+            echoes, rd_map = received(name, [point], (400.0, 700.0), window)
             wide = received_recording(echoes, rd_map, 0).rd_map
             targets = detect_targets(rd_map, wide=wide).targets
             target = max(targets, key=lambda item: item.level_db)
@@ -106,7 +106,7 @@ def snr(_bench: Bench) -> list[Check]:
         window, radar = WINDOWS[label], radar_of(name)
         gain = map_noise_gain(radar, window, window)
         places = [(450 + 4 * rng.uniform(), rng.uniform(5, 15), 0.0) for _ in range(SNR_TARGETS)]
-        clean = [heard(name, [place], (350.0, 550.0), window)[0] for place in places]
+        clean = [received(name, [place], (350.0, 550.0), window)[0] for place in places]
         for snr_db in SNR_DB:
             sigma = math.sqrt(10 ** (-snr_db / 10) / gain / 2)
             found = []
@@ -150,7 +150,7 @@ def moving_targets(_bench: Bench) -> list[Check]:
         ]
         if not moving and not still:
             continue
-        echoes, rd_map = heard(name, moving + still, range_limits_m, window, mti)
+        echoes, rd_map = received(name, moving + still, range_limits_m, window, mti)
         listed = find_moving_targets(echoes, rd_map, mti)
         radar = radar_of(name)
         cell_m, cell_mps = radar.waveform.sample_spacing_m, radar.velocity_resolution_mps
@@ -197,7 +197,7 @@ def slow_movers(_bench: Bench) -> list[Check]:
     found: dict[bool, list[Check]] = {False: [], True: []}
     for name in WAVEFORMS:
         for label, window in WINDOWS.items():
-            echoes, rd_map = heard(name, [(500.3, 1.55, 0.0), *still], (0.0, 900.0), window)
+            echoes, rd_map = received(name, [(500.3, 1.55, 0.0), *still], (0.0, 900.0), window)
             listed = find_moving_targets(echoes, rd_map)
             cells = math.nan
             if len(listed) == 1:

@@ -30,6 +30,17 @@ def new_scene() -> Any:
     return scene
 
 
+def ring_scene(pixels: int = 32) -> Any:
+    """A radar with 4 m rings before a plate; the add-on must be registered."""
+    made = new_scene()
+    add_plate(10.0)
+    settings = radar()
+    settings.sampling_mode = "rings"
+    settings.ring_step_m, settings.samples = 4.0, 1
+    settings.width_px = settings.height_px = pixels
+    return made
+
+
 def radar() -> Any:
     """Return the properties of the radar's settings, as the panel shows them."""
     return bpy.data.objects["Radar"].radarsim

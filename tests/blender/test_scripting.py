@@ -21,6 +21,7 @@ from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
 from radarsim_addon.errors import ConfigError, SceneError
+from radarsim_addon.signal.paths import read_paths_record
 from tests.blender import radar_scenes as rs
 
 QUIET = signal.ProcessOptions(plots=False)
@@ -107,6 +108,15 @@ def test_look_at(empty: Any) -> None:
         (lambda: radarsim.material(), ConfigError, "needs a medium or n"),
         (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
         (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
+        (lambda: radarsim.material("2"), ConfigError, "no material '2'"),
+        (lambda: radarsim.material(2), ConfigError, "Medium is 2; expected a name"),
+        (lambda: radarsim.material("concrete", kappa=0.1), ConfigError, "Leave out kappa"),
+        (lambda: radarsim.material(n=0), ConfigError, "has the index 0"),
+        (lambda: radarsim.material(n="2"), ConfigError, "'2'; expected a number"),
+        (lambda: radarsim.material(n=[1, 2]), ConfigError, "expected one number"),
+        (lambda: radarsim.material(n=2 + 1j), ConfigError, "expected a number"),
+        (lambda: radarsim.material("metal", name=5), ConfigError, "expected text"),
+        (lambda: radarsim.material("metal", rms_slope="1"), ConfigError, "rms_slope is '1'"),
         (lambda: radarsim.add_radar((math.nan, 0, 0)), ConfigError, "three finite numbers"),
         (lambda: radarsim.add_radar((0, 0)), ConfigError, "three finite numbers"),
         (lambda: radarsim.settings(None), SceneError, "add_radar"),
@@ -160,6 +170,13 @@ def test_unknown_settings_of_a_measurement_are_refused(empty: Any, tmp_path: Pat
     with pytest.raises(ConfigError, match="width_px"):
         radarsim.measure(rig, tmp_path / "run", widht_px=8)
     assert not (tmp_path / "run").exists()
+
+
+def test_settings_without_a_field_in_the_window_are_taken(empty: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar(width_px=16, height_px=16, pulses=1)
+    wall(3.0)
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1], tile_px=8, replicates=1)
+    assert read_paths_record(run.frame(1).path, 1).tiles == 4  # 16 pixels a side, 8 a tile
 
 
 def test_library_media_follow_the_carrier(empty: Any) -> None:

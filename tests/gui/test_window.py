@@ -21,7 +21,7 @@ pytestmark = pytest.mark.gui
 
 RINGS, PASSES = 12, 2
 RENDERS = RINGS * PASSES
-#: The window may stand still for as long as one render is being prepared, on a busy machine.
+#: The window may stop responding for as long as one render is being prepared, on a busy machine.
 LONGEST_GAP_S = 5.0
 
 

@@ -15,12 +15,12 @@ import pytest
 from radarsim_addon.blender.plan import shortest_decimal
 from radarsim_addon.errors import ConfigError, FrameFileError
 from radarsim_addon.option_arguments import add_arguments, given, settings_table
-from radarsim_addon.option_files import from_json
 from radarsim_addon.options import (
     check_settings,
     declared,
     setting,
 )
+from radarsim_addon.typed_json import from_json
 
 KINDS = (("lfm", "LFM pulse", "Linear chirp"), ("fmcw", "FMCW", "De-chirp"))
 

@@ -193,6 +193,13 @@ def test_parameters_broadcast_with_frequency() -> None:
     assert complex(index[2, 1]) == complex(alone)
 
 
+AMPLIFYING = {
+    "static_permittivity": 5.0,
+    "infinite_permittivity": 80.0,
+    "relaxation_frequency_hz": 17e9,
+}
+
+
 @pytest.mark.parametrize(
     ("name", "frequency", "parameters", "message"),
     [
@@ -207,6 +214,13 @@ def test_parameters_broadcast_with_frequency() -> None:
         ("conductor", 5e9, {}, "needs conductivity_s_per_m"),
         ("conductor", 5e9, {"conductivity_s_per_m": np.inf}, "holds inf"),
         ("permittivity", 5e9, {"eps_real": 4.0, "eps_imag": -0.1}, "eps_imag"),
+        ("permittivity", 5e9, {"eps_real": 0.0}, "has the index 0"),
+        ("index", 5e9, {"n": 0.0}, "has the index 0"),
+        ("index", 5e9, {"n": "2"}, "n of material 'index' is '2'; expected a number"),
+        ("index", 5e9, {"n": True}, "is True; expected a number"),
+        ("debye", 5e9, {**AMPLIFYING}, "static permittivity 5 below the infinite one, 80"),
+        # The conductivity hides the gain at this frequency, not at others.
+        ("debye", 1e9, {**AMPLIFYING, "conductivity_s_per_m": 50.0}, "amplifies"),
         ("table", 5e9, {}, "has no path"),
         ("water", [1e9, 2e9], {"temperature_c": [1.0, 2.0, 3.0]}, "shapes do not fit together"),
     ],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points that stand still or move, seen by every waveform, for tests of what maps show of them."""
+"""Stationary and moving points, seen by every waveform, for tests of maps."""
 
 import dataclasses
 
@@ -63,7 +63,7 @@ def scene(
 
 
 def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
-    """Points at rest, up to 30 dB above a mover of 0 dB."""
+    """Points at rest, up to 30 dB above a target of 0 dB."""
     rng = np.random.default_rng(seed)
     return [(rng.uniform(100, 800), 0.0, rng.uniform(-20, 30)) for _ in range(count)]
 
@@ -71,4 +71,4 @@ def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
 def speeds(moving_targets: list[Peak], name: str) -> list[float]:
     """In Doppler cells."""
     radar = radar_of(name)
-    return [mover.velocity_mps / radar.velocity_resolution_mps for mover in moving_targets]
+    return [target.velocity_mps / radar.velocity_resolution_mps for target in moving_targets]

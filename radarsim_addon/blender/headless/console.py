@@ -73,7 +73,7 @@ def progress_text(done: int, total: int, seconds_left: float | None, unit: str =
     Parameters
     ----------
     done, total
-        Number of units that are complete, and of all.
+        Units that are complete, and all.
     seconds_left
         Estimated time to the end [s]; None: unknown.
     unit
@@ -82,7 +82,7 @@ def progress_text(done: int, total: int, seconds_left: float | None, unit: str =
     Returns
     -------
     str
-        Text without a line break.
+        One line.
     """
     percent = 100 * done // total if total else 100
     text = f"radarsim: {done}/{total} {unit}, {percent} %"

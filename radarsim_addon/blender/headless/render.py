@@ -25,10 +25,10 @@ from .console import ProgressLine, quiet_blender
 from .jobs import make_job
 
 #: Exit code after Ctrl-C, as in shells: 128 + SIGINT.
-INTERRUPTED = 130
+_INTERRUPTED = 130
 
 
-class StopRequest:
+class _StopRequest:
     """Ctrl-C: the first one asks to stop after the running render, the second one stops at once.
 
     Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
@@ -41,7 +41,7 @@ class StopRequest:
 
     def _on_signal(self, *_: Any) -> None:
         if self.asked:
-            os._exit(INTERRUPTED)
+            os._exit(_INTERRUPTED)
         self.asked = True
         print("\nradarsim: stopping after this step (Ctrl-C again: at once)", file=sys.stderr)
 
@@ -49,34 +49,26 @@ class StopRequest:
 def run_and_leave(arguments: argparse.Namespace) -> None:
     """Render, then end the process with the exit code of the command."""
     try:
-        code = run(arguments, StopRequest())
+        code = run(arguments, _StopRequest())
     except Exception:
         traceback.print_exc()  # a defect; Blender would print it and quit with 0
         code = 1
-    leave_blender(code)
+    _leave_blender(code)
 
 
-def run(arguments: argparse.Namespace, stop: StopRequest) -> int:
+def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     """Render, and process if asked for. Return the exit code."""
     try:
         measure(arguments, stop)
     except RadarSimError as error:
-        return fail(f"{type(error).__name__}: {error}", error.exit_code)
+        return _fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
-        return fail("Interrupted; the same command resumes the run.", INTERRUPTED)
+        return _fail("Interrupted; the same command resumes the run.", _INTERRUPTED)
     return 0
 
 
-def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
-    """Measure what the command line asks for.
-
-    Raises
-    ------
-    RadarSimError
-        What is wrong.
-    KeyboardInterrupt
-        Ctrl-C, after the running step.
-    """
+def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
+    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step."""
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
@@ -84,14 +76,14 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
     given = given_settings(arguments)
     with quiet_blender() as stream:
         if arguments.blend is not None:
-            open_file(arguments.blend)
-        scene = find_scene(arguments.scene)
+            _open_file(arguments.blend)
+        scene = _find_scene(arguments.scene)
         migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
-        radar = active_radar(scene) if arguments.rig is None else find_radar(scene, arguments.rig)
+        radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
         folder = arguments.out.absolute() if arguments.out else output_folder(radar)
         job = make_job(
             scene,
-            view_layer_of(scene),
+            _view_layer_of(scene),
             folder,
             radar=radar,
             overwrite=arguments.overwrite,
@@ -100,7 +92,7 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
         )
         job.file_just_opened = arguments.blend is not None
         with job:
-            print_findings(job.run_findings, job.frames, stream)
+            _print_findings(job.run_findings, job.frames, stream)
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             try:
@@ -113,7 +105,7 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
                     progress.show(job.done, job.total, job.seconds_left)
                 progress.show(job.done, job.total, None)
             finally:  # of the frames that are done, whatever ended the run
-                print_findings(job.frame_findings, job.frames, stream)
+                _print_findings(job.frame_findings, job.frames, stream)
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
@@ -121,13 +113,13 @@ def measure(arguments: argparse.Namespace, stop: StopRequest) -> None:
             process(folder, stream, stop, {item.code for item in job.findings})
 
 
-def print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
+def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
     """Print findings of `frames`, one line each."""
     for line in finding_lines(findings, frames):
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(folder: Path, stream: Any, stop: StopRequest, printed: Collection[str]) -> None:
+def process(folder: Path, stream: Any, stop: _StopRequest, printed: Collection[str]) -> None:
     """Process the run; print findings whose codes were not printed at the render."""
     findings: list[Finding] = []
     frames: list[int] = []
@@ -140,11 +132,11 @@ def process(folder: Path, stream: Any, stop: StopRequest, printed: Collection[st
                 findings += [item for item in event.findings if item.code not in printed]
                 frames.append(event.frame)
     finally:
-        print_findings(findings, frames, stream)
+        _print_findings(findings, frames, stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
 
 
-def open_file(path: Path) -> None:
+def _open_file(path: Path) -> None:
     """Open a .blend file with its scripts disabled."""
     if not path.is_file():
         raise ConfigError(f"{path} does not exist. Give the .blend file to render.")
@@ -157,7 +149,7 @@ def open_file(path: Path) -> None:
         ) from error
 
 
-def find_scene(name: str | None) -> Any:
+def _find_scene(name: str | None) -> Any:
     """The scene of that name, or the active one."""
     if name is None:
         return bpy.context.scene
@@ -167,27 +159,21 @@ def find_scene(name: str | None) -> Any:
     return bpy.data.scenes[name]
 
 
-def view_layer_of(scene: Any) -> Any:
+def _view_layer_of(scene: Any) -> Any:
     """The view layer to measure: the active one of the active scene, else the first enabled one."""
     if scene == bpy.context.scene:
         return bpy.context.view_layer
     return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
 
 
-def fail(message: str, code: int) -> int:
+def _fail(message: str, code: int) -> int:
     """Print a message on standard error and hand the exit code on."""
     print(f"radarsim: {message}", file=sys.stderr, flush=True)
     return code
 
 
-def find_radar(scene: Any, name: str) -> Any:
-    """Return the radar of that name.
-
-    Raises
-    ------
-    SceneError
-        The scene has no radar of that name.
-    """
+def _find_radar(scene: Any, name: str) -> Any:
+    """Return the radar of that name."""
     found = {radar.name: radar for radar in radars(scene)}
     if name not in found:
         known = ", ".join(map(repr, found)) or "none"
@@ -195,7 +181,7 @@ def find_radar(scene: Any, name: str) -> Any:
     return found[name]
 
 
-def leave_blender(code: int) -> None:
+def _leave_blender(code: int) -> None:
     """Quit at once with this exit code; all files are written and closed.
 
     sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there

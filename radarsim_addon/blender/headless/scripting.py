@@ -26,11 +26,12 @@ import bpy
 from mathutils import Vector
 
 from ...errors import ConfigError, SceneError
+from ...options import declared
 from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
 from ..materials import make_physical_material
 from ..nodes import assign_to
-from ..plan import preset_settings
+from ..plan import PathOptions, preset_settings
 from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
 from ..rig_settings import settings as settings_of
 from ..scene import antennas_of, find_rig, radars, setup_rig
@@ -189,7 +190,16 @@ def material(
     if (medium is None) == (n is None):
         raise ConfigError("A material needs a medium or n (with kappa), and not both.")
     if medium is None:
-        medium, parameters = "index", {"n": float(n or 0.0), "k": float(kappa), **parameters}
+        medium, parameters = "index", {"n": n, "k": kappa, **parameters}
+    elif not isinstance(medium, str):
+        raise ConfigError(
+            f"Medium is {medium!r}; expected a name, such as 'concrete'. Give an index as n=2.5."
+        )
+    elif kappa:
+        raise ConfigError(
+            f"kappa is {kappa!r}, but the medium {medium!r} has its own. Leave out kappa, or give "
+            "n in place of the medium."
+        )
     known = medium.removeprefix(_ITU)
     _ensure_registered()
     return make_physical_material(
@@ -258,7 +268,8 @@ def measure(
     scene : bpy.types.Scene, optional
         None: the current one.
     **values
-        Settings in place of the radar's own for this run, by their names, in SI.
+        Settings in place of the radar's own for this run, by their names, in SI; also those that
+        the window does not show (docs/settings.md).
 
     Returns
     -------
@@ -273,9 +284,8 @@ def measure(
     view, scene = settings(rig), bpy.context.scene if scene is None else scene
     if frames is not None:
         values["frames"] = _frame_numbers(frames)
-    for name in values:
-        if name != "frames":
-            getattr(view, name)  # an unknown name is refused before anything is written
+    for name in values.keys() - declared(PathOptions).keys() - {"frames"}:
+        getattr(view, name)  # an unknown name is refused before anything is written
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     path = Path(folder).absolute()
     with quiet_blender():

@@ -41,14 +41,9 @@ _CANDIDATES = 8
 
 
 def layer_normal(normals: Real, areas: Real) -> Real | None:
-    """Return the normal of the parallel faces that form most of a surface; None without such.
+    """Return the normal (3,) of the parallel faces that form most of a surface; None without such.
 
-    Parameters
-    ----------
-    normals
-        Unit normals of the faces, shape (n, 3).
-    areas
-        Areas of the faces, shape (n,).
+    `normals` are unit normals of the faces, (n, 3); `areas` their areas, (n,).
     """
     total = float(areas.sum())
     if not total > 0:
@@ -70,20 +65,7 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
 
 
 def _faces(item: Any, depsgraph: Any, **widths: int) -> dict[str, Real] | None:
-    """Return properties of an evaluated object's faces in object space; None without faces.
-
-    Parameters
-    ----------
-    item, depsgraph
-        Object and depsgraph.
-    **widths
-        Properties of `bpy.types.MeshPolygon`, and their numbers per face.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By property, shape (faces, width).
-    """
+    """Return properties of an evaluated object's polygons, (faces, width); None without faces."""
     with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
         if mesh is None or not len(mesh.polygons):
             return None
@@ -115,15 +97,7 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
 
 
 def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
-    """Return the distance of a layer's two faces in the object's own units; None with more faces.
-
-    Parameters
-    ----------
-    item, depsgraph
-        Object and depsgraph.
-    normal
-        Normal of the layer in object space, not zero.
-    """
+    """Return the distance of a layer's two faces in the object's units; None with more faces."""
     faces = _faces(item, depsgraph, normal=3, center=3, area=1)
     if faces is None:
         return None
@@ -148,15 +122,13 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
     Parameters
     ----------
-    recorder
-        Records the changes.
+    recorder : Records the changes
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        Names the objects that are no layers.
+    list of Finding : Names the objects that are no layers
     """
     others = []
     for item, materials in assigned_materials(depsgraph):
@@ -196,8 +168,7 @@ def is_entered(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None and for materials without the physical group.
+    bool : False for None and for materials without the physical group
     """
     node = group_node(material)
     if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
@@ -213,15 +184,13 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
 
     Parameters
     ----------
-    wavelength
-        Wavelength in Blender units.
+    wavelength : Wavelength in Blender units
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding
-        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
+    list of Finding : One ``absorption-below-float32`` per object, with its loss and the limit [dB]
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}

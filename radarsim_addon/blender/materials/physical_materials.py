@@ -22,14 +22,15 @@ and when a run starts.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Collection, Iterable
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
+from ...physics.checks import real_array
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE, material_model
 from ...physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
@@ -109,8 +110,7 @@ def is_physical(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None.
+    bool : False for None
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
 
@@ -143,16 +143,12 @@ def make_physical_material(
 
     Parameters
     ----------
-    name
-        Name of the data-block. Blender adds a number if it is in use.
-    medium, path, parameters
-        As in `physics.materials.material`.
+    name : Name of the data-block. Blender adds a number if it is in use.
+    medium, path, parameters : As in `physics.materials.material`
     carrier_hz
         Carrier for the first evaluation [Hz]. A run evaluates the medium at its own carrier.
-    rms_height_m, correlation_length_m, rms_slope
-        Surface. All 0: smooth.
-    penetrable
-        Link the interior. None: yes, unless the medium is a conductor at this carrier.
+    rms_height_m, correlation_length_m, rms_slope : Surface. All 0: smooth.
+    penetrable : Link the interior. None: yes, unless the medium is a conductor at this carrier.
     sheet_thickness_m
         Above 0: a thin pane of smooth faces, modelled as one face with interference [m].
 
@@ -162,20 +158,32 @@ def make_physical_material(
 
     Raises
     ------
-    ConfigError
-        Unknown medium or parameter, carrier outside the band, or slope too steep.
+    ConfigError : Unknown medium or parameter, carrier outside the band, or slope too steep
     """
+    numbers = {
+        RMS_HEIGHT: rms_height_m,
+        CORRELATION_LENGTH: correlation_length_m,
+        RMS_SLOPE: rms_slope,
+        SHEET_THICKNESS: sheet_thickness_m,
+    }
+    for key, value in {**numbers, **parameters}.items():
+        if np.ndim(value):
+            raise ConfigError(f"{key} is {value!r}; expected one number.")
+    for key, value in numbers.items():
+        real_array(key.removeprefix("radarsim_"), value, minimum=0.0)
+    if not isinstance(name, str):
+        raise ConfigError(f"The name of a material is {name!r}; expected text.")
+    index = Medium(medium, parameters, path).index(carrier_hz)
     material = bpy.data.materials.new(name)
+    material[MEDIUM] = medium
+    if path is not None:
+        material[PATH] = path
+    for key, value in parameters.items():
+        material[PARAMETER_PREFIX + key] = float(value)
+    for key, value in numbers.items():
+        if value > 0:
+            material[key] = float(value)
     try:
-        write_medium(material, Medium(medium, parameters, path))
-        write_surface(material, Surface(rms_height_m, correlation_length_m, rms_slope))
-        if sheet_thickness_m:
-            if not (math.isfinite(sheet_thickness_m) and sheet_thickness_m > 0):
-                raise ConfigError(
-                    f"The thickness of the sheet is {sheet_thickness_m!r} m. Enter more than 0."
-                )
-            material[SHEET_THICKNESS] = float(sheet_thickness_m)
-        index = Medium(medium, parameters, path).index(carrier_hz)
         make_physical(material, not is_conductor(index) if penetrable is None else penetrable)
         update_material(material, carrier_hz)
     except BaseException:
@@ -192,51 +200,11 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
         link_group(material, ensure_group(KIND), penetrable)
 
 
-def write_medium(material: Any, medium: Medium) -> None:
-    """Store a medium in a material. Raises ConfigError for an unknown name or parameter."""
-    known = {parameter.name for parameter in medium.model.parameters}
-    unknown = sorted(set(medium.parameters) - known)
-    if unknown:
-        raise ConfigError(
-            f"Medium {medium.name!r} has no parameter {unknown[0]!r}. Its parameters: "
-            f"{', '.join(sorted(known)) or 'none'}."
-        )
-    for key in [key for key in material.keys() if key.startswith(PARAMETER_PREFIX)]:
-        del material[key]
-    material[MEDIUM] = medium.name
-    for name, value in medium.parameters.items():
-        material[PARAMETER_PREFIX + name] = float(value)
-    if medium.path is not None:
-        material[PATH] = medium.path
-
-
-def write_surface(material: Any, surface: Surface) -> None:
-    """Store a surface in a material. Raises ConfigError for numbers below 0."""
-    values = {
-        RMS_HEIGHT: surface.rms_height_m,
-        CORRELATION_LENGTH: surface.correlation_length_m,
-        RMS_SLOPE: surface.rms_slope,
-    }
-    for key, value in values.items():
-        if not (math.isfinite(value) and value >= 0):
-            raise ConfigError(f"{key} is {value!r}. Enter a number of at least 0.")
-        if value > 0:
-            material[key] = float(value)
-        elif key in material:
-            del material[key]
-
-
 # -- values at a carrier ---------------------------------------------------------------------------
 
 
 def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
-    """Return the values of the group's inputs at a carrier, by socket name.
-
-    Raises
-    ------
-    ConfigError
-        Carrier outside the band, parameter missing, or slope too steep. Names the material.
-    """
+    """Return the group's inputs at a carrier by socket name. A ConfigError names the material."""
     medium = medium_of(material)
     if medium is None:
         return {}
@@ -262,18 +230,13 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
     }
 
 
-def update_material(
-    material: Any, carrier_hz: float, recorder: SettingsRestorer | None = None
-) -> None:
+def update_material(material: Any, carrier_hz: float) -> None:
     """Set the inputs of a physical material for a carrier; linked sockets do not change.
 
-    Raises
-    ------
-    ConfigError
-        As `inputs_at`; or a linked file contains a node group of an older radarsim.
+    Raises ConfigError as `inputs_at`, or for a linked file with a group of an older radarsim.
     """
     for socket, value in _inputs_to_set(material, carrier_hz):
-        _put(socket, value, recorder)
+        _put(socket, value, None)
 
 
 def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
@@ -315,12 +278,9 @@ def update_materials(
 
     Parameters
     ----------
-    carrier_hz
-        Carrier [Hz].
-    recorder
-        Records the changes. None: they are permanent.
-    assigned
-        Materials of rendered objects. None: those in the slots of all objects of the file.
+    carrier_hz : Carrier [Hz]
+    recorder : Records the changes. None: they are permanent.
+    assigned : Materials of rendered objects. None: those in the slots of all objects of the file.
 
     Returns
     -------
@@ -383,8 +343,7 @@ def refresh_materials(carrier_hz: float) -> None:
 
     Parameters
     ----------
-    carrier_hz
-        Carrier [Hz].
+    carrier_hz : Carrier [Hz]
     """
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):

@@ -39,19 +39,7 @@ class Part:
 
 
 class Bodies:
-    """Surfaces of a scene at one moment.
-
-    Parameters
-    ----------
-    names
-        Objects in the order of their numbers, from 1.
-    poses
-        Poses of the objects at that moment.
-    depsgraph : bpy.types.Depsgraph
-        At that moment. It must not change while rows are labelled.
-    metres_per_unit
-        Metres per Blender unit.
-    """
+    """Surfaces of a scene at the time of `depsgraph`, which must not change during labelling."""
 
     def __init__(
         self, names: Sequence[str], poses: Poses, depsgraph: Any, metres_per_unit: float

@@ -17,6 +17,7 @@ import numpy as np
 
 from ... import contract
 from ...findings import Finding, finding, merge
+from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, write_record
 from ...signal.motion import (
     BodyMotion,
@@ -251,22 +252,7 @@ class BurstMotion:
         return self._frame_motion([BodyMotion(pose, epoch_offset_s=at_s) for pose in poses])
 
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
-        """Write the motion file (and surface points) of this frame, after `complete` of all rows.
-
-        Parameters
-        ----------
-        folder
-            Folder of the burst.
-        time_s
-            Time of the frame [s].
-        versions
-            Versions of the programs, for the record.
-
-        Returns
-        -------
-        Path
-            The motion file.
-        """
+        """Write the files of this frame, after `complete` of all rows; return the motion file."""
         scene, tracks_file, digest = self._scene, "", ""
         if scene.tracks is not None:
             path = write_tracks(folder, scene.tracks)
@@ -301,7 +287,7 @@ class BurstMotion:
                     wavelengths=wavelengths,
                 )
             )
-        record = contract.MotionRecord(
+        record = MotionRecord(
             frame=self._plan.frame,
             time_s=time_s,
             duration_s=self._plan.duration_s,

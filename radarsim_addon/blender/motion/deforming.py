@@ -46,16 +46,7 @@ def vertex_positions(item: Any, depsgraph: Any) -> Single:
 
 
 class DeformingSurface:
-    """Mesh of one object at the frame's time, and the vertices that paths need.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-    depsgraph : bpy.types.Depsgraph
-        At the frame's time.
-    metres_per_unit
-        Scale.
-    """
+    """Mesh of one object at the frame's time, and the vertices that paths need."""
 
     def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
         self.item = item
@@ -93,20 +84,7 @@ class DeformingSurface:
 
 
 def barycentric(points: Real, corners: Real) -> Real:
-    """Return the barycentric weights of points projected on triangles; they add up to 1.
-
-    Parameters
-    ----------
-    points
-        Shape (n, 3).
-    corners
-        Corners of one triangle per point, shape (n, 3, 3).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n, 3).
-    """
+    """Return weights, (n, 3), of points (n, 3) projected on triangles (n, 3, 3); their sum is 1."""
     edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     arm = points - corners[:, 0]
     d11 = np.sum(edge_1 * edge_1, axis=-1)

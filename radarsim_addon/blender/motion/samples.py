@@ -26,10 +26,8 @@ class SamplingPlan:
 
     Attributes
     ----------
-    frame
-        Blender frame at which the burst starts.
-    fps
-        Blender frames per second.
+    frame, fps
+        Blender frame at which the burst starts, and frames per second.
     duration_s
         Duration of the burst [s].
     metres_per_unit
@@ -58,12 +56,7 @@ class SamplingPlan:
     def at(self, fraction: float) -> tuple[float, Instant]:
         """Return the moment that Blender evaluates at a fraction of the burst.
 
-        Returns
-        -------
-        time_s : float
-            Time of that moment since the start of the burst [s], with Blender's rounding.
-        instant : Instant
-            The moment in Blender frames.
+        Its time since the start of the burst [s] has Blender's rounding.
         """
         instant = instant_at(self.frame + fraction * self.duration_s * self.fps, self.fps)
         # Blender adds frame and subframe in float32.
@@ -82,13 +75,9 @@ class SamplingPlan:
 class Sampler:
     """Poses of antennas and bodies, and vertices, at sample times.
 
-    poses
-        By time, shape (2 + parts, 4, 4) [m]: receiver, transmitter, parts. NaN for an instance
-        that does not exist at that time.
-    vertices
-        By surface and time, [m]; None where the mesh has another number of vertices.
-    lost, changed
-        Rows of `poses` with NaN, and surfaces with None.
+    `poses` by time, (2 + parts, 4, 4) [m]: receiver, transmitter, parts; NaN for an instance that
+    does not exist then, whose row is in `lost`. `vertices` by surface and time [m]; None where the
+    mesh has another number of vertices, and the surface in `changed`.
     """
 
     def __init__(
@@ -124,13 +113,7 @@ class Sampler:
         return pose_in_metres(matrix_world, self._units)
 
     def take(self, at_s: float, instant: Instant) -> None:
-        """Take a sample, unless this time has one.
-
-        Raises
-        ------
-        SceneError
-            A pose or a vertex is not finite at that moment.
-        """
+        """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
         if at_s in self.poses:
             return
         depsgraph = self._show(instant)

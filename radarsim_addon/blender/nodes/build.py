@@ -24,22 +24,9 @@ _ROW_HEIGHT = 170.0
 
 @dataclass(frozen=True)
 class SocketSpec:
-    """One socket of a group's interface.
+    """One socket of a group's interface; default and slider limits are for floats only.
 
-    Parameters
-    ----------
-    name
-        Label. Values and links of users' nodes are kept by this name when a group is rebuilt.
-    in_out
-        ``"INPUT"`` or ``"OUTPUT"``.
-    socket_type
-        ``"NodeSocketFloat"``, ``"NodeSocketShader"``...
-    description
-        Tooltip, with the unit.
-    default, minimum, maximum
-        Default and slider limits of a float socket.
-    subtype
-        Blender's unit or widget: ``"NONE"``, ``"FACTOR"``, ``"DISTANCE"``...
+    A rebuilt group keeps values and links of users' nodes by `name`.
     """
 
     name: str
@@ -75,23 +62,10 @@ def factor_input(name: str, description: str, default: float) -> SocketSpec:
 
 @dataclass(frozen=True)
 class GroupDefinition:
-    """A node group as source code.
+    """A node group as source code: its interface in order, and the function that adds its nodes.
 
-    Parameters
-    ----------
-    kind
-        Identifier in the data-block. It does not depend on the name, which users may change.
-    name
-        Name of a new data-block.
-    version
-        Raise it with every change of sockets or nodes, except tooltips. Groups with a lower
-        version are rebuilt.
-    description
-        Tooltip of the group as a whole.
-    sockets
-        Interface, in order.
-    draw
-        Adds the nodes to an empty tree.
+    `kind` identifies the data-block, whose name users may change. Raise `version` with every change
+    of sockets or nodes, except tooltips: groups with a lower version are rebuilt.
     """
 
     kind: str
@@ -131,14 +105,10 @@ class TreeBuilder:
 
         Parameters
         ----------
-        idname
-            ``bl_idname`` of the node.
-        label
-            Label and name of the node: the quantity that it computes.
-        inputs
-            Socket (name or index) to an output socket, which is linked, or to a constant.
-        properties
-            Attributes of the node, set before its inputs.
+        idname : ``bl_idname`` of the node
+        label : Label and name of the node: the quantity that it computes
+        inputs : Socket (name or index) to an output socket, which is linked, or to a constant
+        properties : Attributes of the node, set before its inputs
         """
         node = self.tree.nodes.new(idname)
         node.name = node.label = self._prefix + label
@@ -259,8 +229,7 @@ def arrange(tree: Any) -> None:
 def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
     """Make the interface of a tree equal to a specification.
 
-    A socket of the same name and type keeps its identifier, and with it the values and links of
-    all nodes that use the group.
+    A socket of the same name and type keeps its identifier, and so the values and links of users.
     """
     interface = tree.interface
     wanted = {(spec.in_out, spec.name): spec for spec in sockets}

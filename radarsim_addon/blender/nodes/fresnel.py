@@ -26,10 +26,9 @@ OPAQUE_BELOW_TRANSMITTANCE = 1e-3
 
 
 def cos_incidence(build: TreeBuilder) -> Any:
-    """Add nodes for |Incoming . Normal|, the cosine of the angle outside.
+    """Add nodes for |Incoming . Normal|, the cosine of the angle outside, on both faces of a plate.
 
-    Rays run straight through an object, so both faces of a plate have the outside angle. Cycles'
-    Fresnel node would invert the index on the back face.
+    Cycles' Fresnel node would invert the index on the back face.
     """
     geometry = build.node("ShaderNodeNewGeometry", "Geometry").outputs
     dot = build.dot("I . N", geometry["Incoming"], geometry["Normal"])
@@ -87,8 +86,6 @@ def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
     """Add nodes for 1 - F, and 0 for a conductor.
 
     An index of 1e4 + j1e4 transmits 2e-4, so Cycles would trace rays behind every metal face.
-    A medium with 1 - F(0) = 4 n / ((n + 1)^2 + kappa^2) below `OPAQUE_BELOW_TRANSMITTANCE`
-    therefore transmits nothing.
     """
     open_ = is_open(build, n, kappa)
     rest = build.math("SUBTRACT", "1 - F", 1.0, power, clamp=True)

@@ -24,11 +24,7 @@ class FoundGroup(NamedTuple):
 
 
 def find_group(material: Any) -> FoundGroup | None:
-    """Return the Radar Material group, simple, physical or sheet, at the output's Surface.
-
-    Reroutes and other groups that pass its shader on unchanged are followed. None if another node
-    is between (a Mix Shader), or if there is no such group.
-    """
+    """Return the group that reaches the output's Surface through reroutes and groups; else None."""
     if material is None or material.node_tree is None:
         return None
     for output in material.node_tree.nodes:
@@ -46,10 +42,9 @@ def group_node(material: Any) -> Any | None:
 
 
 def group_input(material: Any, name: str) -> Any | None:
-    """Return the socket that sets an input of the material's group to a number.
+    """Return the socket that sets an input of the material's group, or of the groups around it.
 
-    If the groups around it pass the input on, this is a socket of the outermost group. None if
-    another node is linked, or the group has no such input.
+    None if another node is linked, or the group has no such input.
     """
     found = find_group(material)
     if found is None:

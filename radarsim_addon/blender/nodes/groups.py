@@ -37,8 +37,7 @@ def group_version(tree: Any) -> int | None:
 
     Returns
     -------
-    int or None
-        None for other groups.
+    int or None : None for other groups
     """
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
@@ -51,13 +50,11 @@ def find_groups(kind: str) -> list[Any]:
 
     Parameters
     ----------
-    kind
-        Key of `DEFINITIONS`.
+    kind : Key of `DEFINITIONS`
 
     Returns
     -------
-    list of bpy.types.NodeTree
-        Newest version first.
+    list of bpy.types.NodeTree : Newest version first
     """
     groups = [
         tree
@@ -114,8 +111,7 @@ def ensure_group(kind: str) -> Any:
 
     Parameters
     ----------
-    kind
-        ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``.
+    kind : ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``
 
     Returns
     -------
@@ -123,8 +119,7 @@ def ensure_group(kind: str) -> Any:
 
     Raises
     ------
-    SceneError
-        The file contains a group of this kind from a newer radarsim.
+    SceneError : The file contains a group of this kind from a newer radarsim
     """
     definition = DEFINITIONS[kind]
     groups = find_groups(kind)
@@ -147,8 +142,7 @@ def refresh_groups() -> list[str]:
 
     Returns
     -------
-    list of str
-        Names of the rebuilt groups.
+    list of str : Names of the rebuilt groups
     """
     stale = [
         tree

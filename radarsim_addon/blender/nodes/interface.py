@@ -30,12 +30,8 @@ from .fresnel import is_open
 
 
 class Wave(NamedTuple):
-    """Sockets with the wave inside a medium, for the cosine c of the outside angle.
-
-    excess, epsilon_im
-        Re(epsilon) - 1 and Im(epsilon).
-    u, v
-        q = u + j v, normal component of the wave vector over k0.
+    """Sockets with the wave inside a medium: Re(epsilon) - 1, Im(epsilon), the cosine outside, and
+    the normal component q = u + j v of the wave vector over k0.
     """
 
     excess: Any
@@ -46,12 +42,9 @@ class Wave(NamedTuple):
 
 
 class InterfacePower(NamedTuple):
-    """Sockets with fractions of the power that is incident on a face from the ray's side.
+    """Fractions of the power that is incident on a face from the ray's side, as the run polarises.
 
-    reflected, passed
-        For the polarisation of the run.
-    reference
-        Reflectance from outside for an unpolarised wave, as a Metallic BSDF computes it.
+    `reference` is the unpolarised reflectance from outside, as a Metallic BSDF has it.
     """
 
     reflected: Any
@@ -94,16 +87,7 @@ def interface_power(
 ) -> InterfacePower:
     """Add nodes for the power at a face that is hit from outside (front) or inside (back).
 
-    Parameters
-    ----------
-    build
-        Tree.
-    n, kappa
-        Sockets with the complex index.
-    wave
-        Wave inside.
-    echoes
-        Socket with j, the number of earlier reflections inside.
+    `echoes` is j, the number of earlier reflections inside.
     """
     math = build.math
     s, p, ratio = _powers(build, wave)
@@ -203,8 +187,7 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     """Add nodes for the fractions w_s and w_p of the power in the two polarisations.
 
     One half each for an unpolarised wave. Else, with the ray I, the normal N and the vertical Z,
-    the field of a horizontally polarised wave is along I x Z, and that of an s-polarised wave
-    along I x N, so w_s is the squared cosine of the angle between them.
+    w_s of a horizontally polarised wave is the squared cosine between I x Z and I x N.
     """
     math = build.math
     geometry = build.node("ShaderNodeNewGeometry", "Wave front")

@@ -40,12 +40,10 @@ def layer_cosine(build: TreeBuilder) -> Any:
 
 
 def internal_echoes(build: TreeBuilder) -> Any:
-    """Add nodes for the number of earlier reflections between the faces of a layer.
+    """Add nodes for the number of earlier reflections between the faces of a layer, at most 8.
 
-    A ray that entered the layer began outside and is longer than the path across it: 0. A ray that
-    began at a face inside has as many internal reflections as the path has reflections, at most
-    `MOST_ECHOES`. This is too many if the path met another object first. Without a layer
-    thickness the number is 0.
+    A ray that began at a face inside counts the path's reflections; this is too many if the path
+    met another object first. A ray that entered, or no layer thickness: 0.
     """
     math = build.math
     normal = build.object_vector_attribute("Layer normal (echoes)", attributes.OBJECT_LAYER_NORMAL)

@@ -11,11 +11,13 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
+from ...physics.checks import real_array
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .group_search import group_input, group_node
 from .groups import ensure_group
 from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 
+_INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
 VOLUME_STEP_RATE = 1000.0
 """Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
@@ -29,16 +31,13 @@ class MaterialPreset:
 
     Parameters
     ----------
-    label, description
-        For menus. The description names the source of the index.
+    label, description : For menus. The description names the source of the index.
     n, kappa
         Complex index n + j kappa. kappa is normalised: power falls as exp(-4 pi kappa d / Lambda).
         With Lambda = wavelength it is the physical kappa. With another Lambda, waves penetrate as
         many Lambda as they would penetrate wavelengths.
-    specularity, roughness
-        Typical values for the surface, not measured.
-    penetrable
-        The interior absorbs and delays. False for a conductor.
+    specularity, roughness : Typical values for the surface, not measured
+    penetrable : The interior absorbs and delays. False for a conductor.
     """
 
     label: str
@@ -90,17 +89,13 @@ def is_radar_material(material: Any) -> bool:
 
     Returns
     -------
-    bool
-        False for None.
+    bool : False for None
     """
     return group_node(material) is not None
 
 
 def lets_nothing_through(material: Any) -> bool:
-    """Return whether a material is an opaque Radar Material: a conductor with constant inputs.
-
-    See :func:`.fresnel.transmittance`.
-    """
+    """Return whether a material is an opaque Radar Material: a conductor with constant inputs."""
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
@@ -148,16 +143,12 @@ def make_material(
 
     Parameters
     ----------
-    name
-        Name of the data-block. Blender adds a number if it is in use.
+    name : Name of the data-block. Blender adds a number if it is in use.
     n, kappa
         Complex index of refraction n + j kappa, kappa normalised (see :class:`MaterialPreset`).
-    specularity
-        Fraction of the reflected power in the specular lobe, 0 to 1.
-    roughness
-        Roughness of the specular lobe, 0 to 1 (alpha = roughness^2).
-    penetrable
-        Link absorption and delay of the interior. False for conductors.
+    specularity : Fraction of the reflected power in the specular lobe, 0 to 1
+    roughness : Roughness of the specular lobe, 0 to 1 (alpha = roughness^2)
+    penetrable : Link absorption and delay of the interior. False for conductors.
 
     Returns
     -------
@@ -165,23 +156,17 @@ def make_material(
 
     Raises
     ------
-    ConfigError
-        A number outside its limits.
+    ConfigError : A number outside its limits
     """
-    _check("Index of refraction n", n, 1.0, math.inf)
-    _check("Extinction coefficient kappa", kappa, 0.0, math.inf)
-    _check("Specularity", specularity, 0.0, 1.0)
-    _check("Roughness", roughness, 0.0, 1.0)
+    real_array("Index of refraction n", n, minimum=1.0)
+    real_array("Extinction coefficient kappa", kappa, minimum=0.0)
+    real_array("Specularity", specularity, "", 0.0, 1.0)
+    real_array("Roughness", roughness, "", 0.0, 1.0)
     group = ensure_group(KIND)
     material = bpy.data.materials.new(name)
     try:
         node = link_group(material, group, penetrable)
-        for socket, value in (
-            (INDEX, n),
-            (EXTINCTION, kappa),
-            (SPECULARITY, specularity),
-            (ROUGHNESS, roughness),
-        ):
+        for socket, value in zip(_INPUTS, (n, kappa, specularity, roughness), strict=True):
             node.inputs[socket].default_value = value
     except BaseException:
         bpy.data.materials.remove(material)
@@ -190,13 +175,7 @@ def make_material(
 
 
 def preset_material(preset: str) -> Any:
-    """Return the file's material for a preset; make one if it is missing or was changed.
-
-    Raises
-    ------
-    ConfigError
-        No preset of that name.
-    """
+    """Return the file's material for a preset; make one if it is missing or was changed."""
     values = PRESETS.get(preset)
     if values is None:
         raise ConfigError(
@@ -224,20 +203,16 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-    preset
-        Key of `PRESETS`.
+    preset : Key of `PRESETS`
 
     Returns
     -------
-    list of bpy.types.Object
-        The objects with the material.
+    list of bpy.types.Object : The objects with the material
 
     Raises
     ------
-    ConfigError
-        No preset of that name.
-    SceneError
-        None of the objects can have a material.
+    ConfigError : No preset of that name
+    SceneError : None of the objects can have a material
     """
     usable = _with_materials(objects)  # fails before a material is made
     return assign_to(usable, preset_material(preset))
@@ -254,13 +229,11 @@ def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
 
     Returns
     -------
-    list of bpy.types.Object
-        The objects with the material.
+    list of bpy.types.Object : The objects with the material
 
     Raises
     ------
-    SceneError
-        None of the objects can have a material.
+    SceneError : None of the objects can have a material
     """
     usable = _with_materials(objects)
     for obj in usable:
@@ -295,22 +268,11 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
     node = group_node(material)
     if node is None:
         return False
-    expected = (
-        (INDEX, values.n),
-        (EXTINCTION, values.kappa),
-        (SPECULARITY, values.specularity),
-        (ROUGHNESS, values.roughness),
-    )
-    sockets = [(node.inputs.get(name), value) for name, value in expected]
+    expected = (values.n, values.kappa, values.specularity, values.roughness)
+    sockets = zip((node.inputs.get(name) for name in _INPUTS), expected, strict=True)
     return all(
         socket is not None
         and not socket.is_linked
         and math.isclose(socket.default_value, value, rel_tol=1e-6, abs_tol=1e-9)
         for socket, value in sockets
     )
-
-
-def _check(name: str, value: float, low: float, high: float) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        limits = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
-        raise ConfigError(f"{name} is {value!r}. Enter a number {limits}.")

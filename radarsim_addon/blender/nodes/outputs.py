@@ -39,14 +39,7 @@ def wavelength(build: TreeBuilder) -> Any:
 def interior(build: TreeBuilder, alpha: Any, delay: Any, label: str) -> None:
     """Add the volume output: absorption in blue, plus the delay in red, and twice that in green.
 
-    Parameters
-    ----------
-    build
-        Tree of the group.
-    alpha, delay
-        Sockets with the absorption, and the excess length over k, both per Blender unit.
-    label
-        Formula of the delay, for the names of the nodes.
+    `alpha` and `delay` are per Blender unit; `label` is the formula of the delay.
     """
     math = build.math
     double_delay = math("MULTIPLY", f"2 {label}", delay, 2.0)

@@ -76,10 +76,8 @@ def _draw_surface(
 def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
     """Add nodes for the factors of reflection and transmission, 0 or 1.
 
-    Cycles would follow one of the two lobes of a camera ray at random. A render of one path class
-    therefore switches reflection off before the surface of that class, and transmission off at
-    it, so every pixel reaches the surface with the weight 1 - F per surface passed. Other rays and
-    renders have both lobes.
+    Cycles would follow one of the lobes of a camera ray at random. A render of one path class
+    switches reflection off before its surface, and transmission off at it. Other rays have both.
     """
     math = build.math
     light_path = build.node("ShaderNodeLightPath", "Path so far")

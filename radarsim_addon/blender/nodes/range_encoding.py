@@ -17,9 +17,8 @@ def ray_length(build: TreeBuilder) -> Any:
 def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any:
     """Add nodes for the colour (exp(-r/k), exp(-2r/k), 1) of a segment of length r.
 
-    The product over all segments of a path of length l is exp(-l/k). Outside a measurement 1/k is
-    0 and the colour is white. G is the square of R and not a second exponential, so that
-    G B / R^2 = 1 holds to rounding for a single path.
+    G is the square of R and not a second exponential, so that G B / R^2 = 1 holds to rounding for
+    a single path. Outside a measurement 1/k is 0 and the colour is white.
     """
     ratio = build.math("MULTIPLY", "r / k", length, inverse_code_length)
     exponent = build.math("MULTIPLY", "-r / k", ratio, -1.0)

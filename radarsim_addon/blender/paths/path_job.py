@@ -17,6 +17,7 @@ import bpy
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
+from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ..materials import SURFACE_TYPES, assigned_materials
 from ..motion import BurstMotion, SamplingPlan
@@ -164,7 +165,7 @@ class PathJob(MeasurementJob):
         folder = self.folder / contract.burst_dir(frame, render)
         try:
             record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-            motion = read_record(folder / contract.MOTION_FILE, contract.MotionRecord)
+            motion = read_record(folder / contract.MOTION_FILE, MotionRecord)
             return (
                 file_sha256(folder / record.table_file) == record.table_sha256
                 and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
-from .config_warnings import config_findings, derive
+from .config_warnings import config_findings
 from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings
@@ -36,7 +36,6 @@ __all__ = [
     "check_frame_rate",
     "check_unit_scale",
     "config_findings",
-    "derive",
     "fingerprint",
     "given_settings",
     "instant_at",

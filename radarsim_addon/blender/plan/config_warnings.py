@@ -1,79 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What follows from a measurement's numbers, and where they do not fit together. No bpy.
-
-The panel shows both; the run's file keeps the findings.
-"""
+"""Where the numbers of a measurement do not fit together. Does not import bpy."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from ...findings import Finding, finding
 from ...signal.radar import find_suspicious_parameters, range_limit
 from .measurement import Measurement
-
-
-@dataclass(frozen=True)
-class Derived:
-    """Numbers that follow from a measurement, in SI.
-
-    Attributes
-    ----------
-    range_resolution_m
-        Width of a range bin [m].
-    unambiguous_range_m
-        Maximum unambiguous range [m].
-    max_unambiguous_velocity_mps
-        Maximum unambiguous velocity [m/s]; range rates lie within plus or minus this.
-    velocity_resolution_mps
-        Width of a Doppler bin, as range rate [m/s].
-    burst_s
-        Duration of the burst [s].
-    rings
-        Number of rings.
-    covered_range_m
-        Outer edge of the last ring, one way [m].
-    renders
-        Number of Cycles renders of the run.
-    """
-
-    range_resolution_m: float
-    unambiguous_range_m: float
-    max_unambiguous_velocity_mps: float
-    velocity_resolution_mps: float
-    burst_s: float
-    rings: int
-    covered_range_m: float
-    renders: int
-
-
-def derive(measurement: Measurement, rings: int) -> Derived:
-    """Compute the numbers that follow from a measurement.
-
-    Parameters
-    ----------
-    measurement
-        What is measured.
-    rings
-        Number of rings that the run has.
-
-    Returns
-    -------
-    Derived
-        In SI.
-    """
-    radar = measurement.radar
-    return Derived(
-        range_resolution_m=radar.waveform.range_resolution_m,
-        unambiguous_range_m=radar.unambiguous_range_m,
-        max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
-        velocity_resolution_mps=radar.velocity_resolution_mps,
-        burst_s=radar.burst.pulses / radar.burst.prf_hz,
-        rings=rings,
-        covered_range_m=rings * measurement.ring_step_m,
-        renders=measurement.renders(rings),
-    )
 
 
 def config_findings(

@@ -153,7 +153,7 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.frames is not None:
         values["frames"] = parse_frames(arguments.frames)
     if arguments.resolution is not None:
-        values["width_px"], values["height_px"] = parse_resolution(arguments.resolution)
+        values["width_px"], values["height_px"] = _parse_resolution(arguments.resolution)
     mode = _sampling_mode(arguments, values)
     if mode is not None:
         values["sampling_mode"] = mode
@@ -180,14 +180,8 @@ def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str
     return "rings" if of_rings else "paths" if of_paths else None
 
 
-def parse_resolution(text: str) -> tuple[int, int]:
-    """Return ``640x360`` as two numbers.
-
-    Raises
-    ------
-    ConfigError
-        The text is something else.
-    """
+def _parse_resolution(text: str) -> tuple[int, int]:
+    """Return ``640x360`` as two numbers."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
         raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")

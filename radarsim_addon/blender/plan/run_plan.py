@@ -16,7 +16,7 @@ from .measurement import MAX_RINGS, Measurement
 
 #: Path lengths per length of the range encoding. exp(-2*8) in G leaves 20 decades of float32 for
 #: the radiance, and float32 noise of the range is lowest at a few such lengths (4e-8 to 7e-8).
-LENGTHS_PER_CODE = 8.0
+_LENGTHS_PER_CODE = 8.0
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def range_encoding_length_m(measurement: Measurement, rings: int, extent: Extent
     if bounces:
         # With more reflections the first segment is not tied to the ring of the last one.
         longest_m += extent.from_receiver_m
-    return longest_m / LENGTHS_PER_CODE
+    return longest_m / _LENGTHS_PER_CODE
 
 
 def make_plan(
@@ -226,18 +226,10 @@ def make_plan(
 
     Parameters
     ----------
-    measurement
-        What is measured.
-    metres_per_unit
-        Metres per Blender unit, above 0.
-    fps
-        Blender frames per second, above 0.
-    extent
-        How far the scene reaches.
-    sampling_mode
-        "rings" or "paths".
-    options
-        Text of the path options, for the fingerprint; empty with rings.
+    measurement, extent, sampling_mode, options
+        See `Plan`.
+    metres_per_unit, fps
+        Metres per Blender unit and Blender frames per second, above 0.
     visibility_updates
         Number of renders per burst, at most one per pulse.
 
@@ -282,55 +274,22 @@ def make_plan(
 
 
 def check_unit_scale(metres_per_unit: float) -> float:
-    """Check the unit scale: Blender accepts NaN.
-
-    Parameters
-    ----------
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    float
-        The same number.
-
-    Raises
-    ------
-    ConfigError
-        It is not positive and finite.
-    """
-    if not (math.isfinite(metres_per_unit) and metres_per_unit > 0):
-        raise ConfigError(
-            f"Unit Scale of the scene is {metres_per_unit!r}; expected a positive number, the "
-            "metres per Blender unit. Set it in Scene > Units; the default is 1."
-        )
-    return metres_per_unit
+    """Return the metres per Blender unit; `ConfigError` unless positive: Blender accepts NaN."""
+    return _check_positive(
+        "Unit Scale", metres_per_unit, ", the metres per Blender unit. Set it in Scene > Units; "
+        "the default is 1."
+    )  # fmt: skip
 
 
 def check_frame_rate(fps: float) -> float:
-    """Check the frame rate.
+    """Return the Blender frames per second; `ConfigError` unless positive and finite."""
+    return _check_positive("Frame rate", fps, ". Set it and its base in Output > Format.")
 
-    Parameters
-    ----------
-    fps
-        Blender frames per second.
 
-    Returns
-    -------
-    float
-        The same number.
-
-    Raises
-    ------
-    ConfigError
-        It is not positive and finite.
-    """
-    if not (math.isfinite(fps) and fps > 0):
-        raise ConfigError(
-            f"Frame rate of the scene is {fps!r}; expected a positive number. Set it and its base "
-            "in Output > Format."
-        )
-    return fps
+def _check_positive(name: str, value: float, hint: str) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise ConfigError(f"{name} of the scene is {value!r}; expected a positive number{hint}")
+    return value
 
 
 def automatic_rings(ring_step_m: float, extent: Extent) -> int:

@@ -36,16 +36,8 @@ def property_group(
 ) -> type[Any]:
     """Return a class of bpy.types.PropertyGroup, not yet registered.
 
-    Parameters
-    ----------
-    name
-        Its name.
-    settings
-        What it holds.
-    others
-        Further properties (pointers), as Blender declares them.
-    changes
-        By the name of a setting: called with the group after the setting was changed.
+    `others` are further properties (pointers); `changes` are called, by the name of a setting,
+    with the group after the setting was changed.
     """
     annotations: dict[str, Any] = {}
     for item in settings.values():

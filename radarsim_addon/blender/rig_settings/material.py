@@ -7,13 +7,11 @@ script, another version and the panel see the same numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
 
 from ...errors import RadarSimError
-from ...physics.material_model import Parameter
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
 from ..plan import shortest_decimal
@@ -86,16 +84,26 @@ def _set_path(settings: Any, value: str) -> None:
     _refresh(settings.id_data)
 
 
-def _getter(key: str, default: float, scale: float = 1.0) -> Callable[[Any], float]:
-    return lambda settings: float(settings.id_data.get(key, default)) * scale
+def _number(
+    key: str, name: str, description: str, exponent: int = 0, default: float = 0.0, **bounds: Any
+) -> Any:
+    """A field that shows a custom property of the material, times ``10**-exponent``."""
 
-
-def _setter(key: str, exponent: int = 0) -> Callable[[Any, float], None]:
     def write(settings: Any, value: float) -> None:
-        settings.id_data[key] = shortest_decimal(value, exponent)
-        _refresh(settings.id_data)
+        material = settings.id_data
+        material[key] = shortest_decimal(value, exponent)
+        of_sheet = key == pm.SHEET_THICKNESS and pm.is_physical(material)
+        if of_sheet and pm.is_sheet(material) != (value > 0):
+            pm.make_physical(material)
+        _refresh(material)
 
-    return write
+    return bpy.props.FloatProperty(
+        name=name,
+        description=description,
+        get=lambda settings: float(settings.id_data.get(key, default)) * 10.0**-exponent,
+        set=write,
+        **bounds,
+    )
 
 
 class MaterialSettings(bpy.types.PropertyGroup):
@@ -115,69 +123,43 @@ class MaterialSettings(bpy.types.PropertyGroup):
         set=_set_path,
         description="CSV file: frequency_ghz and eps_real, eps_imag (or n, k)",
     )
-    rms_height_mm: bpy.props.FloatProperty(
-        name="Rms Height [mm]",
-        min=0.0,
-        precision=3,
-        get=_getter(pm.RMS_HEIGHT, 0.0, 1e3),
-        set=_setter(pm.RMS_HEIGHT, -3),
-        description="Root mean square of the surface's height; 0: not given",
-    )
-    correlation_length_mm: bpy.props.FloatProperty(
-        name="Correlation Length [mm]",
-        min=0.0,
-        precision=3,
-        get=_getter(pm.CORRELATION_LENGTH, 0.0, 1e3),
-        set=_setter(pm.CORRELATION_LENGTH, -3),
-        description="Of a Gaussian surface; with the height it gives the slope sqrt(2) h / l",
-    )
-    rms_slope: bpy.props.FloatProperty(
-        name="Rms Slope",
-        min=0.0,
-        max=0.7071,
-        precision=4,
-        get=_getter(pm.RMS_SLOPE, 0.0),
-        set=_setter(pm.RMS_SLOPE),
-        description="Rms slope of the surface, where height and correlation length do not give it",
-    )
-
-
-def _set_thickness(settings: Any, value: float) -> None:
-    material = settings.id_data
-    material[pm.SHEET_THICKNESS] = shortest_decimal(value, -3)
-    if pm.is_physical(material) and pm.is_sheet(material) != (value > 0):
-        pm.make_physical(material)
-    _refresh(material)
-
-
-MaterialSettings.__annotations__["sheet_thickness_mm"] = bpy.props.FloatProperty(
-    name="Thin Sheet [mm]",
-    min=0.0,
-    precision=3,
-    get=_getter(pm.SHEET_THICKNESS, 0.0, 1e3),
-    set=_set_thickness,
-    description=(
+    rms_height_mm: _number(
+        pm.RMS_HEIGHT,
+        "Rms Height [mm]",
+        "Root mean square of the surface's height; 0: not given",
+        -3, min=0.0, precision=3,
+    )  # fmt: skip
+    correlation_length_mm: _number(
+        pm.CORRELATION_LENGTH,
+        "Correlation Length [mm]",
+        "Of a Gaussian surface; with the height it gives the slope sqrt(2) h / l",
+        -3, min=0.0, precision=3,
+    )  # fmt: skip
+    rms_slope: _number(
+        pm.RMS_SLOPE,
+        "Rms Slope",
+        "Rms slope of the surface, where height and correlation length do not give it",
+        min=0.0, max=0.7071, precision=4,
+    )  # fmt: skip
+    sheet_thickness_mm: _number(
+        pm.SHEET_THICKNESS,
+        "Thin Sheet [mm]",
         "Thickness of a pane that is modelled as one face: the echoes of its two sides interfere. "
-        "0: a surface, with an interior where Volume is connected"
-    ),
-)
-
-
-def _parameter_property(parameter: Parameter) -> Any:
-    default = parameter.default if parameter.default is not None else 0.0
-    unit = f" [{parameter.unit}]" if parameter.unit else ""
-    key = pm.PARAMETER_PREFIX + parameter.name
-    return bpy.props.FloatProperty(
-        name=parameter.name.replace("_", " ").capitalize() + unit,
-        description=parameter.meaning,
-        precision=4,
-        get=_getter(key, default),
-        set=_setter(key),
-    )
+        "0: a surface, with an interior where Volume is connected",
+        -3, min=0.0, precision=3,
+    )  # fmt: skip
 
 
 for _model in models().values():
     for _parameter in _model.parameters:
         MaterialSettings.__annotations__.setdefault(
-            _parameter.name, _parameter_property(_parameter)
+            _parameter.name,
+            _number(
+                pm.PARAMETER_PREFIX + _parameter.name,
+                _parameter.name.replace("_", " ").capitalize()
+                + (f" [{_parameter.unit}]" if _parameter.unit else ""),
+                _parameter.meaning,
+                default=0.0 if _parameter.default is None else _parameter.default,
+                precision=4,
+            ),
         )

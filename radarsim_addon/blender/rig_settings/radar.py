@@ -29,7 +29,7 @@ from ...signal.radar import (
 )
 from ..materials import refresh_materials
 from ..plan import Measurement, PathOptions, RunSettings, merged, shortest_decimal
-from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, is_transmitter
+from ..scene import active_radar, is_transmitter
 from .groups import Settings, property_group, write
 
 RADAR_PROPERTY = "radarsim"
@@ -86,7 +86,7 @@ def carrier_hz(scene: Any) -> float:
     return float(RADAR_SETTINGS["carrier_hz"].initial)
 
 
-def refresh_for_carrier(_: Any, __: Any = None) -> None:
+def _refresh_for_carrier(_: Any, __: Any = None) -> None:
     """Evaluate physical materials at the carrier of the active radar."""
     # What cannot be evaluated there is told by the material's panel, and by the run.
     refresh_materials(carrier_hz(bpy.context.scene))
@@ -142,7 +142,7 @@ RadarGroup = property_group(
             type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
         ),
     },
-    {"carrier_hz": refresh_for_carrier},
+    {"carrier_hz": _refresh_for_carrier},
 )
 
 
@@ -247,14 +247,8 @@ def read_path_options(radar: Any, **given: Any) -> PathOptions:
     return settings(radar).record(PathOptions, **_of(PathOptions, given))
 
 
-def antenna_record(view: Settings) -> AntennaRecord:
-    """Return one antenna's settings as a record, tables read in.
-
-    Raises
-    ------
-    ConfigError
-        The table cannot be read.
-    """
+def _antenna_record(view: Settings) -> AntennaRecord:
+    """One antenna's settings as a record, tables read in."""
     parameters = {
         name: bpy.path.abspath(value) if name == "file" else value
         for name in declared(PATTERNS[view.kind])
@@ -294,7 +288,7 @@ def read_link_budget(
         return None
     else:
         antennas = {
-            name: antenna_record(getattr(view, name)) for name in ("transmitter", "receiver")
+            name: _antenna_record(getattr(view, name)) for name in ("transmitter", "receiver")
         }
         record = view.record(LinkBudget, **antennas)
     make_system(record, wavelength_m)  # checks it
@@ -339,26 +333,6 @@ def active_radar_property() -> Any:
             item.name in scene.objects
             and any(is_transmitter(child) for child in (item, *item.children))
         ),
-        update=refresh_for_carrier,
+        update=_refresh_for_carrier,
         description="Choose the radar that measures. Empty: the only one",
     )
-
-
-__all__ = [
-    "ACTIVE_RADAR_PROPERTY",
-    "ANTENNA_SETTINGS",
-    "RADAR_PROPERTY",
-    "RADAR_SETTINGS",
-    "WAVEFORMS",
-    "AntennaGroup",
-    "RadarGroup",
-    "active_radar_property",
-    "antenna_record",
-    "carrier_hz",
-    "output_folder",
-    "read_link_budget",
-    "read_measurement",
-    "read_path_options",
-    "settings",
-    "swept_hz",
-]

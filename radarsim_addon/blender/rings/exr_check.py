@@ -23,19 +23,7 @@ from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
 def verify_exr(path: Path, width_px: int, height_px: int) -> None:
     """Check that a file is complete: right channels, type and size, every pixel finite.
 
-    Parameters
-    ----------
-    path
-        File that Blender has just written.
-    width_px, height_px
-        Expected size of the image.
-
-    Raises
-    ------
-    OutputError
-        The file is missing or incomplete.
-    RenderError
-        It holds NaN or infinite pixels.
+    OutputError: it is missing or incomplete. RenderError: it holds NaN or infinite pixels.
     """
     if not path.exists():
         raise OutputError(

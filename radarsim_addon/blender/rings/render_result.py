@@ -12,21 +12,7 @@ from ...errors import OutputError, RenderError
 
 
 def save_render(scene: Any, path: Path) -> None:
-    """Write the last render in the scene's format.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    path
-        File; an existing one is replaced.
-
-    Raises
-    ------
-    RenderError
-        There is no render.
-    OutputError
-        The file cannot be written.
-    """
+    """Write the last render in the scene's format; an existing file is replaced."""
     path.unlink(missing_ok=True)
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:

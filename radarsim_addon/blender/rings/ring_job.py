@@ -57,13 +57,7 @@ class RingJob(MeasurementJob):
                     yield task
 
     def start(self, task: Task) -> None:
-        """Set time and ring for a render, and note where the antennas are.
-
-        Raises
-        ------
-        OutputError, SceneError
-            The frame's folder cannot be written; an antenna is scaled at this time.
-        """
+        """Set time and ring for a render, and note where the antennas are."""
         assert self._settings is not None
         if self._scene_written != task.frame:
             output_folder.make_frame_folder(self.folder, task.frame)
@@ -75,13 +69,7 @@ class RingJob(MeasurementJob):
         self._settings.set_ring(task.ring_min_m, task.ring_max_m)
 
     def render(self, task: Task) -> None:
-        """Render and wait for the end (not for use in the UI).
-
-        Raises
-        ------
-        RenderError
-            Cycles failed.
-        """
+        """Render and wait for the end (not for use in the UI)."""
         try:
             result = bpy.ops.render.render(scene=self._scene.name)
         except RuntimeError as error:
@@ -93,13 +81,7 @@ class RingJob(MeasurementJob):
             raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
 
     def finish(self, task: Task) -> None:
-        """Write, check and rename the EXR that was rendered; then its sidecar.
-
-        Raises
-        ------
-        OutputError, RenderError
-            The file could not be written whole; nothing half-written is left.
-        """
+        """Write, check and rename the EXR, then write its sidecar; nothing half-written stays."""
         assert self._records is not None
         final = self.folder / task.exr_path
         # Blender would make the folder again, without the rest of the run.

@@ -51,13 +51,7 @@ class Lease:
         self._leases, self._path, self._content = leases, path, content
 
     def renew(self) -> bool:
-        """Renew the lease; False where another process has taken over.
-
-        Raises
-        ------
-        OutputError
-            The folder cannot be written to.
-        """
+        """Renew the lease; False where another process has taken over."""
         try:
             # Of one open file: where another replaces it meanwhile, this one is nobody's.
             with open(self._path, "rb+") as stream:
@@ -88,15 +82,7 @@ class Lease:
 
 
 class Leases:
-    """Leases in a folder.
-
-    Parameters
-    ----------
-    folder
-        Folder that exists and can be written to.
-    beat_s, stale_s
-        Time between renewals, and age from which a lease is stale [s].
-    """
+    """Leases in a folder; `stale_s` is the age from which one that nobody renews is stale [s]."""
 
     def __init__(self, folder: Path, beat_s: float = BEAT_S, stale_s: float = STALE_S) -> None:
         self._folder, self._beat_s, self._stale_s = folder, beat_s, stale_s
@@ -106,22 +92,9 @@ class Leases:
         self._thread: threading.Thread | None = None
 
     def claim(self, name: str) -> Lease | None:
-        """Take the lease of a name; it is renewed until it is released.
+        """Take the lease of a name, such as "frame_0001"; None where another process holds it.
 
-        Parameters
-        ----------
-        name
-            Such as "frame_0001".
-
-        Returns
-        -------
-        Lease or None
-            None where another process holds it.
-
-        Raises
-        ------
-        OutputError
-            The folder cannot be written to, or holds a file of that name that is no lease.
+        It is renewed until it is released.
         """
         content = json.dumps(identity() | {"token": secrets.token_hex(16)}).encode()
         for _ in range(_TRIES):
@@ -156,13 +129,7 @@ class Leases:
         return None
 
     def holder(self, name: str) -> str | None:
-        """Return who holds a lease, such as "process 12 on tower"; None where nobody does.
-
-        Raises
-        ------
-        OutputError
-            There is a file of that name that is no lease.
-        """
+        """Return who holds a lease, such as "process 12 on tower"; None where nobody does."""
         seen = self._seen(name)
         if seen is None or self._is_stale(seen):
             return None

@@ -3,25 +3,25 @@
 
 from __future__ import annotations
 
-import contextlib
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from ... import contract
-from ...atomic_files import TEMPORARY_PATTERN, remove_temporaries
+from ...atomic_files import (
+    TEMPORARY_PATTERN,
+    cannot_write,
+    make_folder,
+    remove_file,
+    remove_temporaries,
+)
 from ...errors import OutputError, RadarSimError
 from ...sidecar import file_sha256, read_record
 from ..plan import Task
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the output folder if its parent exists, and try whether it can be written to.
-
-    Raises
-    ------
-    OutputError
-        The parent is missing, something else is in the way, or the folder is read-only or full.
-    """
+    """Make the output folder if its parent exists, and try whether it can be written to."""
     try:
         folder.mkdir(exist_ok=True)
     except FileNotFoundError:
@@ -38,25 +38,17 @@ def prepare_folder(folder: Path) -> None:
             f"The output folder {folder} cannot be made: {error.strerror or error}. "
             "Choose a folder that you may write to."
         ) from error
-    probe = folder / ".radarsim_write_test.part"
     try:
-        probe.write_bytes(b"\0" * 4096)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"\0" * 4096)
     except OSError as error:
-        raise OutputError(
-            f"The output folder {folder} cannot be written to: {error.strerror or error}. "
-            "Choose a folder that is writable and has room."
-        ) from error
-    finally:
-        _remove(probe)
+        raise cannot_write(folder, error) from error
 
 
 def check_there(folder: Path, frame: int | None = None) -> None:
     """See that the folder of a run that is going on, and that of a frame, are still there.
 
-    Raises
-    ------
-    OutputError
-        One has vanished. A new folder would contain a run without its plan.
+    A new folder would contain a run without its plan.
     """
     if not (folder / contract.RUN_FILE).is_file():
         what = f"was emptied ({contract.RUN_FILE} is gone)" if folder.is_dir() else "has vanished"
@@ -73,31 +65,15 @@ def check_there(folder: Path, frame: int | None = None) -> None:
 
 
 def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
-    """Make the folder of a radar frame, or of one of the renders of its burst.
-
-    Raises
-    ------
-    OutputError
-        It cannot be made, or the run's folder has vanished.
-    """
+    """Make the folder of a radar frame, or of one of the renders of its burst."""
     check_there(folder)
-    target = folder / contract.burst_dir(frame, render)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"The folder {target} cannot be made: {error.strerror or error}. "
-            "Choose an output folder that is writable and has room."
-        ) from error
+    make_folder(folder / contract.burst_dir(frame, render))
 
 
 def earlier_run(folder: Path) -> contract.RunRecord | None:
     """The run whose files are in the folder; None for a folder without frames.
 
-    Raises
-    ------
-    OutputError
-        There are frames, but no readable ``run.json`` that says of which run.
+    OutputError: there are frames, but no readable ``run.json`` that says of which run.
     """
     run_file = folder / contract.RUN_FILE
     try:
@@ -114,19 +90,8 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
 def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> None:
     """See that the folder is empty or holds frames of this run; tidy up after a killed one.
 
-    Parameters
-    ----------
-    folder
-        Output folder.
-    fingerprints
-        Of this run, by the saved file (if it is saved as it is) and, last, by what is in it.
-    overwrite
-        Remove the frames of another run.
-
-    Raises
-    ------
-    OutputError
-        It holds frames of another run, or of an unknown one.
+    `fingerprints` are of this run, by the saved file (if it is saved as it is) and, last, by what
+    is in it. With `overwrite`, frames of another run are removed.
     """
     earlier = None
     try:
@@ -160,23 +125,11 @@ def continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
 
 
 def clear_run(folder: Path) -> None:
-    """Remove the files of an earlier run: frames, sidecars and plan; nothing that is not ours.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be removed.
-    """
+    """Remove the files of an earlier run: frames, sidecars and plan; nothing that is not ours."""
     # The plan goes first: a clearing that is interrupted leaves frames of an unknown run, which
     # nobody mistakes for a whole one.
     for path in [folder / contract.RUN_FILE, *_own_files(folder)]:
-        try:
-            path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{path} of the earlier run cannot be removed: {error.strerror or error}. "
-                "Choose another output folder."
-            ) from error
+        remove_file(path)
 
 
 def clear_partial(folder: Path) -> None:
@@ -198,7 +151,7 @@ def is_done(folder: Path, task: Task) -> bool:
 
 
 def _own_files(folder: Path) -> list[Path]:
-    names = (
+    patterns = (
         "ring_*_t[01].exr",
         "ring_*_t[01].json",
         contract.PATHS_TABLE,
@@ -211,13 +164,5 @@ def _own_files(folder: Path) -> list[Path]:
         f"{contract.TILES_DIR}/*",
         TEMPORARY_PATTERN,
     )
-    return [path for name in names for path in _frame_files(folder, name)]
-
-
-def _frame_files(folder: Path, pattern: str) -> list[Path]:
-    return list((folder / contract.FRAMES_DIR).glob(f"frame_*/{pattern}"))
-
-
-def _remove(path: Path) -> None:
-    with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
-        path.unlink(missing_ok=True)
+    frames = folder / contract.FRAMES_DIR
+    return [path for pattern in patterns for path in frames.glob(f"frame_*/{pattern}")]

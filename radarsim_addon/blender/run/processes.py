@@ -27,13 +27,7 @@ def identity() -> dict[str, Any]:
 
 
 def process_began(pid: Any) -> str | None:
-    """Return what tells a process from a later one of the same number; None where it is gone.
-
-    Parameters
-    ----------
-    pid
-        Its number on this machine.
-    """
+    """Return what tells a process from a later one of the same number; None where it is gone."""
     if not isinstance(pid, int) or pid <= 0:
         return None
     if sys.platform == "win32":

@@ -23,16 +23,8 @@ def plan_record(
 ) -> contract.RunRecord:
     """Return what ``run.json`` holds.
 
-    Parameters
-    ----------
-    plan
-        What is measured.
-    digests
-        Of the scene: of its file where nothing has changed since, and last of its geometry.
-    findings
-        What is known before the first render.
-    versions
-        Of the programs, by name.
+    `digests` are of the scene: of its file where nothing has changed since, and last of its
+    geometry. `findings` are known before the first render; `versions` are of programs.
     """
     file_name = Path(bpy.data.filepath).name
     record = run_record(plan, digests[0], file_name, findings, versions)
@@ -47,23 +39,7 @@ def write_scene(
 ) -> None:
     """Write the labels of a radar frame, unless they are there.
 
-    Parameters
-    ----------
-    folder
-        Of the run.
-    frame
-        Number of the radar frame.
-    plan
-        What is measured.
-    rig
-        The antennas.
-    show
-        Brings the scene to a moment and returns the depsgraph at it.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
+    `show` brings the scene to a moment and returns the depsgraph at it.
     """
     path = folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
     try:
@@ -89,21 +65,7 @@ def render_record(
     exr: Path,
     versions: dict[str, str],
 ) -> contract.RenderRecord:
-    """The sidecar of a finished render of a ring.
-
-    Parameters
-    ----------
-    plan
-        What is measured.
-    task
-        Which render of it.
-    camera, emitter
-        The antennas at that time.
-    exr
-        The file that was written.
-    versions
-        Of the programs, by name.
-    """
+    """The sidecar of a finished render of a ring, in the file `exr`."""
     measurement = plan.measurement
     return contract.RenderRecord(
         sampling_mode="rings",

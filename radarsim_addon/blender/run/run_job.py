@@ -132,13 +132,7 @@ class MeasurementJob:
     # -- before the first render -------------------------------------------------------------------
 
     def prepare(self) -> None:
-        """Check everything, plan, and put the scene into its measuring state.
-
-        Raises
-        ------
-        SceneError, ConfigError, OutputError
-            What is wrong; the scene is as it was.
-        """
+        """Check everything, plan, and put the scene into its measuring state."""
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not self.folder.exists()
         output_folder.prepare_folder(self.folder)
@@ -312,13 +306,7 @@ class MeasurementJob:
     # -- afterwards --------------------------------------------------------------------------------
 
     def touch(self) -> None:
-        """Set one of the scene's values to what it is.
-
-        Raises
-        ------
-        AttributeError
-            Blender does not let scripts change the scene at this moment.
-        """
+        """Set one of the scene's values; AttributeError: scripts may not change it now."""
         self._scene.frame_step = self._scene.frame_step
 
     @property

@@ -28,7 +28,7 @@ from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
 from ..state import SettingsRestorer, evaluated_depsgraph
 
 #: Surfaces that may lie in line; transparent ones count.
-TRANSPARENT_BOUNCES = 1024
+_TRANSPARENT_BOUNCES = 1024
 
 
 class MeasurementSettings:
@@ -180,7 +180,7 @@ class MeasurementSettings:
         for name in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
             put(cycles, name, measurement.max_reflections - 1)
         put(cycles, "volume_bounces", 0)
-        put(cycles, "transparent_max_bounces", TRANSPARENT_BOUNCES)
+        put(cycles, "transparent_max_bounces", _TRANSPARENT_BOUNCES)
         put(cycles, "use_light_tree", False)
         put(cycles, "film_exposure", 1.0)
         put(cycles, "film_transparent_glass", False)

@@ -30,13 +30,7 @@ _OWN_FIELDS: dict[str, Any] = {"findings": [], "fingerprint": "", "blend_file": 
 
 
 class SharedFolder:
-    """A run's folder, and the frames of it that this process has claimed.
-
-    Parameters
-    ----------
-    folder
-        Folder that exists and can be written to.
-    """
+    """A run's folder, which exists, and the frames of it that this process has claimed."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -51,20 +45,8 @@ class SharedFolder:
     ) -> None:
         """Write the plan of a run, or join the processes that are at work on it.
 
-        Parameters
-        ----------
-        record
-            The plan.
-        fingerprints
-            Of the run, see :func:`.output_folder.continues`.
-        overwrite
-            Remove the frames of another run.
-
-        Raises
-        ------
-        OutputError
-            The folder holds another run, other processes write another run into it, or it cannot
-            be written to.
+        `fingerprints` are of the run, see :func:`.output_folder.continues`. With `overwrite`,
+        frames of another run are removed.
         """
         self._plan, self._fingerprints = _comparable(record), fingerprints
         with self._opening_lease():
@@ -93,23 +75,8 @@ class SharedFolder:
     def claimed(self, frames: Sequence[int]) -> Generator[int, None, list[int]]:
         """Claim frames, one after another; each is given back when the next one is asked for.
 
-        Frames of other processes come last: some of these may fail. What they still hold then is
-        left to them.
-
-        Parameters
-        ----------
-        frames
-            That are to be measured. Another process may have done one since: look.
-
-        Returns
-        -------
-        list of int
-            Frames that are left to other processes.
-
-        Raises
-        ------
-        OutputError
-            The folder has vanished or holds another plan, or all frames are taken from the start.
+        Another process may have measured one since: look. Frames of other processes come last,
+        since some may fail. Returned are frames that are left to others.
         """
         waiting, some = list(frames), False
         while waiting:

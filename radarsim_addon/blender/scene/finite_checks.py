@@ -14,11 +14,11 @@ from ..state import EvaluatedObject, read_numbers
 
 #: Largest coordinate [Blender units]: its square still fits the float32 that Cycles computes in.
 #: Blender stores an infinite coordinate as the largest float32, which is larger.
-MAX_COORDINATE_UNITS = 1e18
+_MAX_COORDINATE_UNITS = 1e18
 
 
 def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None:
-    """Check that the matrix of an object is finite and within `MAX_COORDINATE_UNITS`.
+    """Check that the matrix of an object is finite and within `_MAX_COORDINATE_UNITS`.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None
     matrix_world
         World matrix, shape (4, 4), Blender units.
     frame
-        Blender frame, with its fraction, at which the matrix was taken, for the message.
+        Blender frame, with its fraction, of the matrix, for the message.
 
     Raises
     ------
@@ -68,15 +68,9 @@ def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:
 
 
 def check_meshes_finite(surfaces: Iterable[EvaluatedObject]) -> None:
-    """Check that the transforms and vertices of surfaces are finite.
+    """Check that the transforms and vertices of surfaces are finite; `SceneError` names the first.
 
-    All vertices are read, because Blender's bounding boxes ignore NaN. A mesh with several
-    instances is read once.
-
-    Raises
-    ------
-    SceneError
-        The first object with a coordinate that is not finite or too far away.
+    All vertices are read, once per mesh, because Blender's bounding boxes ignore NaN.
     """
     seen: set[int] = set()
     for one in surfaces:
@@ -100,7 +94,7 @@ def check_meshes_finite(surfaces: Iterable[EvaluatedObject]) -> None:
 
 
 def _out_of_bounds(numbers: NDArray[Any]) -> NDArray[np.bool_]:
-    return ~(np.abs(numbers) <= MAX_COORDINATE_UNITS)  # also true for NaN
+    return ~(np.abs(numbers) <= _MAX_COORDINATE_UNITS)  # also true for NaN
 
 
 def _bad_rows(vertices: NDArray[Any]) -> NDArray[np.intp]:
@@ -118,6 +112,6 @@ def _at(frame: float | None) -> str:
 def _mesh_message(name: str, found: str, elements: str) -> str:
     return (
         f"The shape of {name!r} has coordinates that are NaN, infinite or beyond "
-        f"{MAX_COORDINATE_UNITS:g} units in {found}. radarsim cannot compute ranges from them. "
+        f"{_MAX_COORDINATE_UNITS:g} units in {found}. radarsim cannot compute ranges from them. "
         f"Delete those {elements}, check the modifiers and shape keys, or import the object again."
     )

@@ -41,18 +41,7 @@ def _corners(one: EvaluatedObject) -> Real:
 
 
 def check_surfaces(depsgraph: Any) -> None:
-    """Check that all rendered surfaces are finite at the depsgraph's time.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Raises
-    ------
-    SceneError
-        Names the first object with a coordinate that is not finite.
-    """
+    """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
     check_meshes_finite(_rendered_surfaces(depsgraph))
 
 
@@ -60,8 +49,6 @@ def scene_extent(
     depsgraph: Any, rig: Rig, metres_per_unit: float, any_material: bool = False
 ) -> Extent:
     """Return the distances of the surfaces that can echo, at the depsgraph's time.
-
-    The extent is that of bounding boxes, so it is never too small.
 
     Parameters
     ----------
@@ -77,7 +64,7 @@ def scene_extent(
     Returns
     -------
     Extent
-        Distances in metres. Only the baseline if nothing can echo.
+        Distances of bounding boxes, so never too small [m]. Only the baseline if nothing can echo.
     """
     receiver = _origin(rig.camera, depsgraph)
     transmitter = _origin(rig.emitter, depsgraph)
@@ -110,21 +97,11 @@ def _origin(item: Any, depsgraph: Any) -> Real:
 
 
 #: Distances of the objects' origins from the receiver [m], by label and instance.
-OriginRanges = dict[tuple[str, Key], float]
+_OriginRanges = dict[tuple[str, Key], float]
 
 
-def origin_ranges(depsgraph: Any, rig: Rig, metres_per_unit: float) -> OriginRanges:
-    """Return the ranges of all origins at the depsgraph's time.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    rig
-        Antennas.
-    metres_per_unit
-        Metres per Blender unit.
-    """
+def origin_ranges(depsgraph: Any, rig: Rig, metres_per_unit: float) -> _OriginRanges:
+    """Return the ranges of all origins at the depsgraph's time."""
     receiver = _origin(rig.camera, depsgraph)
     return {
         (one.label, one.key): _origin_range(one, receiver) * metres_per_unit
@@ -136,31 +113,13 @@ def object_records(
     depsgraph: Any,
     rig: Rig,
     metres_per_unit: float,
-    later: OriginRanges | None = None,
+    later: _OriginRanges | None = None,
     interval_s: float = 0.0,
 ) -> list[contract.ObjectRecord]:
-    """Return the ground truth of all rendered objects at the depsgraph's time.
+    """Return the ground truth of all rendered objects at the depsgraph's time, sorted by name.
 
-    All instances of one object by one instancer have one record, that of the nearest instance,
-    with the name ``instancer/object``.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    rig
-        Antennas.
-    metres_per_unit
-        Metres per Blender unit.
-    later
-        Origins `interval_s` later, for the range rates. None: range rates are unknown.
-    interval_s
-        Time between the two moments [s].
-
-    Returns
-    -------
-    list of contract.ObjectRecord
-        Sorted by name.
+    All instances of one object by one instancer have one record, that of the nearest instance, with
+    the name ``instancer/object``. `later` has the origins `interval_s` later [s], for range rates.
     """
     receiver = _origin(rig.camera, depsgraph)
     nearest: dict[str, tuple[float, contract.ObjectRecord]] = {}
@@ -199,7 +158,7 @@ def _object_record(
             for material in slot_materials(one.evaluated)
             if material is not None and material.name != ABSORBER_NAME
         ],
-        collections=collections_of(one.original),
+        collections=_collections_of(one.original),
         rms_height_m=rms_height_m,
         correlation_length_m=correlation_length_m,
     )
@@ -209,7 +168,7 @@ def _origin_range(one: EvaluatedObject, receiver: Real) -> float:
     return float(np.linalg.norm(one.matrix[:3, 3] - receiver))
 
 
-def collections_of(item: Any) -> list[str]:
+def _collections_of(item: Any) -> list[str]:
     """Return the names of the collections of an object and of their parents, sorted."""
     held = set(item.users_collection)
     while True:
@@ -243,10 +202,7 @@ def _surface_distance(one: EvaluatedObject, point: Real) -> float | None:
 def file_digest(just_opened: bool = False) -> str | None:
     """Return a hash of the saved .blend and its libraries; None if there are unsaved changes.
 
-    Parameters
-    ----------
-    just_opened
-        There are no unsaved changes. Blender up to 5.0, as a module, reports each file as changed.
+    `just_opened`: there are none. Blender up to 5.0, as a module, reports each file as changed.
     """
     if not bpy.data.filepath or (bpy.data.is_dirty and not just_opened):
         return None

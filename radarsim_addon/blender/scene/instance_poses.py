@@ -46,7 +46,7 @@ class Poses:
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
-    """Return a matrix of Blender with its translation in metres.
+    """Return a matrix of Blender with its translation in metres, shape (4, 4), float64.
 
     Parameters
     ----------
@@ -54,11 +54,6 @@ def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
         4x4, Blender units.
     metres_per_unit
         Metres per Blender unit.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (4, 4), float64.
     """
     pose = np.array(matrix, dtype=np.float64)
     pose[:3, 3] *= metres_per_unit
@@ -76,14 +71,14 @@ def instance_name(key: Key) -> str:
     Returns
     -------
     str
-        The instancer and Blender's numbers, with slashes between; empty for the object itself.
+        The instancer and Blender's numbers, joined by slashes; empty for the object itself.
     """
     # Blender fills unused numbers with 2^31 - 1.
     return "/".join(str(part) for part in key if part != 2**31 - 1)
 
 
 def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
-    """Return the poses of all surfaces at the time of a depsgraph.
+    """Return the poses and boxes of all surfaces at the time of a depsgraph.
 
     Parameters
     ----------
@@ -91,11 +86,6 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
         Up to date.
     metres_per_unit
         Metres per Blender unit.
-
-    Returns
-    -------
-    Poses
-        Poses and boxes in metres.
     """
     objects: dict[str, dict[Key, InstancePose]] = {}
     rendered: dict[str, Any] = {}
@@ -122,10 +112,9 @@ def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]
 
     Returns
     -------
-    local : numpy.ndarray
-        Points in the object's own axes, shape (n, 3) [m].
-    outside : numpy.ndarray
-        Vectors from the box to the points, world lengths, shape (n, 3) [m]. 0 inside the box.
+    local, outside : numpy.ndarray
+        Points in the object's own axes, and vectors from the box to the points in world lengths,
+        0 inside the box, shapes (n, 3) [m].
     """
     try:
         inverse = np.linalg.inv(instance.pose)

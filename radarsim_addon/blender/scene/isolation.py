@@ -20,7 +20,7 @@ from ..nodes import is_radar_material
 from ..state import SettingsRestorer
 
 #: Object types that Cycles renders and that have no radar model.
-UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
+_UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
 _SCATTERING_NODES = {
     "ShaderNodeSubsurfaceScattering",
     "ShaderNodeVolumePrincipled",
@@ -56,15 +56,17 @@ def isolate(
     if any_material:
         return _isolate_any_material(recorder, scene)
     assigned = assigned_materials(depsgraph)
-    silent = [one.item.name for one in assigned if _is_silent(one)]
+    silent = [
+        one.item.name for one in assigned if not any(is_radar_material(m) for m in one.materials)
+    ]
     rendered = _rendered(scene)
     unsupported = [
-        item.name for item in rendered if item.type in UNSUPPORTED_TYPES and not item.hide_render
+        item.name for item in rendered if item.type in _UNSUPPORTED_TYPES and not item.hide_render
     ]
     _absorb_other_materials(recorder)
     _absorb_bare_objects(recorder, assigned)
     for item in rendered:
-        if item.type in UNSUPPORTED_TYPES:
+        if item.type in _UNSUPPORTED_TYPES:
             _hide(recorder, item)
     findings = []
     if silent:
@@ -80,7 +82,7 @@ def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[Findin
         for item in _rendered(scene)
         if not item.hide_render
         and (
-            item.type in UNSUPPORTED_TYPES
+            item.type in _UNSUPPORTED_TYPES
             or (item.material_slots and all(_is_fog(s.material) for s in item.material_slots))
         )
     ]
@@ -127,26 +129,17 @@ def _scatters_inside(material: Any) -> bool:
 
 
 def echoes(item: Any) -> bool:
-    """Return whether an object can echo: a Radar Material in a slot, or from Geometry Nodes.
+    """Return whether an object can echo: Radar Material in a slot or perhaps from Geometry Nodes.
 
     Parameters
     ----------
     item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        True also where Geometry Nodes might assign a Radar Material.
     """
     if item.type not in SURFACE_TYPES:
         return False
     if any(is_radar_material(material) for material in slot_materials(item)):
         return True
     return any(modifier.type == "NODES" for modifier in item.modifiers)
-
-
-def _is_silent(assigned: MaterialAssignment) -> bool:
-    return not any(is_radar_material(material) for material in assigned.materials)
 
 
 def _rendered(scene: Any) -> list[Any]:
@@ -220,7 +213,12 @@ def _absorb(recorder: SettingsRestorer, material: Any) -> None:
     output = nodes.new("ShaderNodeOutputMaterial")
     output.name = ABSORBER_NAME
     added = [output]
-    recorder.on_restore(material.name, lambda: _remove(nodes, added))
+
+    def undo() -> None:
+        for node in added:
+            nodes.remove(node)
+
+    recorder.on_restore(material.name, undo)
     if volume_only:
         # Fog has no surface, so without its volume nothing remains.
         clear = nodes.new("ShaderNodeBsdfTransparent")
@@ -241,11 +239,6 @@ def _link_black(tree: Any, output: Any) -> Any:
     black.inputs["Strength"].default_value = 0.0
     tree.links.new(black.outputs[0], output.inputs["Surface"])
     return black
-
-
-def _remove(nodes: Any, added: list[Any]) -> None:
-    for node in added:
-        nodes.remove(node)
 
 
 def _absorb_bare_objects(recorder: SettingsRestorer, assigned: list[MaterialAssignment]) -> None:

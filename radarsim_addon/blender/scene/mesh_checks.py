@@ -20,7 +20,7 @@ from ..nodes.group_search import group_node
 from ..state import evaluated_objects, read_numbers
 
 #: Maximum number of volumes that Cycles tracks along a ray.
-MOST_NESTED = 31
+_MOST_NESTED = 31
 #: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
 #: distance is sufficient.
 _COINCIDENT = 2e-7
@@ -34,14 +34,8 @@ _MOST_BOXES = 4000
 class Faces:
     """Faces of one object or instance in world space.
 
-    name, entered
-        The object, and whether it has an interior.
-    normal, offset
-        Plane of each face, normal.x = offset, shapes (n, 3) and (n,).
-    low, high
-        Box of each face, shape (n, 3).
-    defect
-        Defect of the mesh as `mesh_defect` returns it, or "inside out".
+    `entered`: it has an interior. Planes normal.x = offset, shapes (n, 3) and (n,). Lowest and
+    highest corner of each face, (n, 3). `defect` as `_mesh_defect` returns it, or "inside out".
     """
 
     name: str
@@ -72,15 +66,15 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         if item.type != "MESH" or item.hide_render:
             continue
         name = item.name if one.instancer is None else f"{item.name} (instance)"
-        faces = _faces(item.data, one.matrix, name, has_interior(item))
+        faces = _faces(item.data, one.matrix, name, _has_interior(item))
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
         return []
-    return [*_defects(found), *coincident_faces(found), *nested_too_deep(found)]
+    return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found)]
 
 
-def has_interior(item: Any) -> bool:
+def _has_interior(item: Any) -> bool:
     """Return whether an object's material has a volume, which Cycles keeps on its stack."""
     for slot in item.material_slots:
         if slot.material is None or slot.material.node_tree is None:
@@ -118,21 +112,17 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
         following[:-1] = corner[1:]
         following[np.append(start[1:], corners) - 1] = corner[start]
         flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
-        defect = mesh_defect(corner, following, flat)
+        defect = _mesh_defect(corner, following, flat)
         if not defect and not flat:
             defect = _inside_out(at_corner, start, normal, determinant < 0)
     return Faces(name, entered, normal, offset, low, high, defect)
 
 
-def mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
+def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
     """Return why a mesh does not enclose a volume: "open", "flipped" or "" if it does.
 
-    Parameters
-    ----------
-    corner, following
-        Vertices at both ends of each edge of each face, in the direction of the face.
-    flat
-        The mesh is in one plane: it bounds a half-space and need not be closed.
+    Edges run from `corner` to `following` in the direction of each face. A mesh in one plane,
+    `flat`, bounds a half-space and need not be closed.
     """
     size = int(max(corner.max(), following.max())) + 1
     directed = corner.astype(np.int64) * size + following
@@ -177,7 +167,7 @@ def _defects(found: list[Faces]) -> list[Finding]:
     return findings
 
 
-def coincident_faces(found: list[Faces]) -> list[Finding]:
+def _coincident_faces(found: list[Faces]) -> list[Finding]:
     """Find pairs of objects, one with an interior, that have a part of a plane in common."""
     low = np.min([item.low.min(axis=0) for item in found], axis=0)
     high = np.max([item.high.max(axis=0) for item in found], axis=0)
@@ -239,19 +229,19 @@ def _pairs_in_plane(
                 pairs.add((int(a), int(b)))
 
 
-def nested_too_deep(found: list[Faces]) -> list[Finding]:
+def _nested_too_deep(found: list[Faces]) -> list[Finding]:
     """Find where the boxes of more than 31 objects with an interior share a point."""
     boxes = [item for item in found if item.entered]
-    if not MOST_NESTED < len(boxes) <= _MOST_BOXES:
+    if not _MOST_NESTED < len(boxes) <= _MOST_BOXES:
         return []
     low = np.array([item.low.min(axis=0) for item in boxes])
     high = np.array([item.high.max(axis=0) for item in boxes])
     # A deepest common point is at a corner of lower sides; centres find all kinds of nesting.
     for points in (low, (low + high) / 2):
         inside = [int(np.all((low <= p) & (p <= high), axis=1).sum()) for p in points]
-        if max(inside) > MOST_NESTED:
+        if max(inside) > _MOST_NESTED:
             name = boxes[int(np.argmax(inside))].name
             return [
-                finding("interiors-nested-too-deep", name, count=max(inside), limit=MOST_NESTED)
+                finding("interiors-nested-too-deep", name, count=max(inside), limit=_MOST_NESTED)
             ]
     return []

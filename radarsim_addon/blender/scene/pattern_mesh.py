@@ -19,30 +19,16 @@ from .rig import Rig
 PATTERN_PROPERTY = "radarsim_pattern"
 NAMES = {"transmit": "Radar Transmit Pattern", "receive": "Radar Receive Pattern"}
 #: A gain this far below the peak is at the centre [dB].
-DYNAMICS_DB = 40.0
+_DYNAMICS_DB = 40.0
 _RINGS, _SPOKES = 96, 72
 
 
 def pattern_surface(
-    antenna: Antenna, dynamics_db: float = DYNAMICS_DB
+    antenna: Antenna, dynamics_db: float = _DYNAMICS_DB
 ) -> tuple[Real, NDArray[np.int64]]:
-    """Return the surface of a pattern in the antenna's own axes.
+    """Return vertices, (n, 3), and quadrilaterals, (m, 4), of a pattern in the antenna's own axes.
 
-    Vertices lie on rings around the direction of the peak, with the smallest steps there.
-
-    Parameters
-    ----------
-    antenna
-        Antenna.
-    dynamics_db
-        Difference of gain between radius 1, the peak, and radius 0 [dB].
-
-    Returns
-    -------
-    vertices : numpy.ndarray
-        Shape (n, 3).
-    faces : numpy.ndarray
-        Vertex indices of quadrilaterals, shape (m, 4).
+    Radius 1 is the peak, 0 is `dynamics_db` below. Rings around the peak are densest there.
     """
     axis = peak_direction(antenna)
     side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
@@ -70,11 +56,6 @@ def pattern_surface(
     return vertices, faces
 
 
-def pattern_objects() -> list[Any]:
-    """Return the pattern objects of the file."""
-    return [item for item in bpy.data.objects if PATTERN_PROPERTY in item]
-
-
 def remove_patterns() -> int:
     """Remove the pattern objects and their meshes.
 
@@ -83,7 +64,7 @@ def remove_patterns() -> int:
     int
         Number of objects removed.
     """
-    found = pattern_objects()
+    found = [item for item in bpy.data.objects if PATTERN_PROPERTY in item]
     for item in found:
         mesh = item.data
         bpy.data.objects.remove(item)

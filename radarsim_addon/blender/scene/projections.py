@@ -55,24 +55,10 @@ def _panorama(camera: Any) -> Any:
 
 
 def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
-    """Return the edges of a camera's frame, from Blender's rules.
+    """Return left, right, bottom, top of a camera's frame, from Blender's rules.
 
     The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
     The pixels, which are square, give the other dimension.
-
-    Parameters
-    ----------
-    camera : bpy.types.Camera
-        Camera of a kind that `camera_kind` accepts.
-    width_px, height_px
-        Size of the render.
-    metres_per_unit
-        Metres per Blender unit, for an orthographic camera.
-
-    Returns
-    -------
-    tuple of float
-        Left, right, bottom, top.
     """
     if camera.type == "PANO":
         settings = _panorama(camera)

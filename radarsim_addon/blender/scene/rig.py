@@ -15,15 +15,15 @@ from ..nodes import setup_emitter
 from ..nodes.groups import KIND_PROPERTY
 from .finite_checks import check_pose
 
-RIG_NAME = "Radar"
+_RIG_NAME = "Radar"
 #: Scene property: the radar that measures.
 ACTIVE_RADAR_PROPERTY = "radarsim_rig"
-RECEIVER_NAME = "Radar Receiver"
+_RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
 #: EIRP of a new transmitter [W]: 1 kW into an antenna of 30 dB.
 DEFAULT_EIRP_W = 1e6
 #: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
-SCALE_TOLERANCE = 1e-4
+_SCALE_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -40,20 +40,6 @@ class Rig:
 
     camera: Any
     emitter: Any
-
-
-def is_ring_emitter(light: Any) -> bool:
-    """Return whether the node tree of a light contains the Ring Emitter group."""
-    if light is None or light.type != "POINT" or light.node_tree is None:
-        return False
-    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # Blender 5 always uses the nodes
-        return False
-    return any(
-        node.bl_idname == "ShaderNodeGroup"
-        and node.node_tree is not None
-        and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
-        for node in light.node_tree.nodes
-    )
 
 
 def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
@@ -74,8 +60,8 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     bpy.types.Object
         The empty.
     """
-    empty = bpy.data.objects.new(RIG_NAME, None)
-    camera = bpy.data.objects.new(RECEIVER_NAME, bpy.data.cameras.new(RECEIVER_NAME))
+    empty = bpy.data.objects.new(_RIG_NAME, None)
+    camera = bpy.data.objects.new(_RECEIVER_NAME, bpy.data.cameras.new(_RECEIVER_NAME))
     emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
     try:
         emitter.data.energy = DEFAULT_EIRP_W
@@ -100,32 +86,22 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def radar_of(light: Any) -> Any:
-    """Return the object that keeps the settings of a transmitter.
+    """Return the object that keeps the settings of a transmitter: its parent, else itself.
 
     Parameters
     ----------
     light : bpy.types.Object
         Transmitter.
-
-    Returns
-    -------
-    bpy.types.Object
-        Parent of the transmitter, else the transmitter.
     """
     return light.parent or light
 
 
 def radars(scene: Any) -> list[Any]:
-    """Return the radars of a scene.
+    """Return the radars of a scene, as `radar_of` does, in the order of the scene's objects.
 
     Parameters
     ----------
     scene : bpy.types.Scene
-
-    Returns
-    -------
-    list of bpy.types.Object
-        As `radar_of` returns them, in the order of the scene's objects.
     """
     return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
 
@@ -237,25 +213,13 @@ def find_rig(
 
 
 def check_scale(item: Any, matrix_world: Any) -> None:
-    """Check that the pose of an antenna is finite and that it has scale 1.
+    """Check that the pose of an antenna is finite and that it has scale 1; `SceneError` if not.
 
     Cycles changes angles (camera) or power (light) with the scale.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-        Antenna, for the message.
-    matrix_world
-        World matrix, shape (4, 4).
-
-    Raises
-    ------
-    SceneError
-        The pose is not finite, or the antenna is scaled, mirrored or sheared.
     """
     check_pose(item.name, matrix_world)
     axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
-    if np.abs(axes.T @ axes - np.eye(3)).max() > SCALE_TOLERANCE or np.linalg.det(axes) < 0:
+    if np.abs(axes.T @ axes - np.eye(3)).max() > _SCALE_TOLERANCE or np.linalg.det(axes) < 0:
         lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))
         raise SceneError(
             f"{item.name!r} is scaled by ({lengths}), mirrored or sheared, which changes the "
@@ -265,18 +229,25 @@ def check_scale(item: Any, matrix_world: Any) -> None:
 
 
 def is_transmitter(item: Any) -> bool:
-    """Return whether an object is a Point light with the Ring Emitter.
+    """Return whether an object is a Point light with the Ring Emitter; False for None.
 
     Parameters
     ----------
     item : bpy.types.Object or None
-
-    Returns
-    -------
-    bool
-        False for None.
     """
-    return item is not None and item.type == "LIGHT" and is_ring_emitter(item.data)
+    if item is None or item.type != "LIGHT":
+        return False
+    light = item.data
+    if light is None or light.type != "POINT" or light.node_tree is None:
+        return False
+    if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # Blender 5 always uses the nodes
+        return False
+    return any(
+        node.bl_idname == "ShaderNodeGroup"
+        and node.node_tree is not None
+        and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
+        for node in light.node_tree.nodes
+    )
 
 
 def _only_emitter(scene: Any) -> Any:

@@ -24,7 +24,7 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
     view_layer : bpy.types.ViewLayer
     """
     rendered = set()
-    for layer in rendered_collections(view_layer.layer_collection):
+    for layer in _rendered_collections(view_layer.layer_collection):
         recorder.set(layer, "hide_viewport", False)
         recorder.set(layer.collection, "hide_viewport", False)
         rendered.update(layer.collection.objects)
@@ -40,20 +40,20 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
             )
 
 
-def rendered_collections(layer: Any) -> Iterator[Any]:
+def _rendered_collections(layer: Any) -> Iterator[Any]:
     """Yield this layer collection and those below it that are rendered."""
     if layer.exclude or layer.collection.hide_render:
         return
     yield layer
     for child in layer.children:
-        yield from rendered_collections(child)
+        yield from _rendered_collections(child)
 
 
 def rendered_objects(view_layer: Any) -> set[Any]:
     """Return the objects that are rendered themselves; not those that are only instanced."""
     return {
         item
-        for layer in rendered_collections(view_layer.layer_collection)
+        for layer in _rendered_collections(view_layer.layer_collection)
         for item in layer.collection.objects
         if not item.hide_render
     }

@@ -64,27 +64,18 @@ def evaluated_depsgraph(view_layer: Any) -> Any:
     Parameters
     ----------
     view_layer : bpy.types.ViewLayer
-
-    Returns
-    -------
-    bpy.types.Depsgraph
     """
     view_layer.update()
     return view_layer.depsgraph
 
 
 def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
-    """Yield all objects and instances of a depsgraph, in Blender's order.
+    """Yield objects and instances of a depsgraph in Blender's order, each valid until the next.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
-
-    Yields
-    ------
-    EvaluatedObject
-        Valid until the next one.
     """
     for item in depsgraph.object_instances:
         instancer = item.parent.original if item.is_instance else None
@@ -100,16 +91,12 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
 
 @contextmanager
 def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
-    """Provide the mesh of an evaluated object of any type during a context.
+    """Provide the mesh of an evaluated object during a context; None for one without a surface.
 
     Parameters
     ----------
     evaluated : bpy.types.Object
-
-    Yields
-    ------
-    bpy.types.Mesh or None
-        None for an object without a surface.
+        Of any type.
     """
     mesh = evaluated.to_mesh()
     try:
@@ -122,7 +109,7 @@ def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
 def read_numbers(
     items: Any, name: str, width: int = 1, dtype: type[np.generic] = np.float32
 ) -> NDArray[Any]:
-    """Return a property of all elements of a mesh.
+    """Return a property of all elements of a mesh, shape (elements, width).
 
     Parameters
     ----------
@@ -134,11 +121,6 @@ def read_numbers(
         Numbers per element.
     dtype
         Type in which Blender stores the property.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (elements, width).
     """
     values = np.empty(len(items) * width, dtype=dtype)
     items.foreach_get(name, values)
@@ -146,18 +128,11 @@ def read_numbers(
 
 
 def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return the triangles of a mesh.
+    """Return vertices (n, 3), object axes, Blender units, and triangles (m, 3), vertex indices.
 
     Parameters
     ----------
     mesh : bpy.types.Mesh
-
-    Returns
-    -------
-    vertices : numpy.ndarray
-        Shape (n, 3), object axes, Blender units.
-    triangles : numpy.ndarray
-        Vertex indices, shape (m, 3).
     """
     mesh.calc_loop_triangles()
     triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)

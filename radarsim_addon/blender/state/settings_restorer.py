@@ -29,10 +29,8 @@ class SettingsRestorer:
         Parameters
         ----------
         owner : bpy.types.bpy_struct
-        name
-            Attribute.
-        value
-            New value.
+        name, value
+            Attribute and new value.
 
         Raises
         ------
@@ -51,13 +49,13 @@ class SettingsRestorer:
             self.set(owner, name, value)
 
     def set_item(self, owner: Any, key: str, value: Any) -> None:
-        """Set a custom property; `restore` removes it if it was absent.
+        """Set a custom property, ``owner[key] = value``; `restore` removes it if it was absent.
 
         Parameters
         ----------
         owner : bpy.types.ID
         key, value
-            ``owner[key] = value``.
+            As above.
         """
         before = owner.get(key, _ABSENT)
         owner[key] = value
@@ -84,12 +82,9 @@ class SettingsRestorer:
         self._undo.append((name, undo))
 
     def restore(self) -> list[str]:
-        """Take all changes back, last one first. A second call does nothing.
+        """Take all changes back, last one first; return a line for each that could not be restored.
 
-        Returns
-        -------
-        list of str
-            One line for each setting that could not be restored.
+        A second call does nothing.
         """
         failures = []
         while self._undo:

@@ -16,6 +16,7 @@ import bpy
 from ...errors import SceneError
 from ..materials import physical_materials as pm
 from ..rig_settings import carrier_hz
+from .shown_findings import reported
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 BLEND = FOLDER / "radar_materials.blend"
@@ -123,22 +124,7 @@ def catalogue_text() -> str:
 
 
 def add_library(preferences: Any) -> Any:
-    """Register the library in Blender's preferences. A second call changes nothing.
-
-    Parameters
-    ----------
-    preferences : bpy.types.Preferences
-
-    Returns
-    -------
-    bpy.types.UserAssetLibrary
-        Entry of the library.
-
-    Raises
-    ------
-    SceneError
-        The library's file is missing from the installation.
-    """
+    """Register the library in the `preferences`, return its entry; again: nothing changes."""
     if not BLEND.is_file():
         raise SceneError(
             f"{BLEND} is missing, because the installation is incomplete. Install radarsim again, "
@@ -172,15 +158,13 @@ class RADARSIM_OT_add_asset_library(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def execute(self, context: Any) -> set[str]:
-        try:
+        with reported(self):
             library = add_library(context.preferences)
-        except SceneError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        # The file may contain materials of the library from another carrier.
-        pm.refresh_materials(carrier_hz(context.scene))
-        self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
-        return {"FINISHED"}
+            # The file may contain materials of the library from another carrier.
+            pm.refresh_materials(carrier_hz(context.scene))
+            self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 CLASSES: tuple[type, ...] = (RADARSIM_OT_add_asset_library,)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fields of the panels: settings by their names, and sentences."""
+"""What panels are made of: their place, settings by their names, sentences."""
 
 from __future__ import annotations
 
@@ -19,6 +19,22 @@ def active_group(scene: Any) -> Any:
         return getattr(active_radar(scene), RADAR_PROPERTY)
     except SceneError:
         return None
+
+
+class RadarPanel:
+    """A panel of the sidebar tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Radar"
+
+
+class ActiveRadarPanel(RadarPanel):
+    """A panel of the sidebar tab about the active radar."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return active_group(context.scene) is not None
 
 
 def draw_fields(layout: Any, group: Any, settings: Mapping[str, Declared], *names: str) -> None:

@@ -3,20 +3,20 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import bpy
 
 from ...contract import LinkBudget
-from ...errors import RadarSimError
+from ...errors import ConfigError, RadarSimError
 from ...options import declared
-from ...physics.radar_equation import monostatic_power_w
+from ...physics.radar_equation import monostatic_power_w, to_db
 from ...signal.detection import predicted_snr
 from ...signal.radar import PATTERNS, RadarSystem, make_system
 from ..rig_settings import read_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
-from .fields import active_group, draw_fields, wrapped
+from .fields import ActiveRadarPanel, active_group, draw_fields, wrapped
+from .shown_findings import reported
 
 
 class RADARSIM_OT_draw_patterns(bpy.types.Operator):
@@ -40,20 +40,16 @@ class RADARSIM_OT_draw_patterns(bpy.types.Operator):
     )
 
     def execute(self, context: Any) -> set[str]:
-        try:
+        with reported(self):
             antennas = antennas_of(context.scene, active_radar(context.scene))
             rig = find_rig(context.scene, **antennas, any_projection=True)
             system = scene_system(context.scene)
             if system is None:
-                self.report({"ERROR"}, "There are no antennas. Tick Radar > Link Budget first.")
-                return {"CANCELLED"}
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        both = ("transmit", "receive")
-        which = both if self.which == "BOTH" else (self.which,)
-        draw_patterns(context.scene, rig, system, self.size, which)
-        return {"FINISHED"}
+                raise ConfigError("There are no antennas. Tick Radar > Link Budget first.")
+            which = ("transmit", "receive") if self.which == "BOTH" else (self.which,)
+            draw_patterns(context.scene, rig, system, self.size, which)
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 class RADARSIM_OT_remove_patterns(bpy.types.Operator):
@@ -68,17 +64,10 @@ class RADARSIM_OT_remove_patterns(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RADARSIM_PT_system(bpy.types.Panel):
+class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Link Budget"
     bl_idname = "RADARSIM_PT_system"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Radar"
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return active_group(context.scene) is not None
 
     def draw_header(self, context: Any) -> None:
         self.layout.prop(active_group(context.scene), "use_link_budget", text="")
@@ -114,13 +103,7 @@ class RADARSIM_PT_system(bpy.types.Panel):
 
 
 def scene_system(scene: Any) -> RadarSystem | None:
-    """The scene's power budget with its antennas; None where none is used.
-
-    Raises
-    ------
-    ConfigError
-        Numbers out of range, or a table that cannot be read.
-    """
+    """The scene's link budget with its antennas; None where none is used."""
     wavelength_m = read_measurement(scene).waveform.wavelength_m
     record = read_link_budget(active_radar(scene), wavelength_m)
     return None if record is None else make_system(record, wavelength_m)
@@ -140,19 +123,15 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
         )
     ) / system.loss  # fmt: skip
     found = [
-        f"Peak gains: {_db(gains[0]):.2f} and {_db(gains[1]):.2f} dBi",
-        f"EIRP: {eirp_w:.4g} W ({_db(eirp_w):.2f} dBW)",
-        f"1 m² at 1 km: {_db(power_w) + 30:.2f} dBm",
+        f"Peak gains: {to_db(gains[0]):.2f} and {to_db(gains[1]):.2f} dBi",
+        f"EIRP: {eirp_w:.4g} W ({to_db(eirp_w):.2f} dBW)",
+        f"1 m² at 1 km: {to_db(power_w) + 30:.2f} dBm",
     ]
     if noise_w > 0:
         snr = predicted_snr(power_w, radar, system, "hamming", "hamming")
-        found.insert(2, f"Noise: {_db(noise_w) + 30:.2f} dBm a sample")
+        found.insert(2, f"Noise: {to_db(noise_w) + 30:.2f} dBm a sample")
         found.append(f"    in the map: {snr.burst_db:.1f} dB above noise")
     return found
-
-
-def _db(value: float) -> float:
-    return 10 * math.log10(value)
 
 
 CLASSES: tuple[type, ...] = (

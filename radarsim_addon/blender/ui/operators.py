@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import bpy
 
-from ...errors import RadarSimError
+from ...errors import OutputError, RadarSimError, RenderError
 from ...findings import Finding
 from ..headless import ProgressLine, make_job, progress_text, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
@@ -16,10 +16,10 @@ from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .results import ProcessingJob, show_images
-from .shown_findings import findings_text, report_findings
+from .shown_findings import findings_text, report_findings, reported
 
 #: Seconds between two looks at a running job.
-TICK_S = 0.01
+_TICK_S = 0.01
 #: Events that pass through while a job runs: looking around. Others could change what is measured.
 _HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD", "NDOF", "TIMER")
 
@@ -32,17 +32,15 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: Any) -> set[str]:
-        try:
+        with reported(self):
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
             migrate_scene(context.scene)  # settings of 0.1 that had no radar to go to
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        for item in context.selected_objects:
-            item.select_set(False)
-        empty.select_set(True)
-        context.view_layer.objects.active = empty
-        return {"FINISHED"}
+            for item in context.selected_objects:
+                item.select_set(False)
+            empty.select_set(True)
+            context.view_layer.objects.active = empty
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 class RADARSIM_OT_assign_material(bpy.types.Operator):
@@ -63,33 +61,92 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
         return bool(context.selected_objects)
 
     def execute(self, context: Any) -> set[str]:
-        try:
+        with reported(self):
             assign_radar_material(context.selected_objects, self.preset)
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
-class _TimedOperator:
+class _TimedOperator(bpy.types.Operator):
     """Common part of the two long operators: timer, progress in the panel, Esc, clean end."""
 
+    bl_options = {"REGISTER"}
     _timer: Any = None
 
-    def _begin(self, context: Any, findings: list[Finding]) -> set[str]:
-        self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
-        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-        progress.running = True
-        progress.findings = findings_text(findings)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        with reported(self):
+            progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+            progress.findings = findings_text(self._start(context))
+            try:
+                window = context.window
+                self._timer = context.window_manager.event_timer_add(_TICK_S, window=window)
+                progress.running = True
+                context.window_manager.modal_handler_add(self)
+            except BaseException:
+                self._end(context, "Failed")
+                raise
+            return {"RUNNING_MODAL"}
+        return {"CANCELLED"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            return self._escape(context)
+        if event.type != "TIMER":  # looking around passes; what could change the scene does not
+            return {"PASS_THROUGH" if event.type.startswith(_HARMLESS_EVENTS) else "RUNNING_MODAL"}
+        try:
+            ended = self._tick()
+        except RadarSimError as error:
+            self._end(context, f"Failed: {error}")
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except BaseException:
+            self._end(context, "Failed")
+            raise
+        if ended:
+            return self._conclude(context)
+        self._show(context, *self._state())
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context: Any) -> None:
+        """Blender closes the window or loads another file."""
+        self._end(context, "Stopped; start again to go on")
+
+    def execute(self, context: Any) -> set[str]:
+        """Do all of it at once."""
+        raise NotImplementedError
+
+    def _start(self, context: Any) -> list[Finding]:
+        """Begin; return the findings before."""
+        raise NotImplementedError
+
+    def _tick(self) -> bool:
+        """Do the next step; return whether it was the last one."""
+        raise NotImplementedError
+
+    def _state(self) -> tuple[float, str]:
+        """Fraction that is done, and its text."""
+        raise NotImplementedError
+
+    def _escape(self, context: Any) -> set[str]:
+        """The user pressed Esc."""
+        raise NotImplementedError
+
+    def _conclude(self, context: Any) -> set[str]:
+        """The last step is done."""
+        raise NotImplementedError
 
     def _show(self, context: Any, fraction: float, text: str) -> None:
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         if progress.text != text:
             progress.fraction, progress.text = fraction, text
             context.workspace.status_text_set(f"{text}  (Esc stops)")
-            redraw_panels(context)
+            _redraw_panels(context)
 
     def _end(self, context: Any, text: str) -> None:
         if self._timer is not None:
@@ -100,7 +157,7 @@ class _TimedOperator:
         progress.text = text
         if context.workspace is not None:
             context.workspace.status_text_set(None)
-        redraw_panels(context)
+        _redraw_panels(context)
 
 
 class RADARSIM_OT_watch_escape(bpy.types.Operator):
@@ -133,80 +190,50 @@ class RADARSIM_OT_watch_escape(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
 
-class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
+class RADARSIM_OT_render_frames(_TimedOperator):
     """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
 
     bl_idname = "radarsim.render_frames"
     bl_label = "Render Radar Frames"
-    bl_options = {"REGISTER"}
 
-    _run: InteractiveRender | None = None
+    _run: InteractiveRender
     _watched: object | None = None
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
-
-    def invoke(self, context: Any, event: Any) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
+    def _start(self, context: Any) -> list[Finding]:
         if bpy.app.is_job_running("RENDER"):
-            self.report({"ERROR"}, "Another render is running. Wait for its end, or stop it.")
-            return {"CANCELLED"}
-        try:
-            job = job_of(context)
-            job.prepare()
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            raise RenderError("Another render is running. Wait for its end, or stop it.")
+        job = _job_of(context)
+        job.prepare()
         try:
             self._run = InteractiveRender(job, context.preferences)
-            return self._begin(context, job.findings)
         except BaseException:
             job.restore()
             raise
+        return job.findings
 
-    def modal(self, context: Any, event: Any) -> set[str]:
-        run = self._run
-        assert run is not None
-        if event.type == "ESC" and event.value == "PRESS":
-            run.request_stop("stopped by Esc")
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
-            return pass_harmless(event)
-        try:
-            ended = run.tick()
-        except RadarSimError as error:
-            self._finish(context, f"Failed: {error}")
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except BaseException:
-            self._finish(context, "Failed")
-            raise
-        if not ended:
-            job = run.job
-            self._watch_escape(run)
-            text = progress_text(job.done, job.total, job.seconds_left, job.unit)
-            self._show(context, job.fraction, text)
-            return {"PASS_THROUGH"}
-        return self._conclude(context, run)
-
-    def _watch_escape(self, run: InteractiveRender) -> None:
-        """Put a watcher on top of the handler of a render that has just begun."""
-        if run.rendering is not None and run.rendering is not self._watched:
-            RADARSIM_OT_watch_escape.run = run
+    def _tick(self) -> bool:
+        ended = self._run.tick()
+        # A watcher goes on top of the handler of a render that has just begun.
+        if not ended and self._run.rendering not in (None, self._watched):
+            RADARSIM_OT_watch_escape.run = self._run
             bpy.ops.radarsim.watch_escape("INVOKE_DEFAULT")
             RADARSIM_OT_watch_escape.run = None
-            self._watched = run.rendering
+            self._watched = self._run.rendering
+        return ended
 
-    def _conclude(self, context: Any, run: InteractiveRender) -> set[str]:
-        job = run.job
-        if run.stop_reason:
-            text = (
-                f"{job.done} of {job.total} {job.unit} done, {run.stop_reason}; "
-                "start again to go on"
-            )
-            self._finish(context, text)
+    def _state(self) -> tuple[float, str]:
+        job = self._run.job
+        return job.fraction, progress_text(job.done, job.total, job.seconds_left, job.unit)
+
+    def _escape(self, context: Any) -> set[str]:
+        self._run.request_stop("stopped by Esc")
+        return {"RUNNING_MODAL"}
+
+    def _conclude(self, context: Any) -> set[str]:
+        job, reason = self._run.job, self._run.stop_reason
+        if reason:
+            text = f"{job.done} of {job.total} {job.unit} done, {reason}; start again to go on"
+            self._end(context, text)
             self.report({"WARNING"}, text)
             return {"CANCELLED"}
         text = f"{job.total} {job.unit} in {job.folder}"
@@ -215,25 +242,20 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
         # Some is known only at the end: what was left out, what was not met by any ray.
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         progress.findings = findings_text(job.findings)
-        self._finish(context, text)
+        self._end(context, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
 
-    def _finish(self, context: Any, text: str) -> None:
-        if self._run is not None:
-            self._run.close()
-            for failure in self._run.job.unrestored:
-                self.report({"WARNING"}, f"Not restored: {failure}")
-        self._end(context, text)
-
-    def cancel(self, context: Any) -> None:
-        """Blender closes the window or loads another file."""
-        self._finish(context, "Stopped; start again to go on")
+    def _end(self, context: Any, text: str) -> None:
+        self._run.close()
+        for failure in self._run.job.unrestored:
+            self.report({"WARNING"}, f"Not restored: {failure}")
+        super()._end(context, text)
 
     def execute(self, context: Any) -> set[str]:
         """Without a window: all renders, one after the other, with a progress line."""
-        try:
-            with quiet_blender() as stream, job_of(context) as job:
+        with reported(self):
+            with quiet_blender() as stream, _job_of(context) as job:
                 report_findings(self, job.run_findings)
                 line = ProgressLine(stream, job.unit)
                 line.show(job.done, job.total, None)
@@ -242,56 +264,35 @@ class RADARSIM_OT_render_frames(_TimedOperator, bpy.types.Operator):
                     job.render(task)
                     job.finish(task)
                     line.show(job.done, job.total, job.seconds_left)
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        report_findings(self, job.frame_findings, job.frames)
-        self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
-        return {"FINISHED"}
+            report_findings(self, job.frame_findings, job.frames)
+            self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
-class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
+class RADARSIM_OT_process_last_run(_TimedOperator):
     """Process the run in the output folder; show range-Doppler map and range profile as images"""
 
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
-    bl_options = {"REGISTER"}
 
-    _job: ProcessingJob | None = None
+    _job: ProcessingJob
 
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
+    def _start(self, context: Any) -> list[Finding]:
+        self._job = ProcessingJob(output_folder(active_radar(context.scene)))
+        return []
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
-        try:
-            self._job = ProcessingJob(output_folder(active_radar(context.scene)))
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return self._begin(context, [])
+    def _tick(self) -> bool:
+        return self._job.step()
 
-    def modal(self, context: Any, event: Any) -> set[str]:
-        assert self._job is not None
-        if event.type == "ESC" and event.value == "PRESS":
-            self._end(context, "Processing stopped")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return pass_harmless(event)
-        try:
-            ended = self._job.step()
-        except RadarSimError as error:
-            self._end(context, f"Failed: {error}")
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except BaseException:
-            self._end(context, "Failed")
-            raise
-        if not ended:
-            self._show(context, self._job.fraction, self._job.text)
-            return {"PASS_THROUGH"}
+    def _state(self) -> tuple[float, str]:
+        return self._job.fraction, self._job.text
+
+    def _escape(self, context: Any) -> set[str]:
+        self._end(context, "Processing stopped")
+        return {"CANCELLED"}
+
+    def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
         show_images(context, self._job.images)
@@ -299,24 +300,17 @@ class RADARSIM_OT_process_last_run(_TimedOperator, bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Without a window: at once."""
-        try:
-            self._job = ProcessingJob(output_folder(active_radar(context.scene)))
+        with reported(self):
+            self._start(context)
             while not self._job.step():
                 pass
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._report_end()
-        return {"FINISHED"}
+            self._report_end()
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
     def _report_end(self) -> None:
-        assert self._job is not None
         report_findings(self, self._job.findings, self._job.frames)
         self.report({"INFO"}, self._job.text)
-
-    def cancel(self, context: Any) -> None:
-        """Blender closes the window or loads another file."""
-        self._end(context, "Processing stopped")
 
 
 class RADARSIM_OT_open_output(bpy.types.Operator):
@@ -326,26 +320,17 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
     bl_label = "Open Output Folder"
 
     def execute(self, context: Any) -> set[str]:
-        try:
+        with reported(self):
             folder = output_folder(active_radar(context.scene))
-        except RadarSimError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        if not folder.is_dir():
-            self.report({"ERROR"}, f"{folder} does not exist yet. Render radar frames first.")
-            return {"CANCELLED"}
-        bpy.ops.wm.path_open(filepath=str(folder))
-        return {"FINISHED"}
+            if not folder.is_dir():
+                raise OutputError(f"{folder} does not exist yet. Render radar frames first.")
+            bpy.ops.wm.path_open(filepath=str(folder))
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
-def job_of(context: Any) -> MeasurementJob:
-    """The job that a scene's settings ask for.
-
-    Raises
-    ------
-    ConfigError, OutputError
-        The settings do not fit together, or name no output folder.
-    """
+def _job_of(context: Any) -> MeasurementJob:
+    """The job that a scene's settings ask for; a `RadarSimError` where they do not fit together."""
     radar = active_radar(context.scene)
     return make_job(
         context.scene,
@@ -356,14 +341,7 @@ def job_of(context: Any) -> MeasurementJob:
     )
 
 
-def pass_harmless(event: Any) -> set[str]:
-    """Let looking around through; keep what could change the scene from it."""
-    if event.type.startswith(_HARMLESS_EVENTS):
-        return {"PASS_THROUGH"}
-    return {"RUNNING_MODAL"}
-
-
-def redraw_panels(context: Any) -> None:
+def _redraw_panels(context: Any) -> None:
     """Draw the sidebars again; Blender does not do so by itself for our numbers."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:

@@ -16,7 +16,6 @@ from ..plan import (
     automatic_rings,
     check_unit_scale,
     config_findings,
-    derive,
     shortest_decimal,
 )
 from ..rig_settings import (
@@ -38,28 +37,14 @@ from ..scene import (
     radars,
     scene_extent,
 )
-from .fields import active_group, draw_fields, wrapped
+from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
 from .shown_findings import draw_findings, read_findings
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
 _DRAWN_INSTANCES = 2000
 
 
-class _RadarPanel:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Radar"
-
-
-class _OfRadar(_RadarPanel):
-    """A panel about the active radar."""
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return active_group(context.scene) is not None
-
-
-class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
+class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
     bl_label = "Rig"
     bl_idname = "RADARSIM_PT_rig"
 
@@ -84,7 +69,7 @@ class RADARSIM_PT_rig(_RadarPanel, bpy.types.Panel):
         layout.prop(rig.emitter.data, "energy", text=text)
 
 
-class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
+class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
     bl_label = "Material"
     bl_idname = "RADARSIM_PT_material"
 
@@ -116,7 +101,7 @@ class RADARSIM_PT_material(_RadarPanel, bpy.types.Panel):
                 column.label(text="0: one Blender unit")
 
 
-class RADARSIM_PT_waveform(_OfRadar, bpy.types.Panel):
+class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Waveform"
     bl_idname = "RADARSIM_PT_waveform"
 
@@ -134,16 +119,16 @@ class RADARSIM_PT_waveform(_OfRadar, bpy.types.Panel):
         measurement = _measurement(context, layout)
         if measurement is None:
             return
-        numbers = derive(measurement, max(measurement.rings, 1))
+        radar = measurement.radar
         box = layout.box().column(align=True)
-        box.label(text=f"Range resolution: {numbers.range_resolution_m:.4g} m")
-        box.label(text=f"Unambiguous range: {length_text(numbers.unambiguous_range_m)}")
-        box.label(text=f"Max. velocity: {numbers.max_unambiguous_velocity_mps:.4g} m/s")
-        box.label(text=f"Velocity resolution: {numbers.velocity_resolution_mps:.4g} m/s")
-        box.label(text=f"Burst: {numbers.burst_s * 1e3:.4g} ms")
+        box.label(text=f"Range resolution: {radar.waveform.range_resolution_m:.4g} m")
+        box.label(text=f"Unambiguous range: {length_text(radar.unambiguous_range_m)}")
+        box.label(text=f"Max. velocity: {radar.max_unambiguous_velocity_mps:.4g} m/s")
+        box.label(text=f"Velocity resolution: {radar.velocity_resolution_mps:.4g} m/s")
+        box.label(text=f"Burst: {radar.burst.pulses / radar.burst.prf_hz * 1e3:.4g} ms")
 
 
-class RADARSIM_PT_rings(_OfRadar, bpy.types.Panel):
+class RADARSIM_PT_rings(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Sampling"
     bl_idname = "RADARSIM_PT_rings"
 
@@ -166,7 +151,7 @@ _SAMPLING = {
 }  # fmt: skip
 
 
-class RADARSIM_PT_render(_OfRadar, bpy.types.Panel):
+class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Render"
     bl_idname = "RADARSIM_PT_render"
 
@@ -185,7 +170,7 @@ class RADARSIM_PT_render(_OfRadar, bpy.types.Panel):
         _draw_progress(context, layout, shown)
 
 
-class RADARSIM_PT_results(_RadarPanel, bpy.types.Panel):
+class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
     bl_label = "Results"
     bl_idname = "RADARSIM_PT_results"
 
@@ -212,10 +197,9 @@ def _draw_plan(context: Any, layout: Any) -> list[Finding]:
     if not rings:
         layout.label(text=f"{measurement.renders(1)} renders for each ring")
         return []
-    numbers = derive(measurement, rings)
     box = layout.box().column(align=True)
-    box.label(text=f"{numbers.renders} renders")
-    box.label(text=f"{rings} rings to {length_text(numbers.covered_range_m)}")
+    box.label(text=f"{measurement.renders(rings)} renders")
+    box.label(text=f"{rings} rings to {length_text(rings * measurement.ring_step_m)}")
     if farthest_m is not None:
         box.label(text=f"Scene reaches {length_text(farthest_m)}")
     return _draw_findings(context, layout, measurement, rings, farthest_m)

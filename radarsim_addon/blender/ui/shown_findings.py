@@ -1,16 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Findings in Blender's window: in panels, and as reports of operators."""
+"""Findings and errors in Blender's window: in panels, and as reports of operators."""
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from ...errors import RadarSimError
 from ...findings import Finding, finding_lines, from_json, merge, to_json
 from .fields import wrapped
 
 _ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERROR is a triangle
+
+
+@contextlib.contextmanager
+def reported(operator: Any) -> Iterator[None]:
+    """Turn a named error into the operator's report; the operator returns CANCELLED then."""
+    try:
+        yield
+    except RadarSimError as error:
+        operator.report({"ERROR"}, str(error))
 
 
 def report_findings(operator: Any, findings: list[Finding], frames: Sequence[int] = ()) -> None:

@@ -26,15 +26,15 @@ class PixelRays:
     Attributes
     ----------
     origin_m
-        Where the rays start, world space [m]; (3,) or, orthographic, (h, w, 3).
+        Start of the rays, world space [m]; (3,) or, orthographic, (h, w, 3).
     direction
         Unit vectors, world space; (h, w, 3).
     near_cosine
         Cosine between each ray and the normal of the near clip surface, a plane across the
         boresight or, equirectangular, a sphere; (h, w).
     solid_angle_sr
-        Solid angle of each pixel [sr]; (h, w). For an orthographic camera, whose pixels see an
-        area instead, the area divided by 1 m^2: multiply by (1 m / r)^2 to compare.
+        Solid angle of each pixel [sr]; (h, w). Orthographic: the area over 1 m^2; multiply by
+        (1 m / r)^2 to compare.
     """
 
     origin_m: Real
@@ -44,10 +44,9 @@ class PixelRays:
 
 
 def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
-    """Camera coordinates u (w,) and v (h,) of the pixel centres.
+    """Camera coordinates u (w,) and v (h,), falling with the row, of the pixel centres.
 
-    Tangents (perspective), metres (orthographic) or longitude and latitude in radians
-    (equirectangular); v falls with the row.
+    Tangents (perspective), metres (orthographic) or longitude and latitude in radians.
     """
     u = receiver.left + (np.arange(width_px) + 0.5) * ((receiver.right - receiver.left) / width_px)
     v = receiver.top - (np.arange(height_px) + 0.5) * ((receiver.top - receiver.bottom) / height_px)
@@ -55,12 +54,10 @@ def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tu
 
 
 def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> Real:
-    """Solid angle of every pixel (h, w), so that they add up to that of the frame.
+    """Solid angle of every pixel (h, w); orthographic: the area [m^2].
 
-    Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv over the pixel by 3 x 3 point
-    Gauss-Legendre, exact to 1e-9 for pixels up to two degrees wide, and without the cancellation of
-    the closed form with arctangents, which loses all digits for pixels of a microradian.
-    Equirectangular, exact: 2 sin(dlat/2) cos(lat) dlon. Orthographic: the area [m^2].
+    Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv by 3 x 3 point Gauss-Legendre, exact to
+    1e-9 for pixels up to two degrees wide; the closed form cancels for pixels of a microradian.
     """
     u, v = pixel_centres(receiver, width_px, height_px)
     du = abs(receiver.right - receiver.left) / width_px
@@ -96,11 +93,6 @@ def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     -------
     PixelRays
         Of all pixels, (height, width).
-
-    Raises
-    ------
-    SchemaError
-        The camera is of a kind that this version does not know.
     """
     u, v = pixel_centres(receiver, width_px, height_px)
     uu, vv = np.broadcast_arrays(u[None, :], v[:, None])

@@ -58,7 +58,7 @@ class FrameInput:
     Attributes
     ----------
     frame
-        Which frame of which run, with the run's header.
+        Frame of a run, with the run's header.
     radar
         Waveform and burst.
     link_budget
@@ -66,9 +66,9 @@ class FrameInput:
     range_limits_m
         One-way ranges (start, stop) that are recorded [m].
     receiver, transmitter
-        The antennas at the frame's time.
+        Antennas at the frame's time.
     ground_truth
-        Where the objects are; None where the run holds no such record.
+        Places of the objects; None where the run holds no such record.
     tables
         Sampling mode "paths": one for each visibility update of the burst. "rings": none.
     images
@@ -125,12 +125,8 @@ def open_frame(
     ----------
     frame
         A radar frame of a run; of a later render of its burst, that render alone.
-    radar
-        Waveform and burst; None: those of the run.
-    link_budget
-        None: that of the run, if it has one.
-    range_limits_m
-        One-way ranges (start, stop) [m]; None: those of the run.
+    radar, link_budget, range_limits_m
+        Waveform and burst, link budget, one-way ranges (start, stop) [m]; None: those of the run.
 
     Returns
     -------
@@ -176,12 +172,7 @@ def as_input(frame: RadarFrame | FrameInput) -> FrameInput:
     Returns
     -------
     FrameInput
-        With the run's own radar, link budget and range limits where it was not opened before.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        As :func:`open_frame`.
+        As :func:`open_frame` gives it.
     """
     return frame if isinstance(frame, FrameInput) else open_frame(frame)
 

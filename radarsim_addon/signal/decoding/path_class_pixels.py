@@ -18,7 +18,8 @@ _TINY = float(np.finfo(np.float32).tiny)
 #: Error of a length over a position, in roundings of the larger of its distances from the world's
 #: origin and from the receiver: 1 to 1.8 at 20 degrees of incidence, 1.6 to 2.6 at 60 degrees.
 _POSITION_ROUNDINGS = 2.0
-#: |G B/R^2 - 1| above which a gated pixel still holds several paths; float32 noise is below 4e-6.
+#: |G B/R^2 - 1| above which a pixel holds several paths. float32 noise is below 4e-6; 1e-5 is a
+#: spread of ranges (rms, one-way) of 0.16 % of the range encoding length.
 MIXED_TOLERANCE = 1e-5
 #: Standard deviations within which range encoding and geometry are taken to tell the same length.
 _AGREES_WITHIN = 20.0
@@ -130,30 +131,11 @@ def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
 def first_vertex_order_2(
     receiver_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
-    """Compute the first vertex of paths with two reflections, in closed form.
+    """Compute the first vertex of paths with two reflections, (n, 3), and its conditioning, (n,).
 
-    Parameters
-    ----------
-    receiver_m, direction
-        Where the rays start, and where they go (unit vectors), (n, 3) each.
-    last_scatterer_m
-        Second vertex, (n, 3).
-    transmitter_m
-        (3,).
-    length_m
-        Total lengths, (n,).
-
-    Returns
-    -------
-    first_scatterer_m
-        (n, 3).
-    conditioning
-        The denominator over 2 s, (n,): the result is poor where it is small.
-
-    Notes
-    -----
     |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives
-    r = (s^2 - |P2 - C|^2) / (2 (s - d . (P2 - C))), s = L - |P2 - T|.
+    r = (s^2 - |P2 - C|^2) / (2 (s - d . (P2 - C))), s = L - |P2 - T|. The conditioning is the
+    denominator over 2 s: the result is poor where it is small.
     """
     to_last = last_scatterer_m - receiver_m
     s = length_m - np.linalg.norm(last_scatterer_m - transmitter_m, axis=-1)
@@ -169,11 +151,6 @@ def assemble_rows(
 ) -> PathRows:
     """Make the rows of one path class.
 
-    Lengths come from vertex positions in float64 where the whole path is known and agrees with the
-    range encoding (order 1 seen directly: the Position pass lies on the surface to float32 of the
-    *object's* distance from the origin, so its range stays exact at long stand-off), else from the
-    encoding.
-
     Parameters
     ----------
     pixels
@@ -187,6 +164,13 @@ def assemble_rows(
     -------
     ndarray
         (n,), of `PATH_DTYPE`.
+
+    Notes
+    -----
+    Lengths come from vertex positions in float64 where the whole path is known and agrees with the
+    range encoding (order 1 seen directly: the Position pass lies on the surface to float32 of the
+    *object's* distance from the origin, so its range stays exact at long stand-off), else from the
+    encoding.
     """
     rays = shared.rays
     direction = rays.direction[index]

@@ -25,25 +25,19 @@ from ..paths import (
 )
 from ..runs import RadarFrame
 from .frame_input import FrameInput, as_input
+from .path_class_pixels import MIXED_TOLERANCE
 from .ring_pixels import Decoded
 from .ring_reader import RingReader
 from .shell_geometry import ring_geometry
 from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
-
-#: |G B/R^2 - 1| above which a pixel counts as mixed. float32 noise stays below 2e-6; 1e-5 is a
-#: spread of ranges (rms, one-way) of 0.16 % of the range encoding length.
-MIXED_TOLERANCE = 1e-5
 
 
 def iter_path_chunks(
     frame: RadarFrame | FrameInput,
     *,
     max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
-    mixed_tolerance: float = MIXED_TOLERANCE,
 ) -> Iterator[Paths]:
     """Yield the paths of one radar frame, ring by ring or part by part of its table.
-
-    At most three rings are in memory at a time.
 
     Parameters
     ----------
@@ -53,13 +47,11 @@ def iter_path_chunks(
         taken, or that of `RadarFrame.of_burst`.
     max_range_rate_mps
         Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
-    mixed_tolerance
-        |G B/R^2 - 1| above which a pixel is flagged as mixed.
 
     Yields
     ------
     Paths
-        Those of a ring, or of some rows of the table.
+        Those of a ring (at most three rings are in memory), or of some rows of the table.
 
     Raises
     ------
@@ -91,7 +83,7 @@ def iter_path_chunks(
             rate = np.zeros(first.mask.shape)
             flags = np.full(first.mask.shape, PathFlag.SINGLE_SNAPSHOT, dtype=np.uint16)
         reader.drop_before(ring)
-        paths = _ring_paths(ring, first, rate, flags, mixed_tolerance)
+        paths = _ring_paths(ring, first, rate, flags)
         single = frame.max_bounces == 0
         geometry = ring_geometry(first, paths.row, paths.col, *reader.antennas, single)
         yield dataclasses.replace(paths, geometry=geometry)
@@ -139,37 +131,28 @@ def table_paths(
 
 
 def frame_paths(
-    frame: RadarFrame | FrameInput,
-    *,
-    max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
-    mixed_tolerance: float = MIXED_TOLERANCE,
+    frame: RadarFrame | FrameInput, *, max_range_rate_mps: float = MAX_RANGE_RATE_MPS
 ) -> Paths:
     """Return all paths of one radar frame in one table.
 
     Parameters
     ----------
-    frame, max_range_rate_mps, mixed_tolerance
+    frame, max_range_rate_mps
         As for :func:`iter_path_chunks`.
 
     Returns
     -------
     Paths
-        All paths, ring by ring or in the order of the table.
+        Ring by ring or in the order of the table.
     """
-    return Paths.join(
-        iter_path_chunks(
-            frame, max_range_rate_mps=max_range_rate_mps, mixed_tolerance=mixed_tolerance
-        )
-    )
+    return Paths.join(iter_path_chunks(frame, max_range_rate_mps=max_range_rate_mps))
 
 
-def _ring_paths(
-    ring: int, decoded: Decoded, rate_mps: Real, flags: Flags, mixed_tolerance: float
-) -> Paths:
+def _ring_paths(ring: int, decoded: Decoded, rate_mps: Real, flags: Flags) -> Paths:
     row, col = np.nonzero(decoded.mask)
     here = flags[row, col]
     # NaN (undefined) compares false: it is not counted as mixed
-    here[np.abs(decoded.mixing[row, col] - 1) > mixed_tolerance] |= PathFlag.MIXED
+    here[np.abs(decoded.mixing[row, col] - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
     return Paths(
         radiance=decoded.radiance[row, col],
         solid_angle_sr=decoded.solid_angle_sr[row, col],

@@ -35,10 +35,8 @@ class PixelGrid:
 
     Attributes
     ----------
-    u
-        Tangent to the right at pixel centres, (width,).
-    v
-        Tangent upwards at pixel centres, (height,); falls with the row, row 0 is on top.
+    u, v
+        Tangents to the right, (width,), and upwards, (height,), at pixel centres; row 0 is on top.
     solid_angle_sr
         Solid angle of each pixel, (height, width) [sr].
     """

@@ -10,13 +10,7 @@ from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
 
 
 class RingReader:
-    """Decodes renders on demand and keeps those of neighbouring rings.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        As :meth:`.frames.RadarFrame.image`; SchemaError also where the snapshots' times do not fit.
-    """
+    """Decodes renders on demand and keeps those of neighbouring rings."""
 
     def __init__(self, frame_input: FrameInput) -> None:
         self._frame, self._images = frame_input.frame, frame_input.images

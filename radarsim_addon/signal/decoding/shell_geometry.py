@@ -49,18 +49,9 @@ def ring_geometry(
     transmitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
-    """Geometry of some pixels of a ring.
+    """Geometry of some pixels (row, col) of a ring, with poses at t.
 
-    Parameters
-    ----------
-    decoded
-        The ring.
-    row, col
-        Pixels, (n,).
-    receiver, transmitter
-        Poses at t.
-    single
-        Whether every path has one reflection. Else vertices and orders are unknown (NaN and 0).
+    `single`: every path has one reflection. Else vertices and orders are unknown (NaN and 0).
     """
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)

@@ -78,7 +78,7 @@ class CfarResult:
     threshold
         Power above which a cell is a detection, (Doppler, ranges).
     noise
-        Mean power of the surroundings, estimated from the training cells, (Doppler, ranges).
+        Mean power of the surroundings, from the training cells, (Doppler, ranges).
     cells
         Training cells in the middle of the map, and the equivalent number of independent ones.
     """

@@ -165,12 +165,7 @@ def covariance(mask: Mask, doppler: Complex, range_: Complex) -> Complex:
 def equivalent_cells(mask: Mask, doppler: Real, range_: Real) -> float:
     """Return the number of independent cells with a mean as exact as of these training cells.
 
-    Parameters
-    ----------
-    mask
-        Training cells of one cell, (Doppler, range).
-    doppler, range_
-        |rho|^2 at lags of 0, 1 ... cells.
+    From their mask (Doppler, range) and |rho|^2 at lags of 0, 1 ... cells.
     """
     shape = tuple(2 * n for n in mask.shape)
     pairs = np.fft.irfft2(np.abs(np.fft.rfft2(mask, shape)) ** 2, shape)
@@ -183,28 +178,10 @@ def equivalent_cells(mask: Mask, doppler: Real, range_: Real) -> float:
 
 
 class Calibration:
-    """Factors on the statistic of a ring of training cells.
+    """Factors on the statistic of a ring of training cells: `mask` (Doppler, range) of one cell.
 
-    Parameters
-    ----------
-    mask
-        Training cells of one cell in the middle of the map, (Doppler, range).
-    correlation
-        From `noise_correlation`.
-    pfa
-        False alarms per cell.
-    rank
-        Rank of the ordered statistic, k / cells; None: cell averaging.
-
-    Attributes
-    ----------
-    mean
-        Mean of the statistic for cells of mean power 1.
-    independent
-        Equivalent number of independent training cells.
-
-    Notes
-    -----
+    `rank` is k / cells of the ordered statistic; None: cell averaging. `mean` is the mean of the
+    statistic for cells of mean power 1, `independent` the equivalent number of independent cells.
     Towards the range limits the ring is cut, down to half of it: the equivalent number of cells is
     interpolated between the two.
     """

@@ -192,19 +192,17 @@ def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar
 
 
 def target_count(count: int, left_out: int) -> str:
-    """Return the number of targets, and of all if there were more, as text.
+    """Return a number of targets as text, such as "256 strongest of 300 targets".
 
     Parameters
     ----------
-    count
-        Number of targets.
-    left_out
-        Number of further peaks.
+    count, left_out
+        Number of targets, and of further peaks.
 
     Returns
     -------
     str
-        Such as "256 strongest of 300 targets".
+        The text.
     """
     if left_out:
         return f"{count} strongest of {count + left_out} targets"

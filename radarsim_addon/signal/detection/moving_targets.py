@@ -71,17 +71,7 @@ class _Target:
 
 @dataclass(frozen=True)
 class _Fit:
-    """A response fitted to a patch of the map.
-
-    Attributes
-    ----------
-    response
-        The response.
-    own
-        Its values in the patch.
-    amplitude, fraction
-        See :func:`.maps.single_echo.fit_point`.
-    """
+    """A response fitted to a patch of the map, its values there; see :func:`.maps.fit_point`."""
 
     response: PointResponse
     own: Complex
@@ -89,7 +79,7 @@ class _Fit:
     fraction: float
 
 
-def heard_window_m(echoes: Echoes) -> tuple[float, float]:
+def _heard_window_m(echoes: Echoes) -> tuple[float, float]:
     """Return the ranges with echoes in the samples, complete or in part [m].
 
     All of them for sampled frequencies; for pulses a pulse's length more than the range limits.
@@ -107,10 +97,8 @@ def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Rec
 
     Parameters
     ----------
-    echoes
-        Samples of the map.
-    rd_map
-        Range-Doppler map.
+    echoes, rd_map
+        Samples and range-Doppler map.
     mti
         Pulses of the canceller of the map, 0 for none.
 
@@ -119,7 +107,7 @@ def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Rec
     Recording
         The extended map with the samples.
     """
-    return Recording.over(echoes, heard_window_m(echoes), rd_map, mti)
+    return Recording.over(echoes, _heard_window_m(echoes), rd_map, mti)
 
 
 def find_moving_targets(

@@ -36,22 +36,10 @@ from ..scattering import Link
 class ObjectEcho:
     """Echo of an object, or of a group of objects.
 
-    Attributes
-    ----------
-    name
-        Name of the object or group.
-    paths
-        Number of rows of the table, all replicates together.
-    power_w, power_error_w
-        Received power and its standard error [W], see :mod:`.paths.replicates`.
-    rcs_m2, rcs_error_m2
-        Radar cross section and its standard error [m^2].
-    range_m
-        One-way range, mean weighted by power [m].
-    multi_object_power_w
-        Power of paths that also touch other objects (first or last vertex); not in `power_w` [W].
-    range_rate_mps
-        Rate of the one-way range at t, mean weighted by power, receding positive [m/s].
+    Powers in W, cross sections in m^2, each with its standard error; range and rate of the one-way
+    range at t are means weighted by power. `paths` counts rows of the table, all replicates
+    together. `multi_object_power_w` is that of paths that also touch other objects (first or last
+    vertex); it is not in `power_w`.
     """
 
     name: str

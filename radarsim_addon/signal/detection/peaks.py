@@ -94,13 +94,8 @@ def find_peaks(
     Returns
     -------
     list of Peak
-        Strongest first.
-
-    Notes
-    -----
-    The interpolation is trigonometric, so exact for one path away from the range limits:
-    along Doppler from the pulses themselves, along range from the band-limited response.
-    From two rows off 0 Hz on, the fit includes a stationary echo at the same range.
+        Strongest first, interpolated trigonometrically: exact for one path away from the range
+        limits. From two rows off 0 Hz on, the fit includes a stationary echo at the same range.
     """
     power = rd_map.plane_power
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
@@ -296,8 +291,8 @@ def leading_edges(
     separation_m
         No second peak within this distance of a stronger one [m]; None: 20 range resolutions.
     by
-        "power" takes the highest peaks; "prominence" those highest, in decibels, over
-        the saddle to any higher one: faint far objects before near clutter.
+        "power" takes the highest peaks; "prominence" those highest, in decibels, over the saddle to
+        any higher one: faint far objects before near clutter.
     range_m
         Search these one-way ranges only (start, stop) [m]; None: all.
     min_prominence_db

@@ -28,10 +28,7 @@ _CANCELLED = 1e-20
 
 
 def compression_loss_db(radar: Radar, range_taper: str, doppler_taper: str) -> float:
-    """Return the SNR loss of range and Doppler taper against the matched filter [dB], 0 or more.
-
-    It follows from the noise gains, see :mod:`.maps.noise_floor`.
-    """
+    """Return the SNR loss of range and Doppler taper against the matched filter [dB], 0 or more."""
     gain = map_noise_gain(radar, range_taper, doppler_taper)
     ideal = 1 / (coherent_samples(radar) * radar.burst.pulses)
     return max(10 * math.log10(gain / ideal), 0.0)
@@ -42,18 +39,16 @@ def predicted_snr(
 ) -> SnrPrediction:
     """Predict the SNR of a point target in the map; see `predict_snr`.
 
-    The energy of the pulse is that of the samples that carry its echo.
-
     Parameters
     ----------
     power_w
         Received power [W].
     radar
-        Waveform and burst.
+        Waveform and burst; the pulse's energy is that of the samples that carry its echo.
     system
         Link budget at the wavelength.
     range_taper, doppler_taper
-        Range taper and Doppler taper by name.
+        Names of the tapers.
 
     Returns
     -------
@@ -188,18 +183,11 @@ class FrameBudget:
         range_limits_m: tuple[float, float] | None = None,
         mti: int = 0,
     ) -> BudgetReport:
-        """Objects, noise and predictions, after all paths were seen.
+        """Return objects, noise and predictions, after all paths were seen.
 
-        Parameters
-        ----------
-        received_w
-            Sum of the paths' powers [W].
-        range_taper, doppler_taper
-            Over band and pulses, for the predicted SNR.
-        range_limits_m
-            One-way ranges of the map (start, stop); None: all [m].
-        mti
-            Pulses of the canceller before the map; 0: none.
+        `received_w` is the sum of the paths' powers, the tapers are those of the predicted SNR,
+        `range_limits_m` the one-way ranges of the map (None: all), `mti` the pulses of the
+        canceller before it (0: none).
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
@@ -246,8 +234,8 @@ def projection_findings(frame_input: FrameInput) -> list[Finding]:
 
     Returns
     -------
-    list of str
-        Warnings in complete sentences.
+    list of Finding
+        Empty where there is nothing to report.
     """
     if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []

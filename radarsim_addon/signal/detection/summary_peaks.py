@@ -55,12 +55,7 @@ def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[
 
 
 def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
-    """Find leading edges, without the paired echoes of stronger ones.
-
-    A chirp of low time-bandwidth product has such echoes up to its own length away, some 38 dB
-    down with any taper (the Fresnel ripple of its spectrum). For waveforms that sample
-    frequencies, and for phase codes, sidelobes of stronger peaks are excluded too. Levels more than
-    `PROFILE_DYNAMICS_DB` below the strongest are rounding.
+    """Find leading edges, without sidelobes and paired echoes of stronger ones.
 
     Parameters
     ----------
@@ -71,6 +66,13 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
     -------
     list of LeadingEdge
         At most five, by falling prominence.
+
+    Notes
+    -----
+    A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
+    down with any taper (the Fresnel ripple of its spectrum). Sidelobes are excluded for waveforms
+    that sample frequencies, and for phase codes. Levels more than `PROFILE_DYNAMICS_DB` below the
+    strongest are rounding.
     """
     reach_m = _paired_reach_m(profile.radar)
     least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)

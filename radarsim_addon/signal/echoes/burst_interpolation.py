@@ -24,15 +24,7 @@ from .echoes import Echoes
 
 
 def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
-    """Weights of renders at pulses, (renders, pulses); each column adds up to 1.
-
-    Parameters
-    ----------
-    slow_time_s
-        Times of the pulses (or rows of samples) [s].
-    shown_s
-        When the renders show the scene, ascending [s].
-    """
+    """Weights of renders that show the scene at `shown_s`, (renders, pulses); columns sum to 1."""
     nodes = np.asarray(shown_s, dtype=np.float64)
     if nodes.size == 1:
         return np.ones((1, slow_time_s.size))
@@ -74,8 +66,7 @@ def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Ec
     Parameters
     ----------
     parts
-        Echoes of at least one render, each synthesised for all pulses. One of them is in memory at
-        a time if they come from a generator.
+        Echoes of each render for all pulses; from a generator, one at a time is in memory.
     shown_s
         When each render shows the scene, ascending [s].
 

@@ -19,18 +19,8 @@ from .echoes import EchoOptions
 
 @dataclass(frozen=True)
 class ChannelPaths:
-    """What makes lengths and amplitudes of paths in the channels of a radar.
-
-    Attributes
-    ----------
-    radar
-        Its channels.
-    options
-        Amplitude model and speckle.
-    link
-        Gains at every pulse; None: those that the paths have.
-    antennas
-        Motion of the antennas; None: the link's.
+    """What makes lengths and amplitudes of paths in the channels of a radar. `link`: gains at every
+    pulse, None: those that the paths have; `antennas`: their motion, None: the link's.
     """
 
     radar: Radar
@@ -49,15 +39,7 @@ class ChannelPaths:
 
 
 class ChannelSums:
-    """Adds up the spectra of paths in every channel.
-
-    Parameters
-    ----------
-    source
-        Lengths and amplitudes.
-    make
-        Makes the sum of a channel.
-    """
+    """Adds up the spectra of paths in every channel, by a sum for each from `make`."""
 
     def __init__(
         self, source: ChannelPaths, make: Callable[[Channel], SpectrumAccumulator]

@@ -41,7 +41,7 @@ class Echoes:
     amplitude_model
         See :func:`.scattering.path_amplitude`.
     outside
-        Paths (counted once a pulse, divided by pulses) that lie wholly outside the window.
+        Paths outside the window, counted once a pulse and divided by pulses.
     report
         How they were formed; None where they come from elsewhere.
     """
@@ -63,21 +63,14 @@ class Echoes:
 
     @property
     def slow_time_s(self) -> Real:
-        """Time of each pulse since the frame's time t, (pulses,) [s].
-
-        The pulses of a channel start ``channel.start_offset_s`` later.
+        """Time of each pulse since the frame's time t, (pulses,) [s]; a channel's are
+        ``channel.start_offset_s`` later.
         """
         return pulse_times_s(self.radar)
 
     @property
     def plane(self) -> Complex:
-        """Samples of the only channel, (rows, samples).
-
-        Raises
-        ------
-        ConfigError
-            There are several channels.
-        """
+        """Samples of the only channel, (rows, samples), see `only_channel`."""
         return only_channel(self.samples)
 
     def channel(self, number: int) -> Echoes:
@@ -102,7 +95,7 @@ def only_channel(values: Values) -> Values:
     Raises
     ------
     ConfigError
-        The first axis has several channels.
+        There are several channels.
     """
     if values.shape[0] != 1:
         raise ConfigError(
@@ -113,14 +106,14 @@ def only_channel(values: Values) -> Values:
 
 
 def one_channel(radar: Radar, number: int) -> Radar:
-    """Return the radar with one of its channels, counted from 0.
+    """Return the radar with one of its channels.
 
     Parameters
     ----------
     radar
         Radar of at least one channel.
     number
-        Channel, 0 to channels - 1.
+        Channel, from 0.
 
     Returns
     -------
@@ -194,23 +187,21 @@ class EchoOptions:
     receiver_gain
         G_r, linear.
     nufft_backend
-        "auto" (finufft where installed), "finufft", "numpy" or "direct" (sum over all frequencies
-        term by term: slow, for checks).
+        "auto" (finufft where installed), "finufft", "numpy" or "direct" (term by term, for checks).
     tolerance
-        Relative L2 error of the spectrum S(f) against the direct sum, see
-        :mod:`.spectrum.accumulator`.
+        Relative L2 error of the spectrum S(f) against the direct sum.
     slow_time_transform
         "auto", "type3", "per-pulse" or "direct", see
         :class:`.spectrum.accumulator.SpectrumAccumulator`.
     range_folding
-        Whether echoes later than the pulse interval fall into the window of a later pulse, as in
-        a radar that sends equal pulses all the time. False: they stand at their true delay.
+        Whether echoes later than the pulse interval fall into the window of a later pulse. False:
+        they stand at their true delay.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
     speckle_seed
-        Seed of a random phase for each path, see :func:`.scattering.path_phasors`: then the mean
-        coherent power is the sum of the powers. None: the plain sum, in which pixels of a smooth
-        face add up in phase, so that levels grow with the number of pixels.
+        Seed of a random phase for each path, see :func:`.scattering.path_phasors`: the mean
+        coherent power is then the sum of the powers. None: the plain sum, in which pixels of a
+        smooth face add up in phase, so that levels grow with their number.
     """
 
     amplitude_model: AmplitudeModel = "radar-equation"

@@ -15,13 +15,7 @@ from ..spectrum import FrequencyGrid, Ramp
 
 
 def line_waveform(radar: Radar) -> LineWaveform:
-    """The radar's waveform, which must be of the family "line".
-
-    Raises
-    ------
-    ConfigError
-        It is a pulse.
-    """
+    """The radar's waveform, which must be of the family "line" (`ConfigError`)."""
     waveform = radar.waveform
     if not isinstance(waveform, LineWaveform):
         raise ConfigError(f"A waveform of kind {waveform.kind!r} does not sample frequencies.")
@@ -39,7 +33,7 @@ def line_times_s(radar: Radar) -> Real:
     Returns
     -------
     ndarray
-        (rows,) [s]; one row per pulse, for PMCW one per code, `code_repeats` of them per pulse.
+        (rows,) [s]; one row per pulse, for PMCW one per code.
     """
     waveform = radar.waveform
     times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz

@@ -38,27 +38,12 @@ _JUST_BEFORE_S = 1e-30
 
 
 class StretchSynthesizer:
-    """Adds up the samples of paths that come in parts; as
+    """Adds up the samples of paths that come in parts; parameters as of
     :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
 
-    Parameters
-    ----------
-    radar
-        With a waveform of the family "line".
-    range_limits_m
-        One-way ranges that the profile will show [m]. Every echo within the waveform's own range
-        is in the samples, whatever the window.
-    options
-        See :class:`.echoes.pulse_synthesis.EchoOptions`; range folding is the waveform's own, see
-        the notes.
-    oscillators
-        Phase noise, one for each channel, see :class:`.echoes.phase_noise.LineOscillator`; None:
-        none. Not for PMCW.
-    link, antennas
-        See :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
+    Every echo within the waveform's own range is in the samples, whatever the window.
+    `oscillators`, one for each channel, put phase noise on (not for PMCW).
 
-    Notes
-    -----
     FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
     ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
     """
@@ -111,13 +96,7 @@ class StretchSynthesizer:
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths.
-
-        Raises
-        ------
-        PathDataError
-            A row has a length or an amplitude that is NaN or infinite.
-        """
+        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
         beyond = paths.range_m >= self._waveform.unambiguous_range_m
         if not self._noisy:
             self._sums.add(paths)
@@ -155,12 +134,9 @@ class StretchSynthesizer:
     def result(self) -> Echoes:
         """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
-        spectra = self._sums.results()
-        report = joined_report([spectrum.report for spectrum in spectra])
-        if not self._noisy:
-            samples = np.stack([spectrum.values for spectrum in spectra])
-        else:
-            samples = np.stack([noisy.values for noisy in self._noisy])
+        samples = self.response()
+        report = joined_report([spectrum.report for spectrum in self._sums.results()])
+        if self._noisy:
             report = joined_report([noisy.report(report, self._added) for noisy in self._noisy])
             # every path was added for two delays, but is lost only once
             report.outside = float(self._beyond) if self._filtered else 0.0

@@ -44,8 +44,7 @@ class PhaseNoise:
     offset_hz
         Offsets from the carrier, rising [Hz].
     level_dbc_hz
-        Single-sideband level L(f) at these [dBc/Hz]; between them straight over log f, beyond them
-        nothing.
+        Single-sideband level L(f) at these [dBc/Hz]; straight over log f, beyond them nothing.
     """
 
     offset_hz: tuple[float, ...]
@@ -100,17 +99,8 @@ def load_phase_noise(path: str | Path) -> PhaseNoise:
 
 
 class PhaseTrack:
-    """One realisation of the phase, band-limited, at evenly spaced times.
-
-    Parameters
-    ----------
-    noise
-        Its spectrum.
-    rate_hz, count
-        Times n / rate, n = 0 ... count-1. Fluctuations slower than the whole length and faster
-        than rate / 2 are left out.
-    seed
-        The same seed gives the same phase.
+    """One realisation of the phase at times n / rate, n = 0 ... count-1. Fluctuations slower than
+    the whole length and faster than rate / 2 are left out.
     """
 
     def __init__(self, noise: PhaseNoise, rate_hz: float, count: int, seed: int) -> None:
@@ -136,32 +126,12 @@ class PhaseTrack:
 
 
 def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex:
-    """Samples of these echoes with an oscillator that has phase noise.
+    """Samples (channels, rows, samples) of ideal pulse or PMCW echoes with an oscillator's phase
+    noise.
 
-    Parameters
-    ----------
-    echoes
-        Echoes without receiver effects.
-    noise
-        Spectrum of the phase.
-    seed
-        Of the realisation.
-
-    Returns
-    -------
-    ndarray
-        (channels, rows, samples), complex.
-
-    Notes
-    -----
-    For pulses and PMCW: the transmitted samples carry the phase, so range correlation is exact.
-    Echoes that the window cuts are treated as if they ended there. For FMCW and stepped frequency
-    see `LineOscillator`.
-
-    Raises
-    ------
-    ConfigError
-        FMCW or stepped frequency; a burst too long to hold the phase of.
+    The transmitted samples carry the phase, so range correlation is exact. Echoes that the window
+    cuts are treated as if they ended there. FMCW and stepped frequency (`ConfigError`):
+    `LineOscillator`.
     """
     waveform = echoes.radar.waveform
     if isinstance(waveform, PmcwWaveform):
@@ -237,21 +207,8 @@ def takes_phase_noise_by_path(radar: Radar) -> bool:
 
 
 class LineOscillator:
-    """Phase noise of FMCW and stepped frequency, which has to be put on path by path.
-
-    Parameters
-    ----------
-    radar
-        With such a waveform.
-    noise, seed
-        Spectrum and realisation.
-    start_offset_s
-        Start offset of the channel [s].
-
-    Attributes
-    ----------
-    step_s
-        Delays q step_s at which `factor` is formed [s]; straight between two of them.
+    """Phase noise of FMCW and stepped frequency, which is put on path by path: straight between the
+    delays q step_s at which `factor` is formed.
     """
 
     def __init__(

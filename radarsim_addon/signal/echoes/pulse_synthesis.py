@@ -29,8 +29,7 @@ _GUARD_SAMPLES = 64
 class EchoSynthesizer:
     """Adds up the echoes of paths that come in parts (ring by ring); see :func:`synthesize`.
 
-    Memory: one complex matrix (pulses, frequencies) and buffers of some 100 MB at most, whatever
-    the number of paths.
+    Memory: one complex matrix (pulses, frequencies) and some 100 MB, however many paths.
 
     Parameters
     ----------
@@ -101,13 +100,7 @@ class EchoSynthesizer:
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths.
-
-        Raises
-        ------
-        PathDataError
-            A row has a length or an amplitude that is NaN or infinite.
-        """
+        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
         self._sums.add(paths)
 
     def result(self) -> Echoes:

@@ -81,8 +81,7 @@ class ReceivedSignal:
     echoes
         The samples; real (imaginary part 0) with a real ADC.
     noise_power_w
-        Mean |noise|^2 of a complex sample, k (T_a + (F-1) T_0) fs [W]; 0 without noise. A real ADC
-        keeps half of it.
+        Mean |noise|^2 of a complex sample, k (T_a + (F-1) T_0) fs [W]; a real ADC keeps half of it.
     full_scale
         Amplitude at which I and Q clip [sqrt(W)]; None: not quantised.
     step
@@ -99,28 +98,27 @@ class ReceivedSignal:
 
     @property
     def floor_power_w(self) -> float:
-        """Mean |.|^2 of thermal noise and of the ADC's rounding together, per complex sample [W].
-
-        Rounding of a busy signal is white, step^2 / 12 each in I and Q (Bennett 1948).
-        """
+        """Mean |.|^2 of thermal noise and of the ADC's rounding, per complex sample [W]."""
         return self.noise_power_w + self.rounding_power_w
 
     @property
     def rounding_power_w(self) -> float:
-        """Mean |.|^2 of the ADC's rounding per complex sample [W]; 0 without an ADC."""
+        """Mean |.|^2 of the ADC's rounding per complex sample [W]: white, step^2 / 12 each in I and
+        Q (Bennett 1948).
+        """
         return (self.step or 0.0) ** 2 / 6
 
 
 def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> ReceivedSignal:
     """Return the samples that a receiver records of echoes.
 
-    In this order: phase noise of the oscillator (not for FMCW and stepped frequency, which take it
-    in the synthesis), thermal noise of the bandwidth fs, the one channel of a real ADC, its bits.
+    In this order: phase noise of the oscillator (FMCW and stepped frequency take it in the
+    synthesis), thermal noise of the bandwidth fs, the one channel of a real ADC, its bits.
 
     Parameters
     ----------
     echoes
-        From :func:`.echoes.pulse_synthesis.synthesize`.
+        From :func:`.echoes.synthesize`.
     receiver
         None: ideal.
 
@@ -172,24 +170,9 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
 
 
 def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:
-    """Round real values to the steps of an ADC with two's complement.
-
-    Codes run from -2^(bits-1) to 2^(bits-1) - 1, in steps of full scale / 2^(bits-1). One bit is
-    the sign alone, as half of full scale.
-
-    Parameters
-    ----------
-    values
-        Of any shape; I and Q next to one another.
-    bits
-        Sign included.
-    full_scale
-        Amplitude of code -2^(bits-1); None: as small as clips nothing.
-
-    Returns
-    -------
-    values, full_scale, clipped
-        Rounded values, the scale, and how many were outside the codes.
+    """Round values to the steps of an ADC with two's complement; also returns the scale and how
+    many were outside its codes. `full_scale`, the amplitude of code -2^(bits-1), None: clips
+    nothing. Codes end at 2^(bits-1) - 1; one bit is the sign alone, as half of full scale.
     """
     half = 2 ** (bits - 1)
     if full_scale is None:

@@ -36,10 +36,9 @@ def synthesizer_for(
     range_limits_m
         One-way ranges (start, stop) whose echoes are recorded whole [m].
     options
-        See :class:`.echoes.pulse_synthesis.EchoOptions`.
+        How echoes are formed.
     phase_noise, phase_noise_seed
-        FMCW and stepped frequency take their phase noise here, path by path; for the others it is
-        put on the samples afterwards, see :func:`.echoes.receiver.apply_receiver`.
+        For FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
     link
         Antenna gains at every pulse; None: those that the paths have.
     antennas
@@ -89,13 +88,12 @@ def synthesize(
     Parameters
     ----------
     paths
-        Paths, or several tables of them (a generator will do:
-        :func:`.paths.paths.iter_path_chunks`).
+        Paths, or several tables of them, as from :func:`.decoding.iter_path_chunks`.
     radar
         Waveform and burst.
     range_limits_m
-        One-way ranges (start, stop) whose echoes are recorded whole [m]; ``run.range_limits_m`` is
-        what the rings cover. Echoes that reach in from outside are cut at the edge, not folded.
+        One-way ranges (start, stop) whose echoes are recorded whole [m]. Echoes that reach in from
+        outside are cut at the edge, not folded.
     amplitude_model, receiver_gain, nufft_backend, tolerance, slow_time_transform, range_folding
         See :class:`.echoes.EchoOptions`.
     chunk, speckle_seed

@@ -26,12 +26,12 @@ def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
     waveform
         FMCW, stepped frequency or PMCW.
     range_taper
-        Window over the band, see :mod:`.radar.windows`; PMCW takes the spectrum of its code.
+        Range taper by name; PMCW takes the spectrum of its code.
 
     Returns
     -------
     ndarray
-        (frequencies,), in the order of the frequencies.
+        (frequencies,), in their order.
     """
     if isinstance(waveform, PmcwWaveform):
         return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
@@ -41,12 +41,8 @@ def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
 def line_range_axis(
     waveform: LineWaveform, range_limits_m: tuple[float, float], oversample: int
 ) -> Real:
-    """One-way ranges from the window's start, no further than the unambiguous range [m].
-
-    Raises
-    ------
-    ConfigError
-        The window begins beyond it.
+    """One-way ranges from the window's start to the unambiguous range at most [m]; a window that
+    begins beyond it is a `ConfigError`.
     """
     limit_m = waveform.unambiguous_range_m
     if range_limits_m[0] >= limit_m:
@@ -64,25 +60,8 @@ def line_range_axis(
 def compress_lines(
     waveform: LineWaveform, samples: Complex, range_m: Real, range_taper: str, oversample: int
 ) -> Complex:
-    """Range profiles of every pulse.
-
-    Parameters
-    ----------
-    waveform
-        Of the family "line".
-    samples
-        Raw samples, (rows, N); PMCW has `repeats` rows a pulse.
-    range_m
-        From `line_range_axis`, (ranges,) [m].
-    range_taper
-        Over the frequencies.
-    oversample
-        That of `range_m`.
-
-    Returns
-    -------
-    ndarray
-        (pulses, ranges), complex.
+    """Range profiles (pulses, ranges) at `range_m`, from `line_range_axis`, of raw samples (rows,
+    N); PMCW has `repeats` rows a pulse.
     """
     count = waveform.grid_count
     if isinstance(waveform, PmcwWaveform):
@@ -110,8 +89,7 @@ def compress_lines(
 def line_noise_gain(waveform: LineWaveform, range_taper: str) -> float:
     """Noise power in a range cell over that of a complex sample.
 
-    A real ADC holds half the noise and half the amplitude of the beat, a quarter of its power:
-    the noise of the image band stays in, and the gain is 3 dB worse.
+    A real ADC keeps half the noise and a quarter of an echo's power: the gain is 3 dB worse.
     """
     if isinstance(waveform, PmcwWaveform):
         # a correlation with N samples of power |w|^2, averaged over the repeats

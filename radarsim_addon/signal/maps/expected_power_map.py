@@ -60,8 +60,8 @@ class ExpectedPower:
     map, map_error
         Power in the range-Doppler map and its standard error, (pulses, ranges).
     gaps_from_m
-        Range from which on most rays of all replicates are further apart than range cells: there
-        single rays leave gaps that are not in the scene; infinite where there are none [m].
+        Range from which on most rays of all replicates are further apart than range cells, which
+        leaves gaps that are not in the scene; infinite where there are none [m].
     """
 
     range_m: Real
@@ -95,9 +95,9 @@ def expected_power(
     Parameters
     ----------
     frame
-        A radar frame of the sampling mode "paths". Its radar and range limits are those of the map.
+        Frame of the sampling mode "paths". Its radar and range limits are those of the map.
     range_taper, doppler_taper
-        Windows over the band and over the pulses, see :mod:`.radar.windows`.
+        Tapers by name, over the band and over the pulses.
     receiver_gain
         G_r, linear.
     cells_per_sample
@@ -145,8 +145,8 @@ def expected_power(
 class _TableSums:
     """Sorts the power of a table's rows into cells, view by view.
 
-    `finer` is the sum over all replicates with every row spread over an S-th of its pixel, `gaps`
-    is where single rays leave gaps.
+    `finer` has every row spread over an S-th of its pixel, summed over all S replicates; `gaps` is
+    where single rays leave gaps.
     """
 
     def __init__(
@@ -208,7 +208,8 @@ class _Smearing:
     ) -> None:
         self._cells = cells
         self._range = _range_response(radar, range_taper, cells.step_m, cells_per_sample)
-        self._doppler = np.abs(_doppler_response(doppler_taper, radar.burst.pulses)) ** 2
+        weight = slow_time_window(doppler_taper, radar.burst.pulses)
+        self._doppler = np.abs(np.fft.fft(weight / weight.sum())) ** 2
 
     def __call__(self, grid: Real) -> tuple[Real, Real]:
         powers = grid.reshape(self._cells.pulses, self._cells.ranges)
@@ -331,11 +332,6 @@ def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sam
     )
     response = point.power[middle - cells : middle + cells + 1]
     return np.asarray(response / response[cells])
-
-
-def _doppler_response(doppler_taper: str, pulses: int) -> NDArray[np.complex128]:
-    weight = slow_time_window(doppler_taper, pulses)
-    return np.asarray(np.fft.fft(weight / weight.sum()))
 
 
 def _smear(grid: Real, response: Real) -> Real:

@@ -53,13 +53,7 @@ class RangeProfiles:
 
     @property
     def plane(self) -> Complex:
-        """Values of the only channel, (pulses, ranges).
-
-        Raises
-        ------
-        ConfigError
-            There are several channels.
-        """
+        """Values of the only channel, (pulses, ranges), see :func:`.echoes.only_channel`."""
         return only_channel(self.values)
 
     @property
@@ -128,14 +122,14 @@ def range_process(
     echoes
         Echoes.
     range_taper
-        Window over the band, see :mod:`.radar.windows`. Hamming widens the response 1.47 times over
-        no window and lowers its sidelobes from -13.3 to -42.7 dB.
+        Window over the band, see :mod:`.radar.windows`. Hamming widens the response 1.47 times and
+        lowers its sidelobes from -13.3 to -42.7 dB.
     oversample
         Range samples per sample of the echo.
 
     Returns
     -------
-    Compressed
+    RangeProfiles
         Over ``echoes.range_limits_m``.
 
     Raises
@@ -274,9 +268,8 @@ def expected_power_profile(
 ) -> PowerProfile:
     """Return the profile of the matched filter, averaged over the speckle.
 
-    The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path: what the
-    coherent profile fluctuates about when the phases of the paths are random. Taken at t, before
-    anything moves.
+    The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path, about which
+    the coherent profile fluctuates when phases are random. Taken at t, before anything moves.
 
     Parameters
     ----------
@@ -302,8 +295,7 @@ def expected_power_profile(
 
     Notes
     -----
-    Echoes beyond the unambiguous range c / 2 PRF are folded, as by
-    :func:`.echoes.pulse_synthesis.synthesize`.
+    Echoes beyond the unambiguous range c / 2 PRF fold, as in :func:`.echoes.synthesize`.
     """
     accumulator = ProfileAccumulator(
         radar,

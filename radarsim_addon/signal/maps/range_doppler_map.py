@@ -53,7 +53,7 @@ def level_unit(amplitude_model: str) -> str:
     str
         "dBW" with "radar-equation", whose powers are watts, else "dB".
     """
-    return "dBW" if amplitude_model == "radar-equation" else "dB"
+    return power_unit(amplitude_model) or "dB"
 
 
 def power_unit(amplitude_model: str) -> str:
@@ -110,13 +110,7 @@ class RangeDopplerMap:
 
     @property
     def plane(self) -> Complex:
-        """Values of the only channel, (Doppler, ranges), for what works on one map.
-
-        Raises
-        ------
-        ConfigError
-            There are several channels.
-        """
+        """Values of the only channel, (Doppler, ranges), see :func:`.echoes.only_channel`."""
         return only_channel(self.values)
 
     @property
@@ -125,32 +119,13 @@ class RangeDopplerMap:
         return np.asarray(np.abs(self.plane) ** 2)
 
     def channel(self, number: int) -> RangeDopplerMap:
-        """Return the map of one channel.
-
-        Parameters
-        ----------
-        number
-            Counted from 0, in the order of ``radar.channels``.
-
-        Returns
-        -------
-        RangeDopplerMap
-            With values (1, Doppler, ranges).
-
-        Raises
-        ------
-        ConfigError
-            There is no such channel.
-        """
+        """Return the map of one channel, counted from 0."""
         radar = one_channel(self.radar, number)
         return dataclasses.replace(self, values=self.values[number][None], radar=radar)
 
     @property
     def velocity_mps(self) -> Real:
-        """Range rate of each row, -lambda f_D / 2, (pulses,) [m/s].
-
-        Falls as Doppler rises, receding positive.
-        """
+        """Range rate of each row, -lambda f_D / 2, receding positive, (pulses,) [m/s]."""
         return np.asarray(-self.doppler_hz * self.radar.waveform.wavelength_m / 2)
 
 

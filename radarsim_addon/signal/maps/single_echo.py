@@ -148,8 +148,8 @@ def point_response(
 def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     """Return the range of an echo beyond the range limits that fits a line of the map best.
 
-    If the end of the record cuts an echo to a part of its pulse, the peak is not at its range and
-    may be at a sidelobe. All ranges on that side are tried, half a sample apart.
+    An echo that the end of the record cuts need not peak at its range. All ranges on that side are
+    tried, half a sample apart.
 
     Parameters
     ----------
@@ -239,9 +239,8 @@ def _lagrange(nodes: Real, places: Real) -> Real:
 
 
 def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | None]:
-    """Return profiles (ranges,) of a stationary unit echo, and of its image in a real ADC.
-
-    Their carrier phases are removed, so that they change slowly with range.
+    """Return profiles (ranges,) of a stationary unit echo, and of its image in a real ADC, without
+    their carrier phases, so that they change slowly with range.
     """
     echoes, range_taper = recording.echoes, recording.rd_map.range_taper
     waveform = echoes.radar.waveform

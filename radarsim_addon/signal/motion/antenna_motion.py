@@ -29,12 +29,12 @@ class AntennaMotion:
 
 
 def axes_of(body: BodyMotion, times_s: Real) -> Real:
-    """Return unit vectors of a body's axes in world space as columns.
+    """Return unit vectors of an antenna's axes in world space as columns.
 
     Parameters
     ----------
     body
-        An antenna. A scale in its pose does no harm.
+        An antenna; its scale has no effect.
     times_s
         (times,) [s].
 
@@ -58,7 +58,7 @@ def places_m(body: BodyMotion, times_s: Real, offset_m: Real | None = None) -> R
     times_s
         (times,) [s].
     offset_m
-        The point from the antenna's origin in the antenna's axes, (3,) [m]; None: the origin.
+        The point in the antenna's axes, (3,) [m]; None: its origin.
 
     Returns
     -------

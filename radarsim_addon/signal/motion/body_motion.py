@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 
 
-def cross_matrix(vectors: Real) -> Real:
+def _cross_matrix(vectors: Real) -> Real:
     """Return matrices K with K x = v cross x, (..., 3, 3)."""
     matrix = np.zeros((*vectors.shape, 3))
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
@@ -40,7 +40,7 @@ def _sine_terms(angle: Real) -> tuple[Real, Real]:
 def rotation_minus_one(vectors: Real) -> Real:
     """Return exp(phi) - 1 of rotation vectors, (..., 3, 3), without cancellation (Rodrigues)."""
     first, second = _sine_terms(np.linalg.norm(vectors, axis=-1))
-    k = cross_matrix(vectors)
+    k = _cross_matrix(vectors)
     result: Real = first[..., None, None] * k + second[..., None, None] * (k @ k)
     return result
 
@@ -93,31 +93,20 @@ def left_jacobian(vectors: Real) -> Real:
     first, second = _sine_terms(angle)
     square = np.maximum(angle**2, 1e-300)
     third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
-    k = cross_matrix(vectors)
+    k = _cross_matrix(vectors)
     result: Real = np.eye(3) + second[..., None, None] * k + third[..., None, None] * (k @ k)
     return result
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Motion in start_s <= t < stop_s; x is -1 at its start and 1 at its end.
+    """Motion in start_s <= t < stop_s [s]; x is -1 at its start and 1 at its end.
 
-    Attributes
-    ----------
-    start_s, stop_s
-        Limits [s].
-    translation
-        Chebyshev coefficients of c(t), (degrees, 3) [m]; T(t) = c(t) + G(t) rotation_centre.
-    rotation_centre
-        The body's origin relative to its centre of rotation, (3,) [m]; 0 without a centre.
-    rotation
-        Coefficients k >= 1 of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad];
-        G(t) = exp(phi(t)) initial_orientation.
-    initial_orientation
-        G at start_s, (3, 3); relative to the pose at t = 0.
-    linear
-        Instead of rotation and initial_orientation: coefficients of the nine numbers of G,
-        (degrees, 9).
+    T(t) = c(t) + G(t) rotation_centre, with the Chebyshev coefficients `translation` of c,
+    (degrees, 3) [m], and the body's origin relative to its centre of rotation, (3,) [m].
+    G(t) = exp(phi(t)) initial_orientation, relative to the pose at t = 0, with the coefficients
+    k >= 1 `rotation` of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad]; or, instead of both, the
+    coefficients `linear` of the nine numbers of G, (degrees, 9).
     """
 
     start_s: float
@@ -172,7 +161,7 @@ class Segment:
                 series = np.concatenate([np.zeros((1, 3)), self.rotation])
                 grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
                 spin = left_jacobian(self.vector(at))[0] @ grows
-            turning = cross_matrix(spin) @ self.orientation(at)[0]
+            turning = _cross_matrix(spin) @ self.orientation(at)[0]
         return rate + turning @ self.rotation_centre, turning
 
 
@@ -207,18 +196,22 @@ class BodyMotion:
         """Whether the body moves."""
         return bool(self.segments)
 
-    @property
-    def _first(self) -> int:
-        """Index of the segment that contains the epoch."""
+    def _segment_at(self, times_s: Real | float) -> Indices:
+        """Return the index of the segment that contains each time."""
         starts = [segment.start_s for segment in self.segments[1:]]
-        return int(np.searchsorted(starts, self.epoch_offset_s, side="right"))
+        return np.asarray(np.searchsorted(starts, times_s, side="right"))
+
+    @property
+    def _first(self) -> Segment:
+        """The segment that contains the epoch."""
+        return self.segments[int(self._segment_at(self.epoch_offset_s))]
 
     def _origin_and_inverse(self) -> tuple[Real, Real]:
         """Return T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
-            at, segment = np.array([self.epoch_offset_s]), self.segments[self._first]
-            self._start.append(segment.origin(at)[0])
-            self._start.append(np.linalg.inv(segment.orientation(at)[0]))
+            at = np.array([self.epoch_offset_s])
+            self._start.append(self._first.origin(at)[0])
+            self._start.append(np.linalg.inv(self._first.orientation(at)[0]))
         return self._start[0], self._start[1]
 
     @property
@@ -234,8 +227,7 @@ class BodyMotion:
         if not self.segments:
             return turned, moved
         origin, inverse = self._origin_and_inverse()
-        starts = [segment.start_s for segment in self.segments[1:]]
-        which = np.searchsorted(starts, times_s, side="right")
+        which = self._segment_at(times_s)
         for number, segment in enumerate(self.segments):
             rows = np.flatnonzero(which == number)
             if not rows.size:
@@ -251,7 +243,7 @@ class BodyMotion:
         """Return d/dt at t = 0 of F (3, 3) [1/s] and of T (3,) [m/s]."""
         if not self.segments:
             return np.zeros((3, 3)), np.zeros(3)
-        moved, turned = self.segments[self._first].rates(self.epoch_offset_s)
+        moved, turned = self._first.rates(self.epoch_offset_s)
         return turned @ self._origin_and_inverse()[1], moved
 
     def displacement(self, points_m: Real, times_s: Real) -> Real:

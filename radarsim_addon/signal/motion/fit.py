@@ -180,7 +180,7 @@ def fit_body(
     unit_m
         Metres per Blender unit, in which translations were rounded.
     corners_s
-        Times at which motion may have corners (whole frames, where keyframes are) [s].
+        Times at which motion may have corners [s].
     reference
         Index of the sample at which displacements are 0.
 

@@ -35,7 +35,7 @@ _BLOCK = 1 << 19
 
 @dataclass(frozen=True)
 class KinematicMotion:
-    """Motion of rows of a path table, a `PathMotion`.
+    """Motion of n rows of a path table, a `PathMotion`.
 
     Attributes
     ----------
@@ -47,10 +47,8 @@ class KinematicMotion:
         Reflections, (n,).
     first_scatterer_m, last_scatterer_m, direction
         Vertices and the direction from the receiver, (n, 3); NaN where unknown.
-    bodies
-        Body of the first and of the last vertex, (n, 2); 0: unknown.
-    tracks
-        Their tracks, (n, 2); 0: none.
+    bodies, tracks
+        Body and track of the first and of the last vertex, (n, 2); 0: unknown, none.
     """
 
     scene: FrameMotion
@@ -223,9 +221,7 @@ class KinematicMotion:
         return moved
 
     def range_rates_mps(self) -> Real:
-        """Return the rate of the one-way range at t = 0, receding positive, (n,) [m/s].
-
-        It is 0 if unknown.
+        """Return the one-way range rates at t = 0, receding positive, (n,) [m/s]; 0 if unknown.
 
         dL/dt = sum over vertices of v . (u_in - u_out), and the antennas' own motion; u_in points
         along the path from receiver to transmitter into the vertex.
@@ -289,10 +285,8 @@ def leg_change(leg: Real, moved: Real) -> Real:
 
     Parameters
     ----------
-    leg
-        a, (n, 3) [m].
-    moved
-        d, (n, times, 3) [m].
+    leg, moved
+        a, (n, 3), and d, (n, times, 3) [m].
 
     Returns
     -------

@@ -25,16 +25,14 @@ from ...atomic_files import write_arrays
 from ...contract import (
     DEFORMING_SURFACES_FILE,
     MOTION_FILE,
-    BodyRecord,
-    MotionRecord,
-    SegmentRecord,
 )
 from ...errors import FrameFileError, SchemaError
+from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
 
 #: Largest size that the headers of a file of surface points may claim [bytes].
-MAX_TRACK_BYTES = 1 << 34
+_MAX_TRACK_BYTES = 1 << 34
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ class FrameMotion:
     span_s
         Duration of the burst [s].
     receiver, emitter
-        Motion of the receiver and of the transmitter.
+        Motion of the antennas.
     orthographic
         Whether the receiver is orthographic.
     bodies
@@ -244,26 +242,8 @@ def write_tracks(folder: Path, tracks: Tracks) -> Path:
     return path
 
 
-def read_tracks(path: Path, bodies: int) -> Tracks:
-    """Read and check a file of points on deforming surfaces.
-
-    Parameters
-    ----------
-    path
-        File to read.
-    bodies
-        Number of bodies of the frame.
-
-    Returns
-    -------
-    Tracks
-        Its points.
-
-    Raises
-    ------
-    FrameFileError
-        It is missing, damaged, too large, or its arrays do not fit one another.
-    """
+def _read_tracks(path: Path, bodies: int) -> Tracks:
+    """Read and check a file of surface points; `FrameFileError` if it is missing or damaged."""
     try:
         arrays = _plain_arrays(path)
         tracks = Tracks(
@@ -298,8 +278,8 @@ def _plain_arrays(path: Path) -> dict[str, Any]:
             if dtype.hasobject:
                 raise ValueError(f"{name} holds objects")
             claimed += int(np.prod(shape, dtype=object)) * dtype.itemsize
-    if claimed > MAX_TRACK_BYTES:
-        raise ValueError(f"{claimed} bytes; expected at most {MAX_TRACK_BYTES}")
+    if claimed > _MAX_TRACK_BYTES:
+        raise ValueError(f"{claimed} bytes; expected at most {_MAX_TRACK_BYTES}")
     with np.load(path, allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}
 
@@ -365,7 +345,7 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
                 f"expected {DEFORMING_SURFACES_FILE!r}. Render the frame again."
             )
         place = folder / DEFORMING_SURFACES_FILE
-        tracks = read_tracks(place, len(record.bodies))
+        tracks = _read_tracks(place, len(record.bodies))
         if file_sha256(place) != record.deforming_surfaces_sha256:
             raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
     at_s = record.epoch_offset_s

@@ -36,23 +36,10 @@ class PathMotion(Protocol):
         ...
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """Displacements since t = 0 of points near the first (`end` 0) or last (1) vertex.
+        """Return displacements since t = 0 of points near the first (`end` 0) or last (1) vertex.
 
-        Parameters
-        ----------
-        times_s
-            (times,) [s].
-        rows
-            Some of the paths.
-        end
-            0 for the first vertex, 1 for the last.
-        points_m
-            Points at t = 0 on the bodies of these vertices, (rows, 3) [m].
-
-        Returns
-        -------
-        ndarray
-            (rows, times, 3) [m]; 0 where the motion of the vertex is not known.
+        `points_m` are points at t = 0 on the bodies of these vertices, (rows, 3) [m]. The result,
+        (rows, times, 3) [m], is 0 where the motion of the vertex is not known.
         """
         ...
 

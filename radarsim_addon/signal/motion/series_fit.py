@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 from ...array_types import Real
 
 #: Highest degree of a series.
-MAX_DEGREE = 14
+_MAX_DEGREE = 14
 #: Terms beyond a fit from which its noise is estimated.
 _TERMS_BEYOND = 8
 
@@ -50,7 +50,7 @@ def criterion_of(squares: float, count: int, parameters: int, floor: float) -> f
 
 def degrees_for(samples: int) -> range:
     """Return the degrees to try for this number of samples."""
-    return range(min(MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
+    return range(min(_MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
 
 
 def spread_of(design: Real) -> float:
@@ -61,23 +61,10 @@ def spread_of(design: Real) -> float:
 
 
 def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor: float) -> Series:
-    """Fit a Chebyshev series of the degree with the least criterion.
+    """Fit a Chebyshev series of the degree with the least criterion to (samples, columns).
 
-    Parameters
-    ----------
-    times_s
-        Times, (samples,) [s].
-    values
-        Samples, (samples, columns); all columns get one degree.
-    start_s, stop_s
-        Times of x = -1 and 1 [s].
-    floor
-        Rounding below which nothing is fitted.
-
-    Returns
-    -------
-    Series
-        Coefficients, residual and noise.
+    All columns get one degree; x is -1 at `start_s` and 1 at `stop_s`. Nothing below the rounding
+    `floor` is fitted.
     """
     fits: list[tuple[float, Real, Real]] = []
     offset = values[0]

@@ -49,10 +49,8 @@ def map_file(result: FrameResult, folder: Path) -> MapFile:
 
     Parameters
     ----------
-    result
-        Result of a frame.
-    folder
-        Where it was written.
+    result, folder
+        Result of a frame, and where it was written.
 
     Returns
     -------
@@ -78,7 +76,7 @@ def common_scale(maps: Sequence[MapFile], unit: str = "") -> ColourScale:
     maps
         At least one.
     unit
-        Unit of the powers in decibels, such as "dBW"; "": not told.
+        Unit of the powers in decibels, such as "dBW"; "": unknown.
 
     Returns
     -------
@@ -109,8 +107,6 @@ def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path
 
     Raises
     ------
-    MissingDependencyError
-        matplotlib is not installed.
     FrameFileError
         A map is missing or damaged, or has other axes than the first one.
     """

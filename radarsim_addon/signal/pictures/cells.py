@@ -17,16 +17,10 @@ from .numbers import cell_width
 
 @dataclass(frozen=True)
 class CellAxis:
-    """An axis of a picture, in the unit of its axis.
+    """Outer edges of the joined cells of a picture's axis, in the axis' unit.
 
-    Attributes
-    ----------
-    low, high
-        Outer edges of the joined cells.
-    end
-        Outer edge of the last cell before joining: the last joined cell may extend beyond it.
-    step
-        Number of cells joined to one.
+    `end` is the outer edge of the last cell before joining: the last joined cell may extend beyond
+    it. `step` is the number of cells joined to one.
     """
 
     low: float
@@ -38,21 +32,8 @@ class CellAxis:
 def cell_axis(centres: Real, most: int, unit_size: float = 1.0, single: float = 1.0) -> CellAxis:
     """Return the axis of evenly spaced cells of which at most `most` are drawn.
 
-    Parameters
-    ----------
-    centres
-        Centres in SI units, ascending, (cells,).
-    most
-        Maximum number of drawn cells.
-    unit_size
-        SI units per unit of the picture.
-    single
-        Width of a single cell in SI units.
-
-    Returns
-    -------
-    CellAxis
-        Edges in the unit of the picture.
+    `centres` (cells,) ascend, in SI units; `unit_size` is SI units per unit of the picture,
+    `single` the width of a lone cell in SI units.
     """
     width = cell_width(centres) or single
     step = -(-centres.size // most)

@@ -34,13 +34,6 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     -------
     list of Path
         ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png`` too.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib is not installed.
-    OutputError
-        A file cannot be written.
     """
     return [
         save_figure(figure, frame_file(folder, result.frame, f"_{name}.png"))

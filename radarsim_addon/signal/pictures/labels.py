@@ -33,28 +33,11 @@ def number_points(
     back: str = "black",
     left: bool = False,
 ) -> list[Annotation]:
-    """Number points of finished axes and list their texts below the figure.
+    """Number points of finished axes, in data coordinates, and list their texts below the figure.
 
-    Parameters
-    ----------
-    figure
-        Figure to list the texts in.
-    axis
-        Axes whose limits and other contents are final.
-    points
-        Points in data coordinates, the most important first.
-    texts
-        Text of each point.
-    colour, back
-        Colours of the numbers, and of the half-transparent ground behind them.
-    left
-        Whether the first choice for a number is to the left of its point.
-
-    Returns
-    -------
-    list of Annotation
-        The numbers, from "1". A number covers neither another one nor a point nor the legend as
-        long as one of the places around its point is free.
+    Returns the numbers, from "1". A number covers neither another one nor a point nor the legend as
+    long as one of the places around its point is free; with `left` it tries the left of the point
+    first.
     """
     if not points:
         return []

@@ -54,18 +54,9 @@ _STILL_CELLS = 3.0
 
 @dataclass(frozen=True)
 class MapAxes:
-    """Cells of a picture and the units of its axes.
+    """Cells of a picture along both axes, and the units of its axes.
 
-    Attributes
-    ----------
-    doppler, ranges
-        Cells along both axes.
-    doppler_unit, range_unit, rate_unit
-        Units of the axes.
-    rate_per_hz
-        Range rate over Doppler [m].
-    pulses
-        Rows of the map.
+    `rate_per_hz` is range rate over Doppler [m], `pulses` the number of rows of the map.
     """
 
     doppler: CellAxis
@@ -78,21 +69,9 @@ class MapAxes:
 
 
 def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float = 0.0) -> MapAxes:
-    """Return the axes of a picture from the centres of a map's cells.
+    """Return the axes of a picture from the centres of a map's cells, evenly spaced [Hz] and [m].
 
-    Parameters
-    ----------
-    doppler_hz, range_m
-        Centres, evenly spaced, (pulses,) [Hz] and (ranges,) [m].
-    rate_per_hz
-        -lambda / 2 [m].
-    prf_hz
-        Width of the one cell of a single pulse; 0: draw 1 Hz.
-
-    Returns
-    -------
-    MapAxes
-        Cells and units.
+    `rate_per_hz` is -lambda / 2 [m], `prf_hz` the width of the one cell of a single pulse; 0: 1 Hz.
     """
     fastest_hz = float(np.abs(doppler_hz).max())
     hertz, length = frequency_unit(fastest_hz), range_unit(float(np.abs(range_m).max()))
@@ -111,18 +90,9 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
 class ColourScale:
     """Meaning of the colours of a map.
 
-    Attributes
-    ----------
-    reference
-        Power of 0 dB; 0: an empty map.
-    floor_db
-        Level where the colours begin [dB].
-    noise_power
-        Mean noise of a cell, marked at the colour bar; 0: unknown.
-    unit
-        Unit of the reference in decibels, such as "dBW"; "": unknown.
-    of
-        Name of the reference.
+    `reference` is the power of 0 dB (0: an empty map) and `of` its name, `floor_db` the level where
+    the colours begin, `noise_power` the mean noise of a cell (0: unknown), `unit` that of the
+    reference in decibels ("": unknown).
     """
 
     reference: float
@@ -141,20 +111,8 @@ def joined_level(power: Real, axes: MapAxes, scale: ColourScale) -> Real:
 def floor_db_of(top: float, median: float, noise_power: float = 0.0) -> float:
     """Return the level where the colours begin [dB], in steps of 5 dB.
 
-    Parameters
-    ----------
-    top
-        Power of 0 dB.
-    median
-        Median of the power of all cells.
-    noise_power
-        Mean noise of a cell; 0: unknown.
-
-    Returns
-    -------
-    float
-        With known noise `BELOW_NOISE_DB` below it. Otherwise -`SPAN_DB`, or higher if more than
-        half of the map is noise: the mean of exponential noise is its median over ln 2.
+    With known noise `BELOW_NOISE_DB` below it. Otherwise -`SPAN_DB`, or higher if more than half of
+    the map is noise: the mean of exponential noise is its median over ln 2.
     """
     floor_db, middle = -SPAN_DB, median / math.log(2)
     if top > 0 and noise_power > 0:
@@ -172,24 +130,7 @@ def picture_floor_db(power: Real, noise_power: float = 0.0) -> float:
 def draw_map(
     figure: Figure, power: Real, axes: MapAxes, scale: ColourScale
 ) -> tuple[Axes, AxesImage]:
-    """Draw a map into an empty figure.
-
-    Parameters
-    ----------
-    figure
-        Empty figure.
-    power
-        Power of the map, (Doppler, ranges).
-    axes
-        From `map_axes`.
-    scale
-        Meaning of the colours.
-
-    Returns
-    -------
-    axis, image
-        The axes and the image of the map.
-    """
+    """Draw a map (Doppler, ranges) into an empty figure; return its axes and image."""
     axis = figure.subplots()
     image = axis.imshow(
         joined_level(power, axes, scale),
@@ -219,7 +160,7 @@ def _draw_colours(figure: Figure, axis: Axes, image: AxesImage, scale: ColourSca
         return
     bar.set_label(f"power [dB re {scale.of}{reference_text(scale.reference, scale.unit)}]")
     if scale.noise_power > 0:
-        mark_noise(bar, 10 * math.log10(scale.noise_power / scale.reference))
+        _mark_noise(bar, 10 * math.log10(scale.noise_power / scale.reference))
 
 
 def _label_axes(axis: Axes, axes: MapAxes) -> None:
@@ -238,7 +179,7 @@ def _label_axes(axis: Axes, axes: MapAxes) -> None:
         scale_on_top(axis, factor, f"range rate $v$ [{axes.rate_unit.name}]")
 
 
-def mark_noise(bar: Colorbar, noise_db: float) -> None:
+def _mark_noise(bar: Colorbar, noise_db: float) -> None:
     """Draw a line at the colour bar at the mean noise."""
     bar.ax.axhline(noise_db, color="white", lw=1.2)
     bar.ax.annotate(
@@ -307,7 +248,7 @@ def plot_range_doppler(
     spots = [_place(item, axes) for item in chosen]
     for spot in spots:
         axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
-    number_points(figure, axis, spots, [label_text(item, rd_map, axes) for item in chosen])
+    number_points(figure, axis, spots, [_label_text(item, rd_map, axes) for item in chosen])
     return figure
 
 
@@ -369,7 +310,7 @@ def _hidden(
     return aligned and item.level_db < other.level_db - _SHADOW_DB
 
 
-def label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
+def _label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
     """Return range, range rate and Doppler as text, with the digits that the cells support."""
     length, rate, hertz = axes.range_unit, axes.rate_unit, axes.doppler_unit
     step_m, step_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)

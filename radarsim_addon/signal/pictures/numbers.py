@@ -19,15 +19,7 @@ _MOST_DIGITS = 12
 
 @dataclass(frozen=True)
 class Unit:
-    """Unit of an axis or a label.
-
-    Attributes
-    ----------
-    name
-        Symbol, such as "km".
-    size
-        SI units per unit.
-    """
+    """Symbol of a unit such as "km", and its size in SI units."""
 
     name: str
     size: float
@@ -84,7 +76,7 @@ def cell_width(centres: ArrayLike) -> float:
     Returns
     -------
     float
-        Distance in the unit of the centres; 0 for a single cell.
+        In the unit of the centres; 0 for a single cell.
     """
     values = np.asarray(centres, dtype=np.float64)
     return float(abs(values[1] - values[0])) if values.size > 1 else 0.0

@@ -36,22 +36,10 @@ def add_antennas_parser(commands: Subcommands) -> None:
 
 
 def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> int:
-    """Draw the antennas of a run or of a link budget file; returns the exit code.
+    """Draw the antennas of a run or of a link budget file; return the exit code.
 
-    Parameters
-    ----------
-    source
-        Folder of a run, or a link budget file.
-    out
-        Folder for the picture, made where missing; None: where the run's products are
-        (``antennas.png``, as processing names it), or next to the file, under its name.
-    carrier_ghz
-        Carrier [GHz]; None: the run's.
-
-    Raises
-    ------
-    ConfigError
-        No system, or no carrier.
+    The picture goes to `out`; None: where the run's products are (``antennas.png``, as processing
+    names it), or next to the file, under its name. A carrier of None is the run's.
     """
     path = Path(source)
     record: LinkBudget | None

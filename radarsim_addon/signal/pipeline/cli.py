@@ -19,7 +19,7 @@ from ..maps import level_unit
 from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
 from .console import detection_lines, map_digits
-from .info_command import _info
+from .info_command import print_run
 from .objects_command import add_objects_parser, print_objects
 from .process import Progress, process_run
 from .process_arguments import add_process_parser, frame_numbers, process_options
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "objects":
             return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
-        return _process(chosen) if chosen.command == "process" else _info(chosen.folder)
+        return _process(chosen) if chosen.command == "process" else print_run(chosen.folder)
     except RadarSimError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return error.exit_code

@@ -59,9 +59,6 @@ _SLOWEST_BLENDED_CELLS = 3.0
 def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameResult:
     """Process one radar frame.
 
-    Pure: it writes and prints nothing and opens nothing but what the input holds. The same input
-    and options give the same bits on any number of the synthesis' own threads.
-
     Parameters
     ----------
     frame_input
@@ -74,15 +71,11 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
     FrameResult
         Without files.
 
-    Raises
-    ------
-    RadarSimError
-        One of its named kinds, see :mod:`radarsim_addon.errors`.
-
     Notes
     -----
-    A BLAS library of several threads may round the noise of an ordered-statistic CFAR differently
-    in its last bits; echoes, profiles and maps do not depend on it.
+    Pure: it writes and prints nothing and opens nothing but what the input holds. The same input
+    and options give the same bits on any number of the synthesis' own threads. A BLAS library of
+    several threads may round the noise of an ordered-statistic CFAR differently in its last bits.
     """
     steps = frame_steps(frame_input, options)
     while True:

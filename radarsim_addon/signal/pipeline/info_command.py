@@ -13,7 +13,8 @@ from ..runs import Run, open_run
 _CODE_NOISE = 7e-8
 
 
-def _info(folder: str) -> int:
+def print_run(folder: str) -> int:
+    """Print what a run is and its first whole frame; return the exit code."""
     run = open_run(folder)
     record, radar = run.record, run.radar
     waveform, burst = radar.waveform, radar.burst

@@ -44,13 +44,7 @@ def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], lis
 def print_objects(
     folder: str, pattern: str | None, frames: Sequence[int] | None, system_file: str | None
 ) -> int:
-    """Print a line for each frame and object; returns the exit code.
-
-    Raises
-    ------
-    RadarSimError
-        No such run, frame or object; a run of rings.
-    """
+    """Print a line for each frame and object; return the exit code."""
     run = open_run(folder)
     link_budget = None if system_file is None else read_system(system_file)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())

@@ -9,14 +9,14 @@ from ...option_arguments import add_arguments, given
 from ...options import declared
 from ..detection import Cfar
 from ..echoes import Receiver
-from ..radar import Burst, load_radar
+from ..radar import load_radar
 from ..runs import open_run
 from .console import Subcommands
 from .options import ProcessOptions
 
 
 def frame_numbers(text: str) -> list[int]:
-    """ "3", "1:10" or "1:10,15" as a list of frames, ends included."""
+    """Return "3", "1:10" or "1:10,15" as a list of frames, ends included."""
     numbers: list[int] = []
     for part in text.split(","):
         ends = [int(end) for end in part.split(":")]
@@ -65,16 +65,11 @@ def add_process_parser(commands: Subcommands) -> None:
 
 
 def process_options(chosen: argparse.Namespace) -> ProcessOptions:
-    """Return options from parsed arguments.
-
-    Raises
-    ------
-    RadarSimError
-        A file that they name cannot be read, or numbers that do not fit.
-    """
+    """Return options from parsed arguments."""
     radar = None
     if chosen.waveform is not None:
-        radar = load_radar(chosen.waveform, own_burst(chosen.folder))
+        # a waveform file may hold no burst: then the run's own
+        radar = load_radar(chosen.waveform, open_run(chosen.folder).radar.burst)
     cfar = given(chosen, declared(Cfar))
     return ProcessOptions(
         radar=radar,
@@ -82,8 +77,3 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
         cfar=Cfar(**cfar) if "kind" in cfar else None,
         **given(chosen, declared(ProcessOptions)),
     )
-
-
-def own_burst(folder: str) -> Burst:
-    """Return the burst of a run, for a waveform file that holds none."""
-    return open_run(folder).radar.burst

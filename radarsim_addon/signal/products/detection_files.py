@@ -15,25 +15,7 @@ from ..results import FrameResult, frame_file, result_writer
 
 @result_writer("csv", "_detections.csv", "_detections.json")
 def write_csv(result: FrameResult, folder: Path) -> list[Path]:
-    """Write what CFAR found in a frame; without CFAR nothing.
-
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        As `write_detections`.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
-    """
+    """Write what CFAR found in a frame; without CFAR nothing."""
     if result.detections is None:
         return []
     unit = level_unit(result.echoes.amplitude_model)
@@ -41,26 +23,9 @@ def write_csv(result: FrameResult, folder: Path) -> list[Path]:
 
 
 def write_detections(stem: Path, found: Detections, unit: str = "dB") -> list[Path]:
-    """Write detections as a table and as a record.
+    """Write ``_detections.csv``, one target a row, and ``_detections.json``; return both paths.
 
-    Parameters
-    ----------
-    stem
-        Path of the files up to ``_detections``.
-    found
-        Detections and the settings of their detector.
-    unit
-        Unit of levels.
-
-    Returns
-    -------
-    list of Path
-        ``_detections.csv``, one target a row, and ``_detections.json``.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
+    `stem` is their path up to ``_detections``, `unit` that of levels.
     """
     table, record = (stem.with_name(f"{stem.name}_detections.{end}") for end in ("csv", "json"))
     names = [field.name for field in dataclasses.fields(Detection)]

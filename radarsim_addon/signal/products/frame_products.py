@@ -18,24 +18,9 @@ from ..results import FrameResult, frame_file, result_writer
 def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
     """Write range profile and range-Doppler map, and the expected powers where they are known.
 
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        ``_profile.npz`` (range_m, expected_power, coherent_range_m, coherent_power), ``_map.npz``
-        (doppler_hz, velocity_mps, range_m, power [Doppler, range]), and ``_expected.npz`` with the
-        fields of :class:`.maps.ExpectedPower`.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
+    ``_profile.npz`` (range_m, expected_power, coherent_range_m, coherent_power), ``_map.npz``
+    (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), and ``_expected.npz`` with
+    the fields of :class:`.maps.ExpectedPower`.
     """
     profile, rd_map = result.profile, result.rd_map
     arrays = {
@@ -66,25 +51,7 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
 
 @result_writer("json", "_summary.json")
 def write_summary(result: FrameResult, folder: Path) -> list[Path]:
-    """Write numbers and findings of a frame as JSON; see docs/files.md.
-
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        ``_summary.json``.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write numbers and findings of a frame as ``_summary.json``; see docs/files.md."""
     radar, report = result.rd_map.radar, result.echoes.report
     path = frame_file(folder, result.frame, "_summary.json")
     write_json(

@@ -58,27 +58,6 @@ def _h5py() -> ModuleType:
 def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
     """Write all results of a frame into one HDF5 file.
 
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        ``.h5``.
-
-    Raises
-    ------
-    MissingDependencyError
-        h5py is not installed, as inside Blender.
-    OutputError
-        The folder cannot be written to.
-
-    Notes
-    -----
     Groups: ``channels`` (number, transmitter_position_m, receiver_position_m, start_offset_s),
     ``echoes`` (samples [channel, pulse, sample], fast_time_s, slow_time_s), ``profile`` (range_m,
     expected_power, coherent_range_m, coherent_power [channel, range]), ``map`` (values [channel,

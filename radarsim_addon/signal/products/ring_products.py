@@ -21,40 +21,12 @@ from ..decoding import PixelGrid, decode, pixel_grid
 from ..results import FrameResult, frame_file, result_writer
 from ..runs import RadarFrame, write_exr
 
-QUANTITIES = ("amplitude", "range")
+_QUANTITIES = ("amplitude", "range")
 
 
-def ring_channel(ring: int) -> str:
-    """Name of a ring's channel; three digits, so that any reader sorts rings by number."""
-    return f"ring.{ring:03d}"
-
-
-def product_path(folder: Path, frame: int, quantity: str, snapshot_index: int) -> Path:
-    """Path of one product; quantity is "amplitude" or "range"."""
-    return frame_file(folder, frame, f"_{quantity}_t{snapshot_index}.exr")
-
-
-@result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in QUANTITIES for n in (0, 1)))
+@result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in _QUANTITIES for n in (0, 1)))
 def write_ring_products(result: FrameResult, folder: Path) -> list[Path]:
-    """Write the ring products of a result; nothing where it comes from a path table.
-
-    Parameters
-    ----------
-    result
-        Result of a frame; the images are read again, one at a time.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        As `write_products`.
-
-    Raises
-    ------
-    FrameFileError, SchemaError, OutputError
-        As `write_products`.
-    """
+    """Write the ring products of a result; nothing where it comes from a path table."""
     frame = result.source.frame
     return write_products(frame, folder) if frame.sampling_mode == "rings" else []
 
@@ -65,7 +37,7 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
     Parameters
     ----------
     frame
-        Radar frame.
+        Radar frame with the sampling mode "rings".
     folder
         Existing folder.
 
@@ -73,13 +45,6 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
     -------
     list of Path
         Files written. One snapshot at a time is in memory.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        As :meth:`RadarFrame.image`.
-    OutputError
-        The folder is missing, read-only or full.
     """
     written = []
     for snapshot_index in range(frame.snapshots):
@@ -90,10 +55,10 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
             record, channels = frame.image(ring, snapshot_index)
             grid = grid or pixel_grid(record.receiver, record.width_px, record.height_px)
             decoded = decode(record, channels, grid)
-            amplitude[ring_channel(ring)] = decoded.radiance.astype(np.float32)
-            range_m[ring_channel(ring)] = decoded.range_m.astype(np.float32)
-        for quantity, images in zip(QUANTITIES, (amplitude, range_m), strict=True):
-            path = product_path(folder, frame.number, quantity, snapshot_index)
-            write_exr(path, images)
-            written.append(path)
+            channel = f"ring.{ring:03d}"  # three digits: any reader sorts rings by number
+            amplitude[channel] = decoded.radiance.astype(np.float32)
+            range_m[channel] = decoded.range_m.astype(np.float32)
+        for quantity, images in zip(_QUANTITIES, (amplitude, range_m), strict=True):
+            written.append(frame_file(folder, frame.number, f"_{quantity}_t{snapshot_index}.exr"))
+            write_exr(written[-1], images)
     return written

@@ -22,25 +22,7 @@ _MOST_ANNOTATIONS = 4096
 
 @result_writer("sigmf", ".sigmf-data", ".sigmf-meta")
 def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
-    """Write the raw samples of a result as a SigMF recording.
-
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        As `write_sigmf`.
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
-    """
+    """Write the raw samples of a result as a SigMF recording."""
     stem = frame_file(folder, result.frame, "")
     return write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
 
@@ -48,27 +30,9 @@ def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
 def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]:
     """Write the samples of a burst, one pulse after the other, as complex (or real) float32.
 
-    Several channels are interleaved sample by sample, as SigMF's ``core:num_channels`` says.
-
-    Parameters
-    ----------
-    stem
-        Path without suffix.
-    echoes
-        Samples; |s|^2 in W for the amplitude model "radar-equation".
-    description
-        For people.
-
-    Returns
-    -------
-    list of Path
-        Data and metadata. Each pulse is an annotation; the pause between pulses is not recorded,
-        ``radarsim:prf_hz`` says how long it is.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be written to.
+    `stem` is the path without suffix. Several channels are interleaved sample by sample, as SigMF's
+    ``core:num_channels`` says. Each pulse is an annotation; the pause between pulses is not
+    recorded, ``radarsim:prf_hz`` says how long it is.
     """
     data, meta = (stem.with_name(stem.name + s) for s in (".sigmf-data", ".sigmf-meta"))
     waveform = echoes.radar.waveform

@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 from ...array_types import Real
 from ...contract import AntennaRecord
 from ...errors import ConfigError
-from ...option_files import from_json
 from ...options import documented, setting
 from ...physics.antenna_table import TableAntenna, read_pattern
 from ...physics.antennas import Antenna, Aperture, CosinePower, Gaussian
 from ...physics.arrays import PlanarArray
 from ...physics.checks import real_array
 from ...physics.radar_equation import to_db
+from ...typed_json import from_json
 
 #: A gain may exceed the directivity of the modelled beam by this: data sheets round, and real beams
 #: have other shapes [dB].
@@ -41,7 +41,7 @@ class PeakedAntenna(Antenna, Protocol):
 
 
 @dataclass(frozen=True)
-class Scaled:
+class _Scaled:
     """Another antenna's gain times a factor."""
 
     antenna: PeakedAntenna
@@ -382,7 +382,7 @@ def _with_gain(antenna: PeakedAntenna, wanted_dbi: float | None) -> PeakedAntenn
             f"directivity of {directivity_dbi:.2f} dBi: no antenna gains more than "
             "that. Narrow the beam, lower peak_gain_dbi, or leave it out."
         )
-    return antenna if excess_db == 0 else Scaled(antenna, float(10 ** (excess_db / 10)))
+    return antenna if excess_db == 0 else _Scaled(antenna, float(10 ** (excess_db / 10)))
 
 
 PATTERNS: dict[str, Any] = {

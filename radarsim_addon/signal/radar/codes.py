@@ -24,17 +24,11 @@ _PRIMITIVE = {
     11: (2,), 12: (6, 4, 1), 13: (4, 3, 1), 14: (10, 6, 1), 15: (1,), 16: (12, 3, 1),
 }  # fmt: skip
 
-DEGREES = (min(_PRIMITIVE), max(_PRIMITIVE))
+_DEGREES = (min(_PRIMITIVE), max(_PRIMITIVE))
 
 
 def barker(length: int) -> tuple[int, ...]:
-    """The Barker code of a length.
-
-    Raises
-    ------
-    ConfigError
-        There is none of this length.
-    """
+    """The Barker code of a length, (length,)."""
     if length not in BARKER:
         raise ConfigError(
             f"Barker code of length {length!r}; there are codes of {', '.join(map(str, BARKER))}."
@@ -43,20 +37,15 @@ def barker(length: int) -> tuple[int, ...]:
 
 
 def m_sequence(degree: int) -> tuple[int, ...]:
-    """A maximum-length sequence of 2**degree - 1 chips.
+    """A maximum-length sequence, (2**degree - 1,).
 
     Its periodic autocorrelation is N at lag 0 and -1 at every other (Golomb, Shift Register
     Sequences).
-
-    Raises
-    ------
-    ConfigError
-        The degree is not a whole number from 2 to 16.
     """
     if not isinstance(degree, int) or degree not in _PRIMITIVE:
         raise ConfigError(
-            f"Degree of the m-sequence is {degree!r}; expected a whole number from {DEGREES[0]} "
-            f"to {DEGREES[1]} (a code of 2^degree - 1 chips)."
+            f"Degree of the m-sequence is {degree!r}; expected a whole number from {_DEGREES[0]} "
+            f"to {_DEGREES[1]} (a code of 2^degree - 1 chips)."
         )
     # s[n + degree] = s[n] + sum s[n + e] mod 2
     state = [1] * degree

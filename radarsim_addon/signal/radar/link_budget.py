@@ -12,18 +12,17 @@ so that no new render is needed: the lamp's watts are the light level of the ren
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...contract import LinkBudget
 from ...errors import ConfigError
 from ...old_names import todays_names
-from ...option_files import from_json
 from ...options import check_settings
 from ...physics.noise import noise_power_w
 from ...physics.radar_equation import from_db
-from ...textfile import read_text
+from ...typed_json import from_json, read_json
 from .antennas import PeakedAntenna, make_antenna, self_contained
 
 #: A file with two antenna tables of a degree's step has about 2 MB.
@@ -115,13 +114,8 @@ def read_system(path: str | Path) -> LinkBudget:
         The file cannot be read, or holds an unknown field or a value of a wrong kind.
     """
     path = Path(path)
-    try:
-        data = json.loads(read_text(path, _MAX_BYTES))
-    except FileNotFoundError:
-        raise ConfigError(f"Link budget file {path} does not exist; check the path.") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"Link budget file {path} cannot be read as JSON ({error}).") from error
-    if isinstance(data, dict) and data.get("schema") == "radarsim/run":
+    data: Any = read_json(path, _MAX_BYTES, "Give a JSON file with a link budget.", ConfigError)
+    if data.get("schema") == "radarsim/run":
         data = todays_names(data, ()).get("link_budget")
         if data is None:
             raise ConfigError(

@@ -20,14 +20,8 @@ from .waveform import AnyWaveform
 from .windows import window_at
 
 
-def replica_times_s(waveform: AnyWaveform) -> Real:
-    """Sample times t_n of the pulse, from its middle [s].
-
-    Raises
-    ------
-    ConfigError
-        The waveform is no pulse.
-    """
+def _replica_times_s(waveform: AnyWaveform) -> Real:
+    """Sample times t_n of the pulse, from its middle, (n,) [s]."""
     count = replica_count(waveform)
     return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
 
@@ -69,7 +63,7 @@ def replica(waveform: AnyWaveform) -> Complex:
     Raises
     ------
     ConfigError
-        As :func:`replica_times_s`.
+        As :func:`_replica_times_s`.
     """
     if isinstance(waveform, PhaseCodedPulse | ArbitraryPulse | PmcwWaveform):
         return waveform.replica_samples()
@@ -79,7 +73,7 @@ def replica(waveform: AnyWaveform) -> Complex:
             "profile is a Fourier transform of its samples."
         )
     samples: Complex = np.exp(
-        1j * np.pi * waveform.fm_rate_hz_per_s * replica_times_s(waveform) ** 2
+        1j * np.pi * waveform.fm_rate_hz_per_s * _replica_times_s(waveform) ** 2
     )
     return samples
 
@@ -120,7 +114,7 @@ def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
     Raises
     ------
     ConfigError
-        As :func:`replica_times_s`.
+        As :func:`_replica_times_s`.
     ValueError
         The pulse has more samples than the transform.
     """

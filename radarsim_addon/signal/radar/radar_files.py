@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,7 @@ import numpy as np
 
 from ...array_types import Complex
 from ...errors import ConfigError, FrameFileError
-from ...option_files import from_json
-from ...textfile import TextTooLongError, read_text
+from ...typed_json import from_json, read_json
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, PmcwWaveform, SteppedWaveform
 from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
@@ -121,17 +119,8 @@ def _given_samples(given: dict[str, Any], folder: Path | None) -> Complex:
 def load_samples(path: str | Path) -> Complex:
     """Complex samples from a file, (n,).
 
-    Parameters
-    ----------
-    path
-        ``.npy``: a row of complex numbers, never pickled objects. ``.csv``: real and imaginary
-        part in two columns, a line each; lines that begin with # are comments, one line of
-        headings may lead.
-
-    Raises
-    ------
-    FrameFileError
-        No such file, too large, of another kind, or not numbers.
+    ``.npy``: a row of complex numbers, never pickled objects. ``.csv``: real and imaginary part in
+    two columns; lines that begin with # are comments, one line of headings may lead.
     """
     path = Path(path)
     try:
@@ -235,21 +224,15 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
         Numbers that do not fit together.
     """
     path = Path(path)
-    try:
-        data = json.loads(read_text(path, _MAX_RADAR_BYTES))
-    except TextTooLongError as error:
-        raise FrameFileError(
-            f"{path} holds more than {_MAX_RADAR_BYTES} bytes, which no radar file does. "
-            "Put samples into a file of their own."
-        ) from error
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise FrameFileError(
-            f"{path} cannot be read as JSON ({error}). Expected a radar file: "
-            '{"waveform": {"kind": "fmcw", ...}, "burst": {"pulses": ..., "prf_hz": ...}}.'
-        ) from error
-    if not isinstance(data, dict) or not {"waveform"} <= set(data) <= {"waveform", "burst"}:
-        found = sorted(data) if isinstance(data, dict) else type(data).__name__
-        raise ConfigError(f"{path} holds {found}; expected the objects waveform and burst.")
+    remedy = (
+        'Expected a radar file: {"waveform": {"kind": "fmcw", ...}, "burst": {"pulses": ..., '
+        '"prf_hz": ...}}; samples belong into a file of their own.'
+    )
+    data = read_json(path, _MAX_RADAR_BYTES, remedy, FrameFileError)
+    if not {"waveform"} <= set(data) <= {"waveform", "burst"}:
+        raise ConfigError(
+            f"{path} holds {', '.join(sorted(data)):.60}; expected the objects waveform and burst."
+        )
     try:
         waveform = waveform_from_dict(data["waveform"], path.parent)
         if "burst" in data:

@@ -6,7 +6,7 @@ files register their writers here.
 """
 
 from .frame_result import FrameResult
-from .writers import frame_file, remove_stale, result_writer, write_result, writer_names
+from .writers import frame_file, remove_stale, result_writer, write_result
 
 __all__ = [
     "FrameResult",
@@ -14,5 +14,4 @@ __all__ = [
     "remove_stale",
     "result_writer",
     "write_result",
-    "writer_names",
 ]

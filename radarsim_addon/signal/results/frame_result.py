@@ -30,13 +30,13 @@ class FrameResult:
     Attributes
     ----------
     source
-        The input that it was computed from.
+        Input that it was computed from.
     options
         How it was computed, as plain JSON: a record for files, to be read by people.
     statistics
-        What the paths add up to.
+        Sums over the paths.
     received
-        What the receiver made of the echoes: samples as recorded, noise, quantisation.
+        Samples as the receiver recorded them, noise, quantisation.
     compressed
         Range profiles of all pulses.
     profile
@@ -48,18 +48,17 @@ class FrameResult:
     edges
         Leading edges in the profile.
     moving_targets
-        Peaks of the map that move, the foremost first.
+        Peaks of the map that move, the strongest first.
     budget
         Received power, noise, and the objects that echo.
     findings
-        What to know before trusting the frame.
+        What to know before you trust the frame.
     expected
-        Expected power with standard errors; sampling mode "paths" with watts alone, whose sub-pixel
-        replicates give the errors.
+        Expected power with standard errors; None: rings, or amplitudes that are not watts.
     speckle
-        What the scatterers of the surfaces are like; None without any.
+        Scatterers of the surfaces; None without any.
     detections
-        Targets that CFAR found; None where it was not asked for.
+        Targets that CFAR found; None without CFAR.
     files
         Files that hold the result, once they are written.
     """

@@ -39,19 +39,14 @@ def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResu
     Parameters
     ----------
     name
-        Name of the format, such as "hdf5".
+        Name of the format, such as "hdf5"; not taken yet.
     *endings
-        Endings of all files that the writer may write, after ``frame_0001``.
+        Endings of all files that the writer may write, after ``frame_0001``; not taken yet.
 
     Returns
     -------
     callable
         Decorator that registers a function ``write(result, folder) -> list of Path``.
-
-    Raises
-    ------
-    ValueError
-        The name or an ending is taken.
     """
     taken = {ending for writer in _WRITERS.values() for ending in writer.endings}
     if name in _WRITERS or taken.intersection(endings):
@@ -65,13 +60,7 @@ def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResu
 
 
 def writer_names() -> tuple[str, ...]:
-    """Return the names of all registered writers.
-
-    Returns
-    -------
-    tuple of str
-        In alphabetical order.
-    """
+    """Return the names of all registered writers, sorted."""
     return tuple(sorted(_WRITERS))
 
 
@@ -96,10 +85,8 @@ def write_result(result: FrameResult, folder: Path, names: Iterable[str]) -> lis
     ------
     ConfigError
         No writer has that name.
-    OutputError
-        A file cannot be written.
-    MissingDependencyError
-        A writer needs a package that is not installed.
+    MissingDependencyError, OutputError
+        A package is not installed, or a file cannot be written.
     """
     files: list[Path] = []
     for name in names:
@@ -110,12 +97,12 @@ def write_result(result: FrameResult, folder: Path, names: Iterable[str]) -> lis
 
 
 def frame_file(folder: Path, frame: int, ending: str) -> Path:
-    """Return the path of a frame's file.
+    """Return the path of a frame's file, such as ``frame_0001_map.npz``.
 
     Parameters
     ----------
     folder
-        Where the products are.
+        Folder of the products.
     frame
         Number of the frame.
     ending
@@ -124,7 +111,7 @@ def frame_file(folder: Path, frame: int, ending: str) -> Path:
     Returns
     -------
     Path
-        Such as ``frame_0001_map.npz`` in `folder`.
+        In `folder`.
     """
     return folder / f"frame_{frame:04d}{ending}"
 
@@ -135,7 +122,7 @@ def remove_stale(folder: Path, frame: int, written: Collection[Path]) -> None:
     Parameters
     ----------
     folder
-        Where the products are.
+        Folder of the products.
     frame
         Number of the frame.
     written

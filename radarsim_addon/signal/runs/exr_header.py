@@ -22,7 +22,7 @@ MAX_PIXELS = 2**28
 #: Compression of every file that radarsim writes.
 ZIP = 3
 #: A header is a few hundred bytes; a file that claims more is not a radar frame.
-MAX_HEADER_BYTES = 1 << 20
+_MAX_HEADER_BYTES = 1 << 20
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
@@ -140,7 +140,7 @@ def _read_header(stream: BinaryIO, path: Path) -> ExrHeader:
         _text(stream, path)
         raw = stream.read(4)
         length = struct.unpack("<i", raw)[0] if len(raw) == 4 else -1
-        if not 0 <= length <= MAX_HEADER_BYTES or stream.tell() > MAX_HEADER_BYTES:
+        if not 0 <= length <= _MAX_HEADER_BYTES or stream.tell() > _MAX_HEADER_BYTES:
             raise _damaged(path, f"header attribute {name!r} has no sensible length")
         value = stream.read(length)
         if len(value) < length:

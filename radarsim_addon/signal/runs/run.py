@@ -178,8 +178,7 @@ class RadarFrame:
         Raises
         ------
         FrameFileError
-            The EXR or its sidecar is missing, damaged, of a wrong kind, or holds NaN, Inf or
-            negative radiance.
+            EXR or sidecar is missing or damaged, or a pixel is NaN, infinite or negative.
         SchemaError
             The sidecar is of a newer schema, or does not match its EXR or the plan.
         """
@@ -274,13 +273,7 @@ class Run:
     radar: Radar
 
     def frame(self, number: int) -> RadarFrame:
-        """Return one radar frame by its number in Blender.
-
-        Raises
-        ------
-        FrameFileError
-            The plan holds no such frame.
-        """
+        """Return one radar frame by its number in Blender."""
         if number not in self.record.frames:
             raise FrameFileError(
                 f"{self.path} has no frame {number}; it has "

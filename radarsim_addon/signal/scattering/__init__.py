@@ -6,7 +6,7 @@ exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 """
 
 from .amplitudes import amplitude, amplitude_history, path_amplitude
-from .antenna_gains import Link, PathEnds, antenna_motion
+from .antenna_gains import Link, antenna_motion
 from .frame_speckle import FrameSpeckle
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
@@ -14,7 +14,6 @@ from .surface_speckle import SpeckleReport
 __all__ = [
     "FrameSpeckle",
     "Link",
-    "PathEnds",
     "SpeckleReport",
     "amplitude",
     "amplitude_history",

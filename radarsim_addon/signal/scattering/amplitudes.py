@@ -46,10 +46,9 @@ def path_amplitude(
         Carrier wavelength [m].
     amplitude_model
         "radar-equation": sqrt(P) in sqrt(W), so that |amplitude|^2 is received power.
-        "paper": B r^2 (Eq. 10, 14): blue is taken as amplitude, weighted with the square of the
-        one-way range. B r^2 is the same number in Blender units (B per unit^2, r in units) and in
-        SI (L per m^2, r in m). It follows the radar equation in range for one object, not in size.
-        The root of the paths' gain multiplies it, so that patterns read the same in dB.
+        "paper": B r^2 (Eq. 10, 14), blue taken as amplitude, one-way range squared; the same number
+        in Blender units and in SI. It follows the radar equation in range for one object, not in
+        size. The root of the paths' gain multiplies it.
     receiver_gain
         G_r, linear; used by "radar-equation" alone.
 

@@ -42,18 +42,8 @@ _MEAN_PULSES = 64
 
 @dataclass(frozen=True)
 class PathEnds:
-    """What gains need of n paths.
-
-    Attributes
-    ----------
-    length_m
-        Total lengths at t, (n,) [m].
-    direction
-        From the receiver towards the first vertex at t, (n, 3).
-    first_scatterer_m, last_scatterer_m
-        Vertices at t, (n, 3) [m]; NaN where unknown.
-    motion
-        Over the burst.
+    """What gains need of n paths: total lengths [m] and directions from the receiver to the first
+    vertex at t, first and last vertices at t [m], NaN where unknown, and their motion.
     """
 
     length_m: Real
@@ -64,13 +54,7 @@ class PathEnds:
 
     @classmethod
     def of_paths(cls, paths: Paths) -> PathEnds:
-        """Return the ends of paths.
-
-        Raises
-        ------
-        ConfigError
-            The paths do not know their directions.
-        """
+        """Return the ends of paths, which must know their directions (`ConfigError`)."""
         geometry = paths.geometry
         if geometry is None:
             raise ConfigError(
@@ -205,21 +189,9 @@ class Link:
         return varies
 
     def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
-        """Return P_t G_t G_r / (L EIRP) of each path at any times of the burst.
+        """P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n, times).
 
-        Parameters
-        ----------
-        ends
-            Of n paths. Unknown vertices are taken as for `factor`, and not to move.
-        times_s
-            (times,) [s].
-        channel
-            Elements: their positions, orientations and patterns.
-
-        Returns
-        -------
-        ndarray
-            (n, times).
+        Unknown vertices are taken as for `factor`, and not to move.
         """
         count = ends.length_m.size
         result = np.empty((count, times_s.size))
@@ -286,10 +258,8 @@ class Link:
         return self._patterns[key]
 
     def mean_factor(self, ends: PathEnds) -> Real:
-        """Return the mean of `factors` over the burst, (n,).
-
-        Where nothing changes gains it is `factor`, to the last bit. At most 64 of the pulses are
-        averaged.
+        """Mean of `factors` over at most 64 pulses, (n,); where nothing changes gains it is
+        `factor`, to the last bit.
         """
         gain = self.ends_factor(ends)
         if self._mean_times_s.size:
@@ -303,12 +273,8 @@ class Link:
         return self.mean_factor(PathEnds.of_rows(rows, self._scene))
 
     def apply(self, paths: Paths) -> Paths:
-        """Return the paths with their mean gain over the burst.
-
-        Raises
-        ------
-        ConfigError
-            The paths do not know their directions.
+        """Return the paths with their mean gain over the burst; they must know their directions
+        (`ConfigError`).
         """
         ends = PathEnds.of_paths(paths)
         result = dataclasses.replace(paths, gain=self.mean_factor(ends))

@@ -112,20 +112,10 @@ class SpeckleReport:
 
 @dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter.
-
-    Attributes
-    ----------
-    coherent
-        Factor of the amplitude of what keeps the path's own way, (n,).
-    rough
-        Complex factor of what goes over the scatterer, (n,), without the phase of its length.
-    first_scatterer_m, last_scatterer_m
-        Scatterers of the first and last vertex, equal at order 1, (n, 3) [m].
-    longer_m
-        Length over the scatterers minus the path's own, (n,) [m].
-    leader
-        Row of the table that stands for all paths of the cell, (n,).
+    """How n paths scatter: factors (n,) of what keeps the path's own way and of what goes over the
+    scatterer (without the phase of its length), scatterers of first and last vertex, equal at order
+    1, (n, 3) [m], length over them minus the path's own [m], and the row of the table that leads
+    the cell.
     """
 
     coherent: Real
@@ -137,26 +127,11 @@ class Scattering:
 
 
 class SurfaceSpeckle:
-    """Amplitude factors of the paths of one frame.
+    """Amplitude factors of the paths of one frame, from a seed.
 
-    Parameters
-    ----------
-    record, table
-        The frame's paths.
-    bodies
-        By number in the columns ``body_columns``, from 1.
-    body_columns
-        Names of the columns of first and last vertex.
-    carrier_hz
-        Carrier [Hz].
-    resolution_m
-        Range resolution, for the statistics and the finest cell [m].
-    seed
-        Another one is another realisation.
-    roughness
-        By the number of the object in the record, from 1; objects left out are fully rough.
-    cell_m
-        Edge of a cell [m]; None: from the footprints, a power of two.
+    `bodies` and `roughness` (objects left out are fully rough) go by the numbers in the table, from
+    1; `body_columns` are those of first and last vertex. `resolution_m` is for statistics and the
+    finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints.
     """
 
     def __init__(
@@ -336,10 +311,7 @@ class SurfaceSpeckle:
         return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
 
     def factors(self, rows: PathRows) -> tuple[Complex, NDArray[np.bool_]]:
-        """Complex factors of the amplitudes of some rows at t, (n,), and which of them are known.
-
-        Rows of three and more reflections, or of unknown vertices, have none.
-        """
+        """Complex factors of the amplitudes of rows at t, (n,), and which of them are known."""
         known = self.known(rows)
         result = np.ones(rows.size, dtype=np.complex128)
         found = self.scattering(rows[known])

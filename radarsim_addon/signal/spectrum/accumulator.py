@@ -37,7 +37,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,15 @@ from ...array_types import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ..motion import JoinedMotion, PathMotion
 from .amplitudes import AmplitudeHistory
-from .grid import ExtraCycles, FrequencyGrid, Ramp, ReceiveWindow, SynthesisContext, check_finite
+from .grid import (
+    ExtraCycles,
+    FrequencyGrid,
+    Ramp,
+    ReceiveWindow,
+    SynthesisContext,
+    Weights,
+    check_finite,
+)
 from .moving import Method, MovingPathAccumulator
 from .nufft import Backend, choose_backend
 from .ordered_executor import OrderedExecutor, available_threads
@@ -54,8 +62,6 @@ from .pulse_blocks import PulseBlock, TransformPool
 from .report import SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
 from .varying import VaryingPathAccumulator
-
-Weights = NDArray[np.inexact[Any]]
 
 __all__ = [
     "TOLERANCE",
@@ -118,22 +124,19 @@ class SpectrumAccumulator:
     grid
         Frequencies, carrier included.
     times_s
-        Pulse times in rising order, counted from the time of the paths' lengths, (pulses,) [s].
+        Pulse times in rising order, from the time of the paths' lengths, (pulses,) [s].
     tolerance
-        Relative L2 error of the result against the direct sum, 1e-13 to 1e-2. See
-        :class:`.spectrum.report.SynthesisReport` for what is known of it afterwards.
+        Relative L2 error to the direct sum, 1e-13 to 1e-2; see `SynthesisReport`.
     method
         "auto" chooses by bound and cost. "type3": constant rates by type 3 whatever the cost.
-        "per-pulse": every moving path pulse by pulse, at lengths sampled at every pulse.
-        "direct": the same, term by term; slow, for checks.
+        "per-pulse": lengths sampled at every pulse. "direct": the same, term by term; for checks.
     backend
         Engine of the type-1 transforms; "numpy" has no type 3 and goes pulse by pulse.
     extra_cycles
         Further phase, in cycles, as a function of delay [s] (vectorised); see the module.
     listening
-        Delays that are received, and folding of echoes of earlier pulses. None: all delays, after
-        their own pulse. The spectrum repeats itself in delay with 1/step: the window should be
-        shorter than that.
+        Delays that are received, and folding; None: all, each after its own pulse. The spectrum
+        repeats itself in delay with 1/step: the window should be shorter than that.
     ramp
         Frequencies come one after the other; `times_s` are then those of frequency count//2 of
         each pulse. None: all at once. Not with `extra_cycles` or folding in range.
@@ -142,7 +145,7 @@ class SpectrumAccumulator:
     chunk
         Paths in one transform.
     threads
-        Threads; None: as many as there are processors. The result does not depend on it.
+        None: as many as there are processors. The result does not depend on it.
 
     Raises
     ------
@@ -205,19 +208,9 @@ class SpectrumAccumulator:
         self._varying = VaryingPathAccumulator(*shared, self._report, interval_s)
 
     def add(self, motion: PathMotion, amplitude: Weights | AmplitudeHistory) -> None:
-        """Add paths.
-
-        Parameters
-        ----------
-        motion
-            Their lengths over the burst: ``paths.lengths``.
-        amplitude
-            a_i, real or complex, (n,), or their history over the burst.
-
-        Raises
-        ------
-        PathDataError
-            A length or an amplitude is NaN or infinite; says in which row.
+        """Add paths by their lengths over the burst and their amplitudes a_i, (n,), or the history
+        of these. A length or an amplitude that is not finite is a `PathDataError`, which says the
+        row.
         """
         started = time.perf_counter()
         history = amplitude

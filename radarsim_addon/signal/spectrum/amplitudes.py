@@ -37,7 +37,7 @@ class AmplitudeHistory:
     varies
         Whether it does, (n,).
     at
-        Amplitudes of some rows at some times, (rows, times): called with times [s] and indices.
+        From times [s] and indices of rows: amplitudes, (rows, times).
     """
 
     constant: Weights
@@ -65,23 +65,10 @@ class AmplitudeHistory:
 
 
 def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tuple[Complex, Mask]:
-    """Fit polynomials to amplitudes at ``basis.sample_times_s()``.
+    """Coefficients c_k of T_k, (rows, count), and which rows they follow, (rows,).
 
-    Parameters
-    ----------
-    basis
-        Of the burst.
-    values
-        (rows, times).
-    tolerance
-        Of the synthesis, relative.
-
-    Returns
-    -------
-    coefficients
-        c_k of T_k, (rows, count of the basis); 0 from the first k on that no row that fits needs.
-    fits
-        Rows that the polynomial follows within the bound, (rows,).
+    `values` (rows, times) are those at ``basis.sample_times_s()``. From the first k on that no row
+    that fits needs, the coefficients are 0.
     """
     coefficients, left = basis.interpolate(values)
     size = np.abs(coefficients)

@@ -26,40 +26,18 @@ _CHECKS = np.array([0.0, 0.137, 0.4142, 0.7391, 1.0])
 
 @dataclass(frozen=True)
 class FittedMotion:
-    """Polynomials of rows of a motion.
-
-    Attributes
-    ----------
-    coefficients_m
-        c_k of T_k over the burst, (rows, nodes) [m].
-    linear
-        c_0 + c_1 T_1 is within the bound, (rows,).
-    smooth
-        The polynomial is within the bound, (rows,); holds where `linear` does.
-    nearest_m, farthest_m
-        Bounds of the length over the burst; where not `smooth`, of the nodes alone, (rows,) [m].
-    fastest_mps
-        Largest rate of the length between nodes, (rows,) [m/s].
+    """Polynomials c_k T_k of the lengths, (rows, nodes) [m]; whether degree 1 or the whole
+    polynomial is within the bound, and the largest rate of the length between nodes, (rows,) [m/s].
     """
 
     coefficients_m: Real
     linear: Mask
     smooth: Mask
-    nearest_m: Real
-    farthest_m: Real
     fastest_mps: Real
 
 
 class BurstBasis:
-    """Chebyshev polynomials over the time of a burst.
-
-    Parameters
-    ----------
-    times_s
-        Pulse times, at least two different ones [s].
-    count
-        Nodes, for polynomials of degree count - 1.
-    """
+    """Chebyshev polynomials of degree below `count` over the time of two or more pulses [s]."""
 
     def __init__(self, times_s: Real, count: int = NODES) -> None:
         self.count = count
@@ -84,14 +62,8 @@ class BurstBasis:
         return np.concatenate([self.nodes_s, self.checks_s])
 
     def interpolate(self, values: Values) -> tuple[Values, Real]:
-        """Interpolate values (rows, times) at `sample_times_s`, real or complex.
-
-        Returns
-        -------
-        coefficients
-            c_k of T_k, (rows, count).
-        left
-            Largest departure at the checks, (rows,).
+        """Coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, real or
+        complex, and their largest departure at the checks, (rows,).
         """
         coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
         left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)
@@ -108,14 +80,11 @@ class BurstBasis:
         unseen_m = size[:, -3:].sum(axis=1) + left_m
         smooth = unseen_m <= displacement_error_bound_m / 2
         linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= displacement_error_bound_m)
-        swing_m = size[:, 1:].sum(axis=1) + unseen_m
         coefficients[:, 0] += offset_m[:, 0]
         rates = np.abs(np.diff(at_nodes, axis=1) / np.diff(self.nodes_s))
         return FittedMotion(
             coefficients_m=coefficients,
             linear=linear,
             smooth=smooth,
-            nearest_m=coefficients[:, 0] - swing_m,
-            farthest_m=coefficients[:, 0] + swing_m,
             fastest_mps=rates.max(axis=1),
         )

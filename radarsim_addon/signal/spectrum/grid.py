@@ -32,7 +32,7 @@ class FrequencyGrid:
     start_hz
         First frequency, carrier included [Hz].
     step_hz
-        Step, positive or negative [Hz].
+        Step, of either sign [Hz].
     count
         Number of frequencies.
     centre_hz
@@ -82,14 +82,12 @@ class ReceiveWindow:
     Attributes
     ----------
     first_s, last_s
-        Delays within are received; at a pulse where a path's delay lies outside, the path adds
-        nothing [s].
+        Delays that are received; a path adds nothing at pulses where its delay is another [s].
     period_s
-        Pulse interval P of a train of equal pulses: an echo later than P falls into the window of
-        a later pulse, at tau - qP. None: every echo is received after its own pulse [s].
+        Pulse interval P: an echo later than P falls into a later pulse's window, at tau - qP.
+        None: every echo is received after its own pulse [s].
     reference_hz
-        Carrier. Oscillators run on between pulses, so folding moves the echo in fast time and
-        leaves the carrier's phase that of the true delay:
+        Carrier. Oscillators run on between pulses, so folding keeps the carrier's phase:
         exp(-j 2 pi [f0 tau + (f - f0)(tau - qP)]) [Hz].
     """
 
@@ -133,16 +131,13 @@ class ReceiveWindow:
 class Ramp:
     """Frequencies that come one after the other: paths move from one to the next.
 
-    Frequency n is sampled at t_m + (n - count//2) interval: pulse times are those of the sample in
-    the middle of the grid.
-
     Attributes
     ----------
     interval_s
-        Time between two frequencies [s].
+        Time between two frequencies; n is sampled at t_m + (n - count//2) interval [s].
     video_hz_per_s
-        K of the residual video phase, K tau^2 / 2 cycles, of a ramp that climbs by K a second and
-        is mixed with itself; 0: none, as for tones that have settled [Hz/s].
+        K of the residual video phase, K tau^2 / 2 cycles, of a ramp mixed with itself; 0: none, as
+        for tones that have settled [Hz/s].
     """
 
     interval_s: float
@@ -186,13 +181,7 @@ class SynthesisContext:
         extra_cycles: ExtraCycles | None,
         ramp: Ramp | None = None,
     ) -> SynthesisContext:
-        """For a grid and a window.
-
-        Raises
-        ------
-        ConfigError
-            A ramp together with further phases or folding.
-        """
+        """For a grid and a window; a ramp takes no other phases and no folding (`ConfigError`)."""
         if ramp is not None:
             if extra_cycles is not None or listening.period_s is not None:
                 raise ConfigError("A ramp brings its own phase and does not fold in delay.")
@@ -215,16 +204,9 @@ class SynthesisContext:
 def place(
     sums: SynthesisContext, length_m: Real, amplitude: Weights
 ) -> tuple[Real, Weights, Real | None, int]:
-    """The echoes that are received at one pulse, of lengths (n,) [m] and complex amplitudes (n,).
-
-    Returns
-    -------
-    length_m, amplitude
-        Of these echoes: rows left out, or repeated where an echo stands in the window twice.
-    order
-        q of each, None where all are 0.
-    kept
-        Rows of the input that are among them.
+    """Lengths [m], amplitudes and orders q of the echoes that are received at one pulse, and how
+    many of the paths (n,) are among them. Rows are left out, or repeated where an echo stands in
+    the window twice; q is None where all are 0.
     """
     listening = sums.listening
     if length_m.size == 0:
@@ -246,10 +228,8 @@ def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
 
     Parameters
     ----------
-    low
-        First order of each row, (n,).
-    copies
-        How many orders each row has, (n,).
+    low, copies
+        First order of each row and how many it has, (n,).
 
     Returns
     -------
@@ -268,7 +248,7 @@ def check_finite(
     Parameters
     ----------
     values
-        Any shape, rows of the paths along the first axis.
+        Rows of the paths along the first axis.
     rows
         Rows of the paths that the values belong to.
     what
@@ -279,7 +259,7 @@ def check_finite(
     Raises
     ------
     PathDataError
-        Names the row, counted from `first`.
+        Names the row.
     """
     bad = ~np.isfinite(values)
     if not bad.any():

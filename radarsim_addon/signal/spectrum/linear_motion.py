@@ -17,19 +17,16 @@ import itertools
 import math
 import time
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import SynthesisContext
+from .grid import SynthesisContext, Weights
 from .nufft import TIGHTEST, nufft2d3
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .transform import RANDOM_STATE, ErrorSum, engine_tolerance
-
-Weights = NDArray[np.inexact[Any]]
 
 #: Points of the fine grid of one transform (16 bytes each, twice over) and targets (100 bytes).
 _MAX_GRID = 1 << 23
@@ -45,20 +42,9 @@ _PATH_1, _FREQUENCY_1, _PULSE_1 = 6.0e-8, 5.0e-8, 1.2e-4
 
 @dataclass(frozen=True)
 class LinearRows:
-    """Paths of constant range rate.
-
-    Attributes
-    ----------
-    length_m
-        Length at `time_s`, (n,) [m].
-    rate_mps
-        Rate of the length (twice the range rate), (n,) [m/s].
-    time_s
-        Time at which `length_m` holds, (n,) [s].
-    order
-        Pulse intervals by which the echo is folded, (n,).
-    amplitude
-        (n,), or coefficients of T_k over the burst, (n, terms).
+    """Paths whose length is `length_m` at `time_s` and changes by `rate_mps` (twice the range
+    rate), folded by `order` pulse intervals, each (n,); `amplitude` is (n,), or coefficients of T_k
+    over the burst, (n, terms).
     """
 
     length_m: Real
@@ -144,8 +130,7 @@ def linear_block(
 ) -> BlockResult:
     """Spectra of some pulses by one transform; times are in rising order.
 
-    Amplitudes with several terms take one transform each; `terms` are then T_k at all pulses,
-    (pulses, terms).
+    Amplitudes of several terms take a transform each; `terms` are T_k at all pulses.
     """
     start = time.thread_time()
     grid, times = sums.grid, times_s[pulses]

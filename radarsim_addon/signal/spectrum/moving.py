@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import LinearMotion, PathMotion
 from .amplitudes import AMPLITUDE_NODES, used_terms
 from .burst_basis import BurstBasis
-from .grid import SynthesisContext, check_finite, repeat_orders
+from .grid import SynthesisContext, Weights, check_finite, repeat_orders
 from .linear_motion import LinearRows, linear_block, plan_linear
 from .nufft import Backend
 from .ordered_executor import OrderedExecutor
@@ -30,7 +30,6 @@ from .ramp import RampTransform, left_out_rad
 from .report import Motion, SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
 
-Weights = NDArray[np.inexact[Any]]
 Method = Literal["auto", "type3", "per-pulse", "direct"]
 
 #: Amplitudes (pulses, rows) of some rows at some pulses.
@@ -49,33 +48,15 @@ _MAX_TERMS = 1 << 22
 
 
 class MovingPathAccumulator:
-    """Adds up the spectra of moving paths.
+    """Adds up the spectra of moving paths in `values` (pulses, frequencies), None where nothing
+    moved.
 
-    Parameters
-    ----------
-    sums, times_s, tolerance, method, backend
-        As :class:`.spectrum.accumulator.SpectrumAccumulator` has them.
-    rows
-        Paths in one transform.
-    lanes
-        Threads.
-    report
-        Where steps are counted.
-    interval_s
-        From pulse to pulse, for folding in Doppler [s].
+    The first parameters are those of :class:`.spectrum.accumulator.SpectrumAccumulator`; `rows`
+    paths are in one transform; `interval_s` is that from pulse to pulse, for folding in Doppler.
 
-    Attributes
-    ----------
-    values
-        (pulses, frequencies); None where nothing moved.
-    error
-        Of `values`.
-    heard, folded_pulses
-        Paths in the window, and folded into it, counted once per pulse.
-    folded
-        Paths that are folded at every pulse.
-    fast
-        Paths that turn by more than half a cycle from pulse to pulse.
+    `heard` and `folded_pulses` count paths in the window, and folded into it, once per pulse;
+    `folded` those folded at every pulse; `fast` those that turn by more than half a cycle between
+    pulses.
     """
 
     def __init__(

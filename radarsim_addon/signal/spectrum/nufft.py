@@ -52,11 +52,11 @@ def nufft1(
     Parameters
     ----------
     points
-        x_i [rad], (n,); any real number, taken modulo 2 pi.
+        x_i [rad], (n,); any real number.
     values
         c_i, (n,), real or complex.
     size
-        Number of frequencies N.
+        Number of frequencies.
     tolerance
         Largest error relative to sum |c_i|, 1e-13 to 1e-2.
     backend
@@ -65,7 +65,7 @@ def nufft1(
     Returns
     -------
     ndarray
-        (size,), complex128, k ascending: index size//2 is k = 0.
+        (size,), complex, k ascending: index size//2 is k = 0.
 
     Raises
     ------
@@ -83,15 +83,7 @@ def nufft1(
 
 
 def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
-    """What "auto" stands for here.
-
-    Raises
-    ------
-    ConfigError
-        No such backend.
-    MissingDependencyError
-        finufft is asked for and not installed.
-    """
+    """What "auto" stands for here. Errors: an unknown backend, or finufft that is not installed."""
     if backend not in get_args(Backend):
         raise ConfigError(f"NUFFT backend {backend!r}; expected one of {get_args(Backend)}.")
     if backend == "auto":
@@ -107,8 +99,7 @@ def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
 class Type1:
     """One-dimensional type-1 transforms of one size, planned once. For one thread at a time.
 
-    Always one thread each: sums are then the same from run to run, and for several transforms
-    threads are better spent on one transform each.
+    Each in one thread: sums are then the same from run to run.
     """
 
     def __init__(self, size: int, tolerance: float, backend: Backend = "auto") -> None:
@@ -138,23 +129,9 @@ class Type1:
 
 
 def nufft2d3(x: Real, y: Real, values: Complex, s: Real, u: Real, tolerance: float) -> Complex:
-    """Sum c_i exp(-j (s_l x_i + u_l y_i)) at each l: a 2-D type-3 transform by finufft.
+    """Sum c_i exp(-j (s_l x_i + u_l y_i)) at each l by finufft, (targets,) or (sets, targets).
 
-    Parameters
-    ----------
-    x, y
-        Points, (n,), in any unit.
-    values
-        c_i, (n,), or several sets of them, (sets, n).
-    s, u
-        Frequencies, (targets,), in radians per unit of x and y.
-    tolerance
-        As :func:`nufft1`.
-
-    Returns
-    -------
-    ndarray
-        (targets,), or (sets, targets).
+    Points x, y are (n,); c_i (n,) or (sets, n); s, u (targets,) in radians per unit of x and y.
     """
     finufft = importlib.import_module("finufft")
     result: Complex = finufft.nufft2d3(x, y, values, s, u, eps=tolerance, isign=-1, nthreads=1)
@@ -178,7 +155,7 @@ class _Gridding:
     def __init__(self, size: int, tolerance: float) -> None:
         self._width = max(4, math.ceil(-math.log10(tolerance)) + 2)
         self._beta = 2.30 * self._width
-        self._grid_size = _even_smooth(max(2 * size, 2 * self._width))
+        self._grid_size = 2 * smooth_size(max(size, self._width))
         k = np.arange(size) - size // 2
         self._kept = k % self._grid_size
         self._divisor = _kernel_transform(np.asarray(k / self._grid_size), self._width, self._beta)
@@ -213,10 +190,6 @@ def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:
         total += value * np.cos(np.pi * width * node * frequency)
     result: Real = total * width
     return result
-
-
-def _even_smooth(number: int) -> int:
-    return smooth_size((number + 1) // 2) * 2
 
 
 def smooth_size(number: int) -> int:

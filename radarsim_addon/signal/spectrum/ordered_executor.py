@@ -23,10 +23,7 @@ def available_threads() -> int:
 
 
 class OrderedExecutor:
-    """Runs jobs in some threads; hands results back in the order in which jobs came.
-
-    At most two jobs a thread are under way, so that what they hold stays bounded.
-    """
+    """Runs jobs in threads, at most two each under way; results come in the jobs' order."""
 
     def __init__(self, threads: int) -> None:
         self.threads = threads

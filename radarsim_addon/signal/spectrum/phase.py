@@ -28,14 +28,8 @@ _SPLITTER = 134_217_729.0
 
 @dataclass(frozen=True)
 class CycleRate:
-    """Cycles for each metre of path, in two parts that add up to about 80 bits.
-
-    Attributes
-    ----------
-    head
-        Leading 26 bits: its product with half of a float64 is exact.
-    tail
-        What `head` lacks.
+    """Cycles for each metre of path, head + tail, about 80 bits: `head` has the leading 26, so that
+    its product with half of a float64 is exact.
     """
 
     head: float
@@ -53,22 +47,7 @@ class CycleRate:
 
 
 def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> Real:
-    """length x rate less the nearest whole number, exact to about 1e-15.
-
-    Parameters
-    ----------
-    length_m
-        Any shape [m].
-    rate
-        Cycles per metre.
-    out
-        Where to put the result; of the shape of `length_m`.
-
-    Returns
-    -------
-    ndarray
-        Cycles within about -1/2 ... 1/2.
-    """
+    """length x rate less the nearest whole number, exact to about 1e-15; any shape, into `out`."""
     high = length_m * _SPLITTER
     rest = high - length_m
     high -= rest  # leading 26 bits of the length

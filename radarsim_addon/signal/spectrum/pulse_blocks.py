@@ -7,24 +7,21 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
+from .grid import Weights
 from .transform import ErrorSum, PulseResult
 
-Weights = NDArray[np.inexact[Any]]
 #: One pulse's spectrum from lengths, amplitudes and pulse intervals of folding.
 Transform = Callable[[Real, Weights, Real | None], PulseResult]
 
 
 @dataclass(frozen=True)
 class PulseBlock:
-    """Spectra of some pulses, (pulses, frequencies).
-
-    `heard` (received paths) and `folded` count paths once per pulse.
+    """Spectra of some pulses, (pulses, frequencies); `heard` and `folded` count paths once per
+    pulse.
     """
 
     pulses: slice
@@ -53,8 +50,8 @@ class TransformPool:
     ) -> PulseBlock:
         """Spectra of the lengths (pulses, ...), one pulse after the other.
 
-        `amplitude` is (rows,), or a function that returns (pulses, rows).
-        `order`: pulse intervals by which rows are folded; None: found from the delays.
+        `amplitude` is or returns (rows,) or (pulses, rows); `order` are the pulse intervals by
+        which rows are folded, None: found from the delays.
         """
         start = time.thread_time()
         transform = self._free.get()

@@ -162,19 +162,8 @@ def nodes_for(bend_rad: float, tolerance: float) -> int:
 
 
 def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase that the motion within a ramp has beyond `RampTransform`, about.
+    """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about.
 
-    Parameters
-    ----------
-    lengths_m
-        (pulses, 3, rows) [m].
-    sums
-        With a ramp.
-    times_s
-        Of the pulses [s].
-
-    Notes
-    -----
     In n^3: f_c times the change of the acceleration (between pulses; unknown for a single one),
     less what the parabola through three lengths takes off, and n df times half the acceleration.
     """

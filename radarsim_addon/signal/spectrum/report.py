@@ -18,22 +18,11 @@ _RAMP_SLACK_RAD = 1e-3
 
 @dataclass
 class SynthesisStep:
-    """Paths of one kind of motion that went one way.
+    """Paths (twice where folded into the window twice) of one kind of motion that went one way.
 
-    Attributes
-    ----------
-    motion
-        "still"; "linear": constant range rate within the bound; "smooth": a polynomial fitted
-        within the bound; "sampled": lengths taken at every pulse.
-    transform
-        "once": one 1-D type-1 transform for all pulses; "type 3": 2-D transform over frequency
-        and pulse; "pulse by pulse": a 1-D transform each; "direct sum": term by term.
-    paths
-        Rows (a path folded into the window twice counts twice).
-    transforms
-        Transforms that were needed.
-    cpu_s
-        Processor time in phases and transforms, all threads [s].
+    motion: "linear" has a constant range rate within the bound, "smooth" a polynomial fitted within
+    it, of "sampled" lengths are taken at every pulse. transform: "once" is one 1-D type 1 for all
+    pulses, "type 3" 2-D over frequency and pulse, "pulse by pulse" a 1-D type 1 each.
     """
 
     motion: Motion
@@ -60,25 +49,23 @@ class SynthesisReport:
     steps
         What was chosen for how many paths, and its cost.
     error_estimate
-        Relative L2 error to the direct sum: that of the transforms for phases that are random just
-        outside the band, plus that of fitted motion. Cancellation within the band is accounted
-        for. 0 where there is no echo.
+        Relative L2 error to the direct sum, for phases that are random just outside the band, with
+        that of fitted motion; cancellation within the band counts. 0 where there is no echo.
     error_bound
-        The same if all terms of the transforms' error lined up: it holds for any paths.
+        The same for any paths.
     cancellation_db
-        Energy of the result over that of paths with random phases (0 dB); -60 dB: the paths cancel
-        to a millionth, and three digits are lost.
+        Energy of the result over that of paths with random phases; at -60 dB three digits are lost.
     motion_error_rad
         Largest error of phase that fitted motion was allowed.
     outside
-        Paths, counted once a pulse and divided by pulses, that lie outside the window.
+        Paths outside the window, counted once a pulse and divided by pulses.
     range_ambiguous_count
         Paths that stand in the window by folding (delay beyond the pulse interval).
     doppler_ambiguous_count
         Moving paths whose phase turns by more than half a cycle from pulse to pulse.
     ramp_residual_phase_rad
         Where frequencies come one after the other: phase of the motion meanwhile beyond the second
-        order in time, about; 0 for constant rates [rad].
+        order in time, about [rad].
     wall_s
         Time spent in all [s].
     notes

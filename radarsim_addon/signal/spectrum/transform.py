@@ -5,18 +5,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import SynthesisContext, place
+from .grid import SynthesisContext, Weights, place
 from .nufft import TIGHTEST, Backend, Type1
 from .phase import BLOCK, phasors, reduce_cycles, reduced_cycles
-
-Weights = NDArray[np.inexact[Any]]
 
 #: The engines get this fraction of the tolerance: a digit costs 1 % of a transform's time,
 #: and what cancels in the band by 40 dB need not be done again.
@@ -44,16 +40,8 @@ def engine_tolerance(tolerance: float) -> float:
 
 @dataclass
 class ErrorSum:
-    """Error of a sum of transforms, in the units of their L2 norm.
-
-    Attributes
-    ----------
-    random
-        For phases that are random just outside the band.
-    bound
-        For any paths.
-    energy
-        Squared L2 norm that the result would have if the phases were random.
+    """Error of a sum of transforms, in the units of their L2 norm: for phases that are random just
+    outside the band, and for any paths; `energy` is the squared norm expected of random phases.
     """
 
     random: float = 0.0

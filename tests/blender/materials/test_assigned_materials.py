@@ -210,8 +210,8 @@ WAYS = (
 def the_material() -> Any:
     """The soil that the wall wears."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (worn,) = [one for one in assigned_materials(depsgraph) if one.item.name == WALL]
-    (made,) = [m for m in worn.materials if m is not None and m.name.startswith("Soil")]
+    (assigned,) = [one for one in assigned_materials(depsgraph) if one.item.name == WALL]
+    (made,) = [m for m in assigned.materials if m is not None and m.name.startswith("Soil")]
     return made
 
 
@@ -232,8 +232,8 @@ def test_follows_the_carrier_and_is_found(way: Callable[[Path], None], tmp_path:
     assert before == pytest.approx(complex(library("soil", MADE_HZ, moisture=0.05)), rel=1e-6)
     recorder = SettingsRestorer()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
-    assert pm.update_materials(RUN_HZ, recorder, worn) == []
+    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
+    assert pm.update_materials(RUN_HZ, recorder, assigned) == []
     assert set_layer_normals(recorder, depsgraph) == []
     expected = complex(library("soil", RUN_HZ, moisture=0.05))
     assert index_of(made) == pytest.approx(expected, rel=1e-6)
@@ -383,6 +383,6 @@ def test_band_of_a_material_set_by_geometry_nodes_stops_the_run() -> None:
     item.data.materials.clear()
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    worn = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
+    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):
-        pm.update_materials(5e12, None, worn)
+        pm.update_materials(5e12, None, assigned)

@@ -12,6 +12,7 @@ from PIL import Image
 
 from radarsim_addon import contract, signal
 from radarsim_addon.blender.run.output_folder import clear_run
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.echoes import render_times_s
@@ -158,9 +159,7 @@ def test_a_longer_burst_is_sampled_anew(tmp_path: Path) -> None:
     again = ph.run_paths(tmp_path, burst=Burst(5000.0, 32))
     assert again.job.path_scene is not None and again.job.path_scene.renders == 0
     ph.run_paths(tmp_path, burst=Burst(5000.0, 512))
-    motion = read_record(
-        tmp_path / contract.frame_dir(1) / contract.MOTION_FILE, contract.MotionRecord
-    )
+    motion = read_record(tmp_path / contract.frame_dir(1) / contract.MOTION_FILE, MotionRecord)
     assert motion.duration_s == pytest.approx(512 / 5000)
     assert (
         frame_paths(signal.open_run(tmp_path).frame(1))

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
+from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
@@ -58,7 +59,7 @@ def test_radar_that_flies_over_flat_ground(tmp_path: Path) -> None:
     assert error < WITHIN, error
     bin_mps = 299_792_458.0 / CARRIER_HZ * BURST.prf_hz / (2 * BURST.pulses)
     assert np.abs(rows["range_rate_mps"] + rows["direction"] @ velocity).max() < 1e-3 * bin_mps
-    assert [b.segments for b in motion_record(run).bodies] == [[]], "the ground stands still"
+    assert [b.segments for b in motion_record(run).bodies] == [[]], "the ground is stationary"
 
 
 def test_parent_and_constraint(tmp_path: Path) -> None:

@@ -287,11 +287,11 @@ def test_assigning_to_nothing_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0.5, 0.0), "Index of refraction n is 0.5. Enter a number of at least 1"),
-        ((float("nan"), 0.0), "Index of refraction n is nan"),
+        ((0.5, 0.0), "Index of refraction n is 0.5; expected at least 1"),
+        ((float("nan"), 0.0), "Index of refraction n holds nan"),
         ((1.5, -0.1), "Extinction coefficient kappa is -0.1"),
-        ((1.5, 0.0, 1.5), "Specularity is 1.5. Enter a number from 0 to 1"),
-        ((1.5, 0.0, 0.5, -1.0), "Roughness is -1.0"),
+        ((1.5, 0.0, 1.5), "Specularity is 1.5; expected 0 to 1"),
+        ((1.5, 0.0, 0.5, -1.0), "Roughness is -1; expected 0 to 1"),
     ],
 )
 def test_material_numbers_are_checked(arguments: tuple[float, ...], message: str) -> None:

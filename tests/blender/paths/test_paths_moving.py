@@ -36,7 +36,7 @@ def test_animated_radar_frames(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("velocity", [(0.0, 3.0, 0.0), (20.0, 0.0, 0.0), (3.0, -7.0, 2.0)])
 def test_moving_plate(tmp_path: Path, velocity: tuple[float, float, float]) -> None:
-    """Receding positive, crossing by the angle of each path; what stands still has none."""
+    """Receding positive, crossing by the angle of each path; what is stationary has none."""
     rs.new_scene()
     ph.field_of_view(20)
     plate = ph.plate_at(15, 2, ph.rough_metal())

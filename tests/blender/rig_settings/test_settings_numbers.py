@@ -20,7 +20,6 @@ from radarsim_addon.blender.plan import (
     Extent,
     Measurement,
     config_findings,
-    derive,
     fingerprint,
     instant_at,
     make_plan,
@@ -79,14 +78,13 @@ def test_numbers_that_cannot_be_measured(change: dict[str, Any], message: str) -
 
 
 def test_derived_numbers_of_the_paper() -> None:
-    numbers = derive(PAPER, 21)
-    assert numbers.range_resolution_m == pytest.approx(2.99792458)
-    assert numbers.unambiguous_range_m == pytest.approx(149896.229)
-    assert numbers.max_unambiguous_velocity_mps == pytest.approx(299792458 / 5.3e9 * 1000 / 4)
-    assert numbers.velocity_resolution_mps == pytest.approx(
-        numbers.max_unambiguous_velocity_mps / 64
-    )
-    assert (numbers.renders, numbers.covered_range_m, numbers.burst_s) == (42, 5250.0, 0.128)
+    radar = PAPER.radar
+    assert radar.waveform.range_resolution_m == pytest.approx(2.99792458)
+    assert radar.unambiguous_range_m == pytest.approx(149896.229)
+    velocity_mps = 299792458 / 5.3e9 * 1000 / 4
+    assert radar.max_unambiguous_velocity_mps == pytest.approx(velocity_mps)
+    assert radar.velocity_resolution_mps == pytest.approx(velocity_mps / 64)
+    assert PAPER.renders(21) == 42
 
 
 @pytest.mark.parametrize(

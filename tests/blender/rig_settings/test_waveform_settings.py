@@ -35,13 +35,8 @@ pytestmark = pytest.mark.blender
 
 @pytest.fixture
 def scene(addon: Any) -> Any:
-    made = rs.new_scene()
-    rs.add_plate(10.0)
-    settings = rs.radar()
-    settings.sampling_mode = "rings"
-    settings.ring_step_m, settings.samples = 4.0, 1
-    settings.width_px = settings.height_px = 8
-    settings.snapshots = "1"
+    made = rs.ring_scene(8)
+    rs.radar().snapshots = "1"
     return made
 
 

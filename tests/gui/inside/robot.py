@@ -4,7 +4,7 @@
 A script is a generator that yields seconds to wait; between its steps Blender's own event loop
 runs. The mouse and the keys are real X events (xdotool); a button is found by moving the mouse
 over the sidebar and asking Blender what lies under it, as a user would by looking. A heartbeat
-timer, independent of the script, measures how long the window stands still.
+timer, independent of the script, measures how long the window does not respond.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class Robot:
         self.result["shots"].append(path.name)
 
     def start_watching(self) -> None:
-        """Measure from now on how long the event loop stands still."""
+        """Measure from now on how long the event loop does not respond."""
         self._gaps = []
 
     def stop_watching(self) -> dict[str, float]:

@@ -180,7 +180,7 @@ def script(robot: Any) -> Any:
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
 
-    # Esc at any moment of a render, not only at one that Blender's own render job hears.
+    # Esc at any moment of a render, not only at one that Blender's own render job sees.
     def start(folder: Path) -> None:
         settings.output_folder = str(folder)
         region = next(r for r in robot.view.regions if r.type == "WINDOW")

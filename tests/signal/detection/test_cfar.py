@@ -40,7 +40,7 @@ from radarsim_addon.signal.detection.cfar_thresholds import (
 )
 from radarsim_addon.signal.echoes import synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain, range_process
-from radarsim_addon.signal.products import write_detections
+from radarsim_addon.signal.products.detection_files import write_detections
 from tests.signal.oracle import unit_paths
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))

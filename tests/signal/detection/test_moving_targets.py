@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Movers that a summary lists: all that move, none that another echo's response explains."""
+"""Moving targets in a summary: all that move, none that another echo's response explains."""
 
 from pathlib import Path
 
@@ -120,7 +120,7 @@ def test_slow_movers_are_listed_beside_stronger_clutter(
 ) -> None:
     echoes = [(500.3, cells, 0.0), *clutter(40, 4)]
     moving_targets = find_moving_targets(*scene(name, echoes, (0.0, 900.0), window, mti), mti)
-    # main lobes of kaiser:8 are 2.7 cells wide to each side: static and mover overlap
+    # main lobes of kaiser:8 are 2.7 cells wide to each side: static and target overlap
     within = 0.05 if window == "kaiser:8" else 0.02
     assert speeds(moving_targets, name) == [pytest.approx(cells, abs=within)]
     waveform = WAVEFORMS[name]
@@ -137,15 +137,15 @@ def test_a_weak_mover_is_found_under_the_sidelobes_of_a_strong_one(name: str, wi
     moving_targets = find_moving_targets(*scene(name, echoes, (0.0, 900.0), window))
     assert speeds(moving_targets, name)[0] == pytest.approx(8.3, abs=0.01)
     assert sorted(speeds(moving_targets, name)[1:]) == pytest.approx([8.3, 20.6], abs=0.1)
-    assert [mover.level_db for mover in moving_targets] == pytest.approx([0, -30, -30], abs=0.5)
+    assert [target.level_db for target in moving_targets] == pytest.approx([0, -30, -30], abs=0.5)
 
 
 def test_a_mover_in_the_window_stays_beside_one_outside(tmp_path: Path) -> None:
     echoes = [*ECHOES, (8, 3, 450.0, -3.0, 1e-7)]
     folder = write_run(tmp_path / "run", SETUP, points(SETUP, echoes))
     options = ProcessOptions(products=False, plots=False, range_limits_m=(0.0, 550.0))
-    (mover,) = result_of(folder, options).moving_targets
-    assert mover.velocity_mps == pytest.approx(-3.0, abs=0.02)
+    (target,) = result_of(folder, options).moving_targets
+    assert target.velocity_mps == pytest.approx(-3.0, abs=0.02)
 
 
 @pytest.mark.parametrize("name", ["chirp", "pmcw"])
@@ -157,5 +157,5 @@ def test_the_rounding_of_an_adc_is_no_mover(tmp_path: Path, name: str, adc_bits:
     options = ProcessOptions(
         products=False, plots=False, radar=radar, receiver=Receiver(adc_bits=adc_bits)
     )
-    (mover,) = result_of(folder, options).moving_targets
-    assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)
+    (target,) = result_of(folder, options).moving_targets
+    assert target.velocity_mps == pytest.approx(5.0, abs=0.02)

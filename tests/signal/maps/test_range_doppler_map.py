@@ -47,7 +47,7 @@ def test_axes_are_exact_for_odd_and_even_trains(pulses: int) -> None:
     np.testing.assert_allclose(
         found.velocity_mps, -found.doppler_hz * WAVEFORM.wavelength_m / 2, rtol=1e-14
     )
-    # what stands still is in the row of 0 Hz
+    # what is stationary is in the row of 0 Hz
     assert np.unravel_index(np.argmax(found.plane_power), found.plane_power.shape)[0] == pulses // 2
 
 
@@ -101,15 +101,15 @@ def test_weak_mover_beside_strong_clutter() -> None:
     aperture = WAVEFORM.wavelength_m**2 / (4 * np.pi)
     rng = np.random.default_rng(0)
     clutter = make_paths(1 / aperture, 2 * rng.uniform(600, 1400, 3000))
-    mover = make_paths(0.01 / aperture, 2 * 1100.0, 6.0)
-    echoes = synthesize(Paths.join([clutter, mover]), radar, range_limits_m=WINDOW_M)
+    target = make_paths(0.01 / aperture, 2 * 1100.0, 6.0)
+    echoes = synthesize(Paths.join([clutter, target]), radar, range_limits_m=WINDOW_M)
     found = range_doppler(range_process(echoes))
     assert abs(find_peaks(found, 1)[0].velocity_mps) < 0.3
     peaks = find_peaks(found, 3, min_speed_mps=1.0, min_above_db=20)
     assert peaks[0].velocity_mps == pytest.approx(6.0, abs=1e-3)
     assert peaks[0].range_m == pytest.approx(1100 + 6 * 127 / 2000, abs=0.01)
     assert peaks[0].level_db == pytest.approx(-20, abs=0.2)
-    # elsewhere there are only the mover's own sidelobes, not those of clutter 100 dB above them
+    # elsewhere there are only the target's own sidelobes, not those of clutter 100 dB above them
     elsewhere = find_peaks(found, 3, min_speed_mps=1.0, range_m=(500.0, 700.0))
     assert max(p.level_db for p in elsewhere) < -80
 

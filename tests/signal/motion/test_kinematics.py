@@ -13,6 +13,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError, FrameFileError, SchemaError
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.motion import (
     BodyMotion,
@@ -105,7 +106,7 @@ def true_lengths(
 
 
 def scene(antennas: bool, orthographic: bool = False) -> FrameMotion:
-    """Three bodies, one of which stands still."""
+    """Three bodies, one of which is stationary."""
     still = (BodyMotion(RECEIVER.pose), BodyMotion(EMITTER.pose))
     receiver, emitter = (RECEIVER, EMITTER) if antennas else still
     return FrameMotion(SPAN_S, receiver, emitter, orthographic, BODIES)
@@ -242,7 +243,7 @@ def tracks() -> Tracks:
 def written(folder: Path) -> str:
     """A motion file with tracks; returns its hash."""
     path = write_tracks(folder, tracks())
-    record = contract.MotionRecord(
+    record = MotionRecord(
         frame=1,
         time_s=0.0,
         duration_s=SPAN_S,

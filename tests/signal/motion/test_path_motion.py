@@ -38,6 +38,6 @@ def test_joined_motion_picks_the_same_rows_as_one_table():
 
 
 def test_paths_without_a_motion_of_their_own_move_by_their_range_rate():
-    still, mover = make_paths(1.0, 20.0), make_paths([1.0, 2.0], [30.0, 50.0], [3.0, -1.0])
-    lengths = Paths.join([still, mover]).lengths.lengths_m(TIMES_S, slice(None))
+    still, target = make_paths(1.0, 20.0), make_paths([1.0, 2.0], [30.0, 50.0], [3.0, -1.0])
+    lengths = Paths.join([still, target]).lengths.lengths_m(TIMES_S, slice(None))
     assert lengths[:, 2] == pytest.approx([20.0, 42.0, 46.0])

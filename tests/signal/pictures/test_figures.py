@@ -153,11 +153,11 @@ def test_movers_come_first(plain_map: RangeDopplerMap) -> None:
 
 
 def test_sidelobes_of_a_mover_get_no_label(plain_map: RangeDopplerMap) -> None:
-    mover = peak(600.0, 5.0, -60.0)
+    target = peak(600.0, 5.0, -60.0)
     along = [detection(400.0 + 20 * i, 5.0, -100.0) for i in range(20)]
-    assert foremost(plain_map, [mover], [detection(600.1, 5.0, -60.0), *along]) == [mover]
+    assert foremost(plain_map, [target], [detection(600.1, 5.0, -60.0), *along]) == [target]
     other = detection(400.0, 5.0, -80.0)  # strong enough to be another target
-    assert foremost(plain_map, [mover], [other, *along])[:2] == [mover, other]
+    assert foremost(plain_map, [target], [other, *along])[:2] == [target, other]
 
 
 def test_of_targets_side_by_side_the_stronger_is_labelled(plain_map: RangeDopplerMap) -> None:

@@ -29,7 +29,7 @@ from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
-#: A mover, and a wall that stands still.
+#: A target, and a wall that is stationary.
 ECHOES = [(5, 6, 600.0, 5.0, 1e-6), *((2, c, 300.0, 0.0, 1e-5) for c in range(10))]
 QUICK = ProcessOptions(products=False, plots=False)
 
@@ -51,10 +51,10 @@ def test_run_to_map(folder: Path) -> None:
     assert result.statistics.counts.paths == 11
     assert result.statistics.nearest_m == pytest.approx(300, abs=1e-3)
     assert result.statistics.farthest_m == pytest.approx(600, abs=1e-3)
-    mover = result.moving_targets[0]
-    assert mover.velocity_mps == pytest.approx(5.0, abs=0.02)
-    assert mover.doppler_hz < 0  # receding
-    assert mover.range_m == pytest.approx(600 + 5 * 63 / 2000, abs=0.02)
+    target = result.moving_targets[0]
+    assert target.velocity_mps == pytest.approx(5.0, abs=0.02)
+    assert target.doppler_hz < 0  # receding
+    assert target.range_m == pytest.approx(600 + 5 * 63 / 2000, abs=0.02)
     assert len(result.moving_targets) == 1
     wall = max(result.edges, key=lambda e: e.level_db)
     # one range only: half power is half the response's width before it

@@ -56,14 +56,14 @@ def test_another_waveform_on_a_finished_run(folder: Path, waveform: object) -> N
     )
     summary = json.loads((folder / "products/frame_0001_summary.json").read_text("utf-8"))
     steps = {(step["motion"], step["transforms"]) for step in summary["synthesis"]["steps"]}
-    assert ("still", 1) in steps and len(steps) == 2, "once for all that stands, and the mover"
+    assert ("still", 1) in steps and len(steps) == 2, "once for all that stands, and the target"
     assert summary["synthesis"]["error_estimate"] <= summary["synthesis"]["tolerance"] == 1e-6
     coupling_m = 0.0
     if isinstance(waveform, FmcwWaveform):
         coupling_m = 5.0 * waveform.carrier_hz / waveform.slope_hz_per_s
     if isinstance(waveform, SteppedWaveform):
         coupling_m = 5.0 * waveform.carrier_hz * waveform.step_time_s / waveform.step_hz
-    # the wall and the mover, no sidelobe
+    # the wall and the target, no sidelobe
     assert sorted(round(edge.peak_range_m / 10) for edge in other.edges) == [30, 60]
     assert other.moving_targets[0].velocity_mps == pytest.approx(5.0, abs=0.02)
     assert other.moving_targets[0].range_m == pytest.approx(

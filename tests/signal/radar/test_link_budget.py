@@ -153,7 +153,7 @@ def test_wrong_system_files_are_named(tmp_path: Path, text: str, message: str) -
     file.write_text(text)
     with pytest.raises(ConfigError, match=message):
         read_system(file)
-    with pytest.raises(ConfigError, match="does not exist"):
+    with pytest.raises(ConfigError, match="is missing"):
         read_system(tmp_path / "none.json")
 
 

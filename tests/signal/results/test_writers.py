@@ -14,9 +14,9 @@ from radarsim_addon.signal.results import (
     remove_stale,
     result_writer,
     write_result,
-    writer_names,
     writers,
 )
+from radarsim_addon.signal.results.writers import writer_names
 from tests.signal.synthetic import Setup, points, write_run
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.physics.antennas import direction_from_angles
 from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
@@ -226,7 +227,7 @@ def turning_run(folder: Path, name: str) -> Path:
         system=contract.LinkBudget(1.0, ANTENNAS[name], WIDE),
     )  # fmt: skip
     frame = run / contract.frame_dir(1)
-    motion = contract.MotionRecord(
+    motion = MotionRecord(
         frame=1, time_s=0.0, duration_s=SPAN_S, samples=17, receiver_kind="perspective",
         antennas=[body_record(n, "", body, False) for n in ("Receiver", "Transmitter")],
         bodies=[body_record("Target", "", BodyMotion(np.eye(4)), False)],

@@ -23,7 +23,7 @@ from radarsim_addon.signal.detection import (
     object_echoes,
 )
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
-from radarsim_addon.signal.paths import Paths, make_paths, path_power_w, write_table
+from radarsim_addon.signal.paths import PATH_DTYPE, Paths, make_paths, path_power_w, write_table
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, make_system
@@ -256,7 +256,7 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
     report = budget_of(folder, dataclasses.replace(quick, range_limits_m=None, radar=fmcw))
     assert report.excluded_reason == {"Far": "beyond the ADC's band"}
-    # echoes of pulses fold: 900 m is heard at 400 m
+    # echoes of pulses fold: 900 m is received at 400 m
     folding = Radar(pr.WAVEFORM, Burst(pr.C0_MPS / 2 / 500, 64))
     report = budget_of(
         folder, dataclasses.replace(quick, range_limits_m=(300.0, 480.0), radar=folding)
@@ -285,6 +285,40 @@ def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
         gain = {2: 4 * sine / 2, 3: 16 * sine**2 / 6}[pulses] * (65 - pulses) / 64
         change_db = report.snr["Far"].burst_db - plain.burst_db
         assert change_db == pytest.approx(10 * math.log10(gain), abs=1e-9)
+
+
+def test_two_reflections_reach_the_transmitter_from_the_last_vertex(tmp_path: Path) -> None:
+    """R_r and G_r are those of the first vertex, R_t and G_t those of the last: a bent path."""
+    first, last = np.array([100.0, 400.0, 0.0]), np.array([-60.0, 800.0, 0.0])
+    receiver_m, transmitter_m = np.zeros(3), np.array([-200.0, 0.0, 0.0])
+    back_m, there_m = math.hypot(100, 400), math.hypot(140, 800)
+    rcs_m2, eirp_w = 7.0, 1e6
+    row = np.zeros(1, dtype=PATH_DTYPE)
+    row["power_w"] = bistatic_power_w(eirp_w, rcs_m2, there_m, back_m, WAVELENGTH_M)
+    row["length_m"] = back_m + math.dist(first, last) + there_m
+    row["order"], row["solid_angle_sr"] = 2, 1e-6
+    row["first_scatterer_m"], row["last_scatterer_m"] = first, last
+    row["direction"] = (first - receiver_m) / back_m
+    row["first_object"] = row["last_object"] = 1
+    beam = contract.AntennaRecord(
+        "gaussian", {"azimuth_beamwidth_deg": 30.0, "elevation_beamwidth_deg": 30.0}
+    )
+    folder = pr.write_run(
+        tmp_path / "run", row, ["Corner"], pr.camera(pr.pose(receiver_m)),
+        contract.TransmitterRecord(pr.pose(transmitter_m), eirp_w), range_limits_m=1000.0,
+        system=contract.LinkBudget(5.0, beam, beam),
+    )  # fmt: skip
+    frame = open_run(folder).frame(1)
+    (echo,) = object_echoes(frame, pr.WAVEFORM.carrier_hz)
+    assert echo.rcs_m2 == pytest.approx(rcs_m2, rel=1e-9)
+    budget = FrameBudget(open_frame(frame))
+    paths = budget.apply(frame_paths(frame))
+    assert paths.gain is not None
+    peak = float(budget.link.system.transmitter.gain((0, 0, -1.0)))
+    angles_deg = math.degrees(math.atan2(100, 400)), math.degrees(math.atan2(140, 800))
+    loss_db = sum(40 * math.log10(2) * (angle / 30) ** 2 for angle in angles_deg)
+    gain_db = 10 * math.log10(float(paths.gain[0]) * eirp_w / 5.0 / peak**2)
+    assert gain_db == pytest.approx(-loss_db, abs=1e-6)
 
 
 def test_windows_cost_what_harris_says() -> None:

@@ -276,7 +276,7 @@ def test_bad_requests(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def folded_oracle(listening: ReceiveWindow, lengths, amplitude, times_s=TIMES_S) -> np.ndarray:
-    """Each echo at every place where it is heard, one after the other."""
+    """Each echo at every place where it is received, one after the other."""
     result = np.zeros((times_s.size, GRID.count), dtype=complex)
     offset = GRID.frequencies_hz - listening.reference_hz
     for m, time_s in enumerate(times_s):
@@ -313,8 +313,8 @@ def test_window_and_folding(listening, method) -> None:
     assert relative(found.values, expected) <= 1e-9
     delays = np.array([lengths(np.longdouble(t)) for t in times_s]).astype(float) / 299_792_458
     if listening.period_s is None:
-        heard = (delays > 30e-9) & (delays < 90e-9)
-        assert found.report.outside == pytest.approx(30 - heard.sum() / times_s.size)
+        received = (delays > 30e-9) & (delays < 90e-9)
+        assert found.report.outside == pytest.approx(30 - received.sum() / times_s.size)
         assert found.report.range_ambiguous_count == 0
     else:
         assert found.report.range_ambiguous_count > 0

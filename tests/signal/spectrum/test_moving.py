@@ -32,7 +32,7 @@ def chirps(carrier_hz: float) -> tuple[FrequencyGrid, np.ndarray, float]:
 
 
 def beat(carrier_hz: float, body: Body, amplitude: np.ndarray) -> np.ndarray:
-    """Received times conjugate of transmitted, (chirps, samples); bodies stand still in a chirp."""
+    """Received times conjugate of transmitted, (chirps, samples); no motion within a chirp."""
     slope, rate_hz, samples, interval_s, count = RADARS[carrier_hz]
     t = np.arange(samples).astype(np.longdouble) / np.longdouble(rate_hz)
     f0, k = np.longdouble(carrier_hz), np.longdouble(slope)

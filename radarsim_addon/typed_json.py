@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""JSON files read as dataclasses: every value is checked, and errors name its place.
+
+Settings and records of other programs come through here. Nothing behind it needs to check a type,
+or whether a number is finite.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import math
+import typing
+from dataclasses import MISSING
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from .errors import ConfigError
+from .findings import Finding
+from .findings import from_json as finding_from_json
+from .old_names import todays_name
+from .options import Declared, declared, value_type
+from .textfile import TextTooLongError, read_text
+
+Record = TypeVar("Record")
+
+_EXPECTED = {float: "finite number", int: "whole number", str: "text", bool: "true or false"}
+
+
+def read_json(path: Path, most_bytes: int, remedy: str, error: type[Exception]) -> dict[str, Any]:
+    """Read a JSON object of at most `most_bytes`; errors of the class `error` end with `remedy`."""
+    try:
+        data = json.loads(read_text(path, most_bytes), parse_constant=_not_finite)
+    except FileNotFoundError as wrong:
+        raise error(f"{path} is missing. {remedy}") from wrong
+    except TextTooLongError as wrong:
+        raise error(
+            f"{path} holds more than {most_bytes} bytes, which no such file does. {remedy}"
+        ) from wrong
+    except (OSError, ValueError, RecursionError, MemoryError) as wrong:
+        raise error(f"{path} cannot be read as JSON ({wrong}). {remedy}") from wrong
+    if not isinstance(data, dict):
+        raise error(f"{path} holds a {type(data).__name__}; expected a JSON object. {remedy}")
+    return data
+
+
+def from_json(
+    kind: type[Record],
+    data: Any,
+    where: str,
+    error: type[Exception] = ConfigError,
+    *,
+    unknown: typing.Literal["refuse", "ignore"] = "refuse",
+) -> Record:
+    """Make a dataclass instance from parsed JSON; names of former versions are read too.
+
+    Errors of the class `error` begin with `where`. Records ignore unknown fields: later versions
+    may add some.
+    """
+    return typing.cast(Record, _Reader(error, unknown == "refuse").record(kind, data, where))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Reader:
+    """Errors' class, and whether unknown fields are refused."""
+
+    error: type[Exception]
+    strict: bool
+
+    def record(self, kind: Any, data: Any, where: str) -> Any:
+        """An instance of a dataclass."""
+        if not isinstance(data, dict):
+            raise self.error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
+        fields = {item.name: item for item in dataclasses.fields(kind)}
+        settings, hints = declared(kind), typing.get_type_hints(kind)
+        values: dict[str, Any] = {}
+        for key, value in data.items():
+            name = todays_name(key, fields)
+            if name in fields:
+                place = f"{where}: {key}"
+                values[name] = self._value(hints[name], value, place, settings.get(name))
+            elif self.strict:
+                near = difflib.get_close_matches(key[:60], fields, 1)
+                guess = f" Do you mean {near[0]!r}?" if near else ""
+                raise self.error(
+                    f"{where} has the unknown field {key!r:.60}; its fields are "
+                    f"{', '.join(fields)} (SI units).{guess}"
+                )
+        lacking = [
+            name
+            for name, item in fields.items()
+            if name not in values and item.default is MISSING and item.default_factory is MISSING
+        ]
+        if lacking:
+            raise self.error(
+                f"{where} lacks {', '.join(lacking)}; its fields are {', '.join(fields)}."
+            )
+        return kind(**values)
+
+    def _value(self, hint: Any, value: Any, where: str, setting: Declared | None = None) -> Any:
+        """A value as its annotated type."""
+        kind, optional = value_type(hint)
+        if value is None and optional:
+            return None
+        origin, inner = typing.get_origin(kind), typing.get_args(kind)
+        if kind is Finding:
+            return finding_from_json(value, where)
+        if dataclasses.is_dataclass(kind):
+            return self.record(kind, value, where)
+        if origin is dict or kind is dict:
+            if not isinstance(value, dict):
+                self._refuse(value, where, "a JSON object")
+            return {k: self._value(inner[1], v, f"{where}: {k:.60}") for k, v in value.items()}
+        if origin is list:
+            if not isinstance(value, list):
+                self._refuse(value, where, "a list")
+            return [self._value(inner[0], v, f"{where}[{i}]") for i, v in enumerate(value)]
+        if origin is tuple and isinstance(value, list):
+            value = tuple(value)
+        elif kind is float and type(value) is int:
+            value = float(value) if value.bit_length() < 1024 else math.inf
+        elif kind is int and type(value) is float and value.is_integer():
+            value = int(value)  # JSON of other programs writes 128.0 for 128
+        if setting is not None:
+            try:
+                setting.check(value)
+            except ConfigError as wrong:
+                raise self.error(f"{where}: {wrong}") from wrong
+        elif kind in _EXPECTED and (
+            type(value) is not kind or (kind is float and not math.isfinite(value))
+        ):
+            article = "a " if kind in (float, int) else ""
+            self._refuse(value, where, article + _EXPECTED[kind])
+        return value
+
+    def _refuse(self, value: Any, where: str, expected: str) -> NoReturn:
+        raise self.error(f"{where} is {value!r:.60}; expected {expected}.")
+
+
+def _not_finite(text: str) -> NoReturn:
+    raise ValueError(f"it holds {text}; expected finite numbers")
