@@ -18,12 +18,18 @@ from ..motion import Bodies
 from ..state import evaluated_mesh, evaluated_objects, read_triangles
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
-_EPS64 = float(np.finfo(np.float64).eps) / 2
 #: Largest error of a hit point, in roundings of its distances from the origin and from the ray's
 #: start (7 standard deviations of what was seen).
 _ROUNDINGS = 4.0
-#: Largest error of a vertex from the transmitter's colours, relative to the length of the path.
-_COLOUR_ERROR = 4e-6
+#: Error of a length over that of its point: twice, and as much again where the ray is slanted.
+_LENGTH_OVER_POINT = 4.0
+#: Error of a vertex from the transmitter's colours over the length of the path: the largest, and a
+#: standard deviation along one axis.
+_LARGEST_COLOUR_ERROR, _COLOUR_ERROR = 1e-6, 7e-8
+#: Standard deviations of such a vertex within which a mirrored ray is taken to have met it.
+_MIRRORED_SIGMAS = 6.0
+#: Standard deviations of an encoded length within which it is taken to be right.
+_LARGEST_SIGMAS = 20.0
 #: Path lengths are computed again where float32 may be off by more than this [wavelengths].
 TOLERANCE_WAVELENGTHS = 1e-3
 
@@ -68,10 +74,12 @@ class HitPoints:
         `origin_m` is where the rays start, (3,) or (n, 3).
         """
         origins_m = np.broadcast_to(origin_m, rows["direction"].shape)
-        exact_length = rows["flags"] & PathFlag.ENCODED_LENGTH == 0
-        one = np.flatnonzero((rows["order"] == 1) & exact_length)
+        flags = rows["flags"]
+        one_path = flags & PathFlag.MIXED == 0
+        seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
+        one = np.flatnonzero((rows["order"] == 1) & seen)
         self._refine_order_1(rows, one, origins_m[one], transmitter_m)
-        later = np.flatnonzero((rows["order"] > 1) & (rows["flags"] & PathFlag.MIXED == 0))
+        later = np.flatnonzero((rows["order"] > 1) & one_path)
         self._refine_later(rows, later, origins_m[later], transmitter_m)
 
     def _refine_order_1(
@@ -79,77 +87,97 @@ class HitPoints:
     ) -> None:
         points_m = rows["last_scatterer_m"][chosen]
         reach_m = _reach_m(points_m, origins_m)
-        needed = 2 * reach_m > self._tolerance_m
+        needed = _LENGTH_OVER_POINT * reach_m > self._tolerance_m
         chosen, points_m, origins_m = chosen[needed], points_m[needed], origins_m[needed]
         mine = rows[chosen]
-        way_m = self._hit(
-            mine["last_body"], origins_m, mine["direction"], points_m, reach_m[needed]
+        reach_m = reach_m[needed]
+        way_m, normal = self._hit(
+            mine["last_body"], origins_m, mine["direction"], points_m, reach_m
         )
-        hit = np.isfinite(way_m)
-        chosen, way_m = chosen[hit], way_m[hit]
-        found_m = origins_m[hit] + way_m[:, None] * rows["direction"][chosen]
-        rows["last_scatterer_m"][chosen] = rows["first_scatterer_m"][chosen] = found_m
-        back_m = np.linalg.norm(found_m - transmitter_m, axis=1)
-        rows["length_m"][chosen] = way_m + back_m
+        found_m = origins_m + way_m[:, None] * mine["direction"]
+        length_m = way_m + np.linalg.norm(found_m - transmitter_m, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
+            # surface it tells where another one hit, a little beside. It is too short where Cycles
+            # lifts the start of shadow rays off smooth meshes (shadow terminator).
+            cosine = np.abs(np.sum(mine["direction"] * normal, axis=1))
+            grazed_m = 2 * reach_m * np.linalg.norm(normal, axis=1) / cosine
+            delay_m = mine["length_m"] - length_m
+            undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
+        encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
+        hit = np.isfinite(way_m) & (~encoded | undelayed)
+        sure, found_m, length_m = chosen[hit], found_m[hit], length_m[hit]
+        rows["last_scatterer_m"][sure] = rows["first_scatterer_m"][sure] = found_m
+        rows["length_m"][sure] = length_m
         # Behind transparent surfaces a delay below the encoding's noise goes unnoticed.
-        direct = rows["transparent_depth"][chosen] == 0
-        rows["length_sigma_m"][chosen[direct]] = _sigma_m(found_m, way_m + back_m)[direct]
+        direct = rows["transparent_depth"][sure] == 0
+        rows["length_sigma_m"][sure[direct]] = _sigma_m(found_m, length_m)[direct]
+        rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
 
     def _refine_later(
         self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
     ) -> None:
         """Orders above 1: the first vertex along its ray, the last one along the last segment."""
-        needed = 4 * rows["length_sigma_m"][chosen] > self._tolerance_m
+        needed = _LARGEST_SIGMAS * rows["length_sigma_m"][chosen] > self._tolerance_m
         chosen, origins_m = chosen[needed], origins_m[needed]
         mine = rows[chosen]
-        coloured_m = _COLOUR_ERROR * mine["length_m"]
-        first_m, last_m = mine["first_scatterer_m"], mine["last_scatterer_m"]
-        way_m = self._hit(
-            mine["first_body"],
-            origins_m,
-            mine["direction"],
-            first_m,
-            coloured_m + _reach_m(first_m, origins_m),
-        )
+        direction, first_m = mine["direction"], mine["first_scatterer_m"]
+        coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
+        reach_m = coloured_m + _reach_m(first_m, origins_m)
+        way_m, normal = self._hit(mine["first_body"], origins_m, direction, first_m, reach_m)
         seen = np.isfinite(way_m)
-        first_m = np.where(seen[:, None], origins_m + way_m[:, None] * mine["direction"], first_m)
-        segment_m = last_m - transmitter_m
-        share = self._hit(
-            mine["last_body"],
-            np.broadcast_to(transmitter_m, last_m.shape),
-            segment_m,
-            last_m,
-            coloured_m + _reach_m(last_m, transmitter_m),
-        )
+        first_m = np.where(seen[:, None], origins_m + way_m[:, None] * direction, first_m)
+
+        last_m = mine["last_scatterer_m"]
+        reach_m = coloured_m + _reach_m(last_m, transmitter_m)
+        start_m = np.broadcast_to(transmitter_m, last_m.shape)
+        share, _ = self._hit(mine["last_body"], start_m, last_m - start_m, last_m, reach_m)
         lit = np.isfinite(share)
-        last_m = np.where(lit[:, None], transmitter_m + share[:, None] * segment_m, last_m)
-        rows["first_scatterer_m"][chosen], rows["last_scatterer_m"][chosen] = first_m, last_m
-        length_m = (
-            way_m
-            + np.linalg.norm(last_m - first_m, axis=1)
-            + np.linalg.norm(last_m - transmitter_m, axis=1)
-        )
-        # What a pane between the vertices delays, geometry cannot see.
-        known = seen & lit & (mine["order"] == 2) & self._opaque
+        last_m = np.where(lit[:, None], start_m + share[:, None] * (last_m - start_m), last_m)
+        # Where the first surface is a mirror, its ray tells the second vertex better.
+        two = seen & lit & (mine["order"] == 2)
         with np.errstate(invalid="ignore"):
-            known &= np.abs(length_m - mine["length_m"]) <= 2 * coloured_m + 20 * mine[
-                "length_sigma_m"
-            ].astype(np.float64)
+            turn = 2 * np.sum(direction * normal, axis=1) / np.sum(normal**2, axis=1)
+        mirrored = direction - turn[:, None] * normal
+        further_m, _ = self._hit(
+            np.where(two, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
+        )
+        reflected_m = first_m + further_m[:, None] * mirrored
+        with np.errstate(invalid="ignore"):
+            off_m = np.linalg.norm(reflected_m - last_m, axis=1)
+            exact = off_m <= _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
+        last_m = np.where(exact[:, None], reflected_m, last_m)
+        rows["first_scatterer_m"][chosen], rows["last_scatterer_m"][chosen] = first_m, last_m
+
+        between_m, back_m = last_m - first_m, last_m - transmitter_m
+        far_m, near_m = np.linalg.norm(between_m, axis=1), np.linalg.norm(back_m, axis=1)
+        length_m = way_m + far_m + near_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # how the length changes as the last vertex moves
+            slope = np.linalg.norm(between_m / far_m[:, None] + back_m / near_m[:, None], axis=1)
+            sigma_m = np.where(
+                exact, _sigma_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
+            )
+            # What a pane between the vertices delays, geometry cannot see.
+            agrees_m = 2 * coloured_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
+            known = two & self._opaque & (np.abs(length_m - mine["length_m"]) <= agrees_m)
         sure = chosen[known]
-        rows["length_m"][sure] = length_m[known]
-        rows["length_sigma_m"][sure] = _sigma_m(last_m[known], length_m[known])
+        rows["length_m"][sure], rows["length_sigma_m"][sure] = length_m[known], sigma_m[known]
         rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
 
     # -- meshes ------------------------------------------------------------------------------------
 
     def _hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
-    ) -> Real:
-        """Distances along rays in lengths of their directions, (n,); NaN where nothing is hit."""
-        found = np.full(len(bodies), np.nan)
+    ) -> tuple[Real, Real]:
+        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3).
+
+        NaN where nothing is hit.
+        """
+        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan)
         known = np.flatnonzero((bodies > 0) & np.isfinite(near_m).all(axis=1))
         if not known.size:
-            return found
+            return found, normals
         if not self._data.size:
             self._survey()
         data = self._data[bodies[known] - 1]
@@ -162,13 +190,14 @@ class HitPoints:
             # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
             inverse = self._inverse[part]
             turn, move = inverse[:, :3, :3], inverse[:, :3, 3]
-            found[mine] = mesh.hit(
+            found[mine], normal = mesh.hit(
                 np.einsum("nij,nj->ni", turn, origins_m[mine]) + move,
                 np.einsum("nij,nj->ni", turn, directions[mine]),
                 np.einsum("nij,nj->ni", turn, near_m[mine]) + move,
                 reach_m[mine] * self._stretch[part],
             )
-        return found
+            normals[mine] = np.einsum("nij,ni->nj", turn, normal)
+        return found, normals
 
     def _survey(self) -> None:
         """Find which mesh each body has; read those that geometry nodes made for instances."""
@@ -211,5 +240,5 @@ def _reach_m(points_m: Real, start_m: Real) -> Real:
 
 
 def _sigma_m(points_m: Real, length_m: Real) -> Real:
-    """Standard deviation of lengths that were computed in float64, (n,)."""
-    return np.asarray(_EPS64 * (0.5 * np.linalg.norm(points_m, axis=1) + 1.3 * length_m))
+    """Standard deviation of lengths that were computed in float64, (n,), within a factor of 2."""
+    return np.asarray(np.spacing(np.maximum(length_m, np.abs(points_m).max(axis=1))))

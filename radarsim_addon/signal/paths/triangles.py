@@ -60,7 +60,9 @@ class TriangleMesh:
     def __len__(self) -> int:
         return len(self._shape)
 
-    def hit(self, origins: Real, directions: Real, near: Real, reach: Real | float) -> Real:
+    def hit(
+        self, origins: Real, directions: Real, near: Real, reach: Real | float
+    ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
 
         Parameters
@@ -77,18 +79,23 @@ class TriangleMesh:
 
         Returns
         -------
-        ndarray
+        way
             Distance along each ray in lengths of its direction, (n,); NaN where no triangle is.
+        normal
+            Normal of the triangle that was hit, of any length, (n, 3).
         """
-        found = np.full(len(near), np.nan)
+        way, triangle = np.full(len(near), np.nan), np.zeros(len(near), dtype=np.intp)
         if not len(self):
-            return found
+            return way, np.full((len(near), 3), np.nan)
         self._prepare(float(np.max(reach, initial=0.0)))
         origins, reach = np.broadcast_to(origins, near.shape), np.broadcast_to(reach, len(near))
         for start in range(0, len(near), _BLOCK):
             part = slice(start, start + _BLOCK)
-            found[part] = self._hit(origins[part], directions[part], near[part], reach[part])
-        return found
+            way[part], triangle[part] = self._hit(
+                origins[part], directions[part], near[part], reach[part]
+            )
+        shape = self._shape[triangle]
+        return way, _cross(shape[:, 3:6], shape[:, 6:])
 
     def _prepare(self, reach: float) -> None:
         """Sort the triangles into cells; again where points are less well known than before."""
@@ -104,13 +111,16 @@ class TriangleMesh:
             here = np.flatnonzero(exponent == size)
             self._levels.append(_Level(2.0 ** int(size), low[here], high[here], here))
 
-    def _hit(self, origins: Real, directions: Real, near: Real, reach: Real) -> Real:
+    def _hit(
+        self, origins: Real, directions: Real, near: Real, reach: Real
+    ) -> tuple[Real, Indices]:
+        """Distances along rays and numbers of triangles, (n,) each."""
         # From the foot of the point on the ray on all numbers are small.
         length = np.sqrt(np.einsum("ij,ij->i", directions, directions))
         along = directions / length[:, None]
         ahead = np.einsum("ij,ij->i", near - origins, along)
         start = origins + ahead[:, None] * along - near
-        best = _Best(len(near))
+        best, touched = _Best(len(near)), np.zeros(len(near), dtype=bool)
         places = near.T.astype(np.float32)
         for level in self._levels:
             points, triangles = level.candidates(near)
@@ -128,9 +138,10 @@ class TriangleMesh:
             cost = outside + _PLANE_COUNTS * np.maximum(off_plane, _SURE * most)
             cost += _WAY_COUNTS * most * np.arctan(way / most)
             cost[~((outside <= most) & (off_plane <= most))] = np.inf
-            best.offer(points, cost, way, outside > 0)
-        self._search_along(best, np.flatnonzero(best.passed), near + start, along)
-        return np.asarray((ahead + best.way) / length)
+            best.offer(points, cost, way, triangles, outside > 0)
+            touched[points[off_plane <= most]] = True
+        self._search_along(best, np.flatnonzero(touched & best.passed), near + start, along)
+        return (ahead + best.way) / length, best.triangle
 
     def _search_along(self, best: _Best, lost: Indices, feet: Real, along: Real) -> None:
         """Look further along rays that miss what their points lie on: past the limb of a body."""
@@ -144,7 +155,7 @@ class TriangleMesh:
                 met = (outside == 0) & (np.abs(way) <= _STEPS[-1] * level.cell)
                 # any of these beats what was missed
                 cost = np.where(met, np.arctan(np.abs(way)) - math.pi, np.inf)
-                best.offer(points, cost, way, ~met)
+                best.offer(points, cost, way, triangles, ~met)
 
 
 class _Best:
@@ -156,9 +167,10 @@ class _Best:
     def __init__(self, count: int) -> None:
         self._cost = np.full(count, np.inf)
         self.way = np.full(count, np.nan)
+        self.triangle = np.zeros(count, dtype=np.intp)
         self.passed = np.ones(count, dtype=bool)
 
-    def offer(self, rays: Indices, cost: Real, way: Real, passed: Mask) -> None:
+    def offer(self, rays: Indices, cost: Real, way: Real, triangles: Indices, passed: Mask) -> None:
         """Take the best of these, ordered by ray."""
         if not rays.size:
             return
@@ -170,7 +182,7 @@ class _Best:
         better = cheapest[least < self._cost[rays[begins]]]
         ray = rays[better]
         self._cost[ray], self.way[ray] = cost[better], way[better]
-        self.passed[ray] = passed[better]
+        self.triangle[ray], self.passed[ray] = triangles[better], passed[better]
 
 
 class _Level:

