@@ -115,6 +115,14 @@ PROCESSING = {
         "cross sections are right.",
         "For watts and SNR measure with a perspective receiver.",
     ),
+    "coherent-part-not-formed": Kind(
+        "caution",
+        "{fraction:percent} of the received power is coherent: {subjects}"
+        " (RMS height small against the wavelength).",
+        "Echoes and maps contain it as speckle, of the right mean power but without the phase of a "
+        "mirror.",
+        "Rely on the expected power of these objects, or raise their RMS height.",
+    ),
     "few-scatterers": Kind(
         "caution",
         "{fraction:percent} of the received power is in range cells with fewer than {enough} "

@@ -28,7 +28,8 @@ SCENE = {
         "error",
         "These objects have an interior, but their mesh is open: {subjects}.",
         "A face is missing or vertices are double, so depths inside are wrong.",
-        "Close the mesh (Mesh > Merge > By Distance, then Fill), or disconnect Volume.",
+        "Close the mesh (Mesh > Merge > By Distance, then Fill). An object through which nothing "
+        "has to be seen needs no Volume: without it the object is opaque.",
     ),
     "mesh-flipped": Kind(
         "error",
@@ -54,20 +55,38 @@ SCENE = {
         "Around {subjects} up to {count:#object} with an interior overlap; Cycles follows at most "
         "{limit}.",
         "The interiors beyond this limit have no effect.",
-        "Join some of the objects, or disconnect their Volume.",
+        "Join some of the objects, or disconnect their Volume, which makes them opaque.",
     ),
     "absorption-below-float32": Kind(
         "caution",
         "Two-way absorption through {subjects} is {loss_db:.0f} dB, more than the "
         "{limit_db:.0f} dB that float32 can hold in this Blender.",
-        "Nothing behind these objects returns an echo.",
+        "A wave that crosses these objects returns no echo. Waves past them and through openings "
+        "do.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
+    ),
+    "opaque-without-volume": Kind(
+        "info",
+        "Volume is not connected in {subjects}.",
+        "Waves that enter objects of these materials are absorbed: nothing behind returns an echo.",
+        "To let waves through, connect Volume of the Radar Material to the Material Output, or "
+        "give a thin pane its thickness (Thin Sheet).",
     ),
     "unused-material-not-evaluated": Kind(
         "info",
         "The medium of {subjects} cannot be evaluated: {reason}",
         "No rendered object has this material, so the results are right.",
         "Correct the medium before you assign the material.",
+    ),
+    "medium-beyond-band": Kind(
+        "caution",
+        "The carrier, {carrier_hz:frequency}, is outside the band of the medium {medium} of "
+        "{subjects}: {band}.",
+        "Beyond Band is {beyond_band}, from {edge_hz:frequency}. Held and extrapolated values "
+        "differ by {reflection_db:.2g} dB in reflection and by a factor {absorption_ratio:.3g} in "
+        "absorption: error class {error_class}.",
+        "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
+        "Beyond Band: Refuse stops such runs.",
     ),
     "medium-not-connected": Kind(
         "caution",

@@ -17,6 +17,33 @@ from ..array_types import Complex, Real
 from ..errors import ConfigError
 from .checks import EDGE_SLACK, real_array, require_one_shape
 
+BEYOND_BAND = ("hold", "extrapolate", "refuse")
+"""What a model does outside its band: take the nearest edge, continue its equation, or raise."""
+
+
+@dataclass(frozen=True)
+class OutOfBand:
+    """How far a model is from its band, and what that may cost.
+
+    Attributes
+    ----------
+    edge_hz : Nearest edge of the band [Hz]
+    reflection_db : Reflection at normal incidence, held against extrapolated [dB, 0 or more]
+    absorption_ratio : Absorption per length, the larger of the two over the smaller
+    """
+
+    edge_hz: float
+    reflection_db: float
+    absorption_ratio: float
+
+    @property
+    def error_class(self) -> str:
+        """'small' (0.5 dB, factor 1.25), 'moderate' (2 dB, factor 2) or 'large'."""
+        for name, most_db, most_ratio in (("small", 0.5, 1.25), ("moderate", 2.0, 2.0)):
+            if self.reflection_db <= most_db and self.absorption_ratio <= most_ratio:
+                return name
+        return "large"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -72,7 +99,9 @@ class MaterialModel:
         """The valid bands as text, in GHz."""
         return " and ".join(_interval_text(low, high) for low, high in self.bands_hz)
 
-    def permittivity(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
+    def permittivity(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
         """Return the complex relative permittivity.
 
         Parameters
@@ -93,7 +122,7 @@ class MaterialModel:
         frequency = real_array("Frequency", frequency_hz, "Hz", above=0.0)
         values = self._values(parameters)
         require_one_shape(frequency_hz=frequency, **values)
-        frequency = self._within_band(frequency)
+        frequency = self._within_band(frequency, beyond_band)
         eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
         given = ", ".join(f"{name} {value}" for name, value in values.items())
         if np.any(eps == 0):
@@ -109,9 +138,36 @@ class MaterialModel:
             )
         return eps
 
-    def index(self, frequency_hz: ArrayLike, **parameters: ArrayLike) -> Complex:
+    def index(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
         """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
-        return _passive_index(self.permittivity(frequency_hz, **parameters))
+        return _passive_index(self.permittivity(frequency_hz, beyond_band, **parameters))
+
+    def out_of_band(self, frequency_hz: float, **parameters: ArrayLike) -> OutOfBand | None:
+        """Return how far a frequency is from the band; None inside.
+
+        Parameters
+        ----------
+        frequency_hz : Frequency [Hz], one number
+        **parameters : As for `permittivity`
+
+        Returns
+        -------
+        OutOfBand or None : Infinite errors if the equation cannot be continued so far
+        """
+        edge_hz = float(self._nearest(np.asarray(float(frequency_hz))))
+        if abs(edge_hz - frequency_hz) <= EDGE_SLACK * edge_hz:
+            return None
+        held = complex(self.index(frequency_hz, "hold", **parameters))
+        try:
+            continued = complex(self.index(frequency_hz, "extrapolate", **parameters))
+        except ConfigError:
+            return OutOfBand(edge_hz, np.inf, np.inf)
+        db = [10 * np.log10(max(abs((n - 1) / (n + 1)) ** 2, 1e-12)) for n in (held, continued)]
+        low, high = sorted((held.imag, continued.imag))
+        ratio = 1.0 if high == 0 else high / low if low > 0 else np.inf
+        return OutOfBand(edge_hz, float(abs(db[0] - db[1])), float(ratio))
 
     def _values(self, given: dict[str, ArrayLike]) -> dict[str, Real]:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -139,14 +195,23 @@ class MaterialModel:
             )
         return values
 
-    def _within_band(self, frequency: Real) -> Real:
-        inside = np.zeros(frequency.shape, dtype=bool)
-        clipped = frequency
-        for low, high in self.bands_hz:
-            here = (frequency >= low * (1 - EDGE_SLACK)) & (frequency <= high * (1 + EDGE_SLACK))
-            clipped = np.where(here & ~inside, np.clip(frequency, low, high), clipped)
-            inside |= here
-        if not np.all(inside):
+    def _nearest(self, frequency: Real) -> Real:
+        """Return the frequencies, or the nearest edge of a band for those outside all bands."""
+        with np.errstate(divide="ignore"):
+            edges = np.stack([np.clip(frequency, low, high) for low, high in self.bands_hz])
+            near = np.argmin(np.abs(np.log(edges) - np.log(frequency)), axis=0)
+        return np.asarray(np.take_along_axis(edges, near[None], axis=0)[0])
+
+    def _within_band(self, frequency: Real, beyond_band: str) -> Real:
+        if beyond_band not in BEYOND_BAND:
+            raise ConfigError(
+                f"Beyond band is {beyond_band!r}; expected one of {', '.join(BEYOND_BAND)}."
+            )
+        clipped = self._nearest(frequency)
+        inside = np.abs(clipped - frequency) <= EDGE_SLACK * clipped
+        if beyond_band == "extrapolate":
+            return np.where(inside, clipped, frequency)
+        if beyond_band == "refuse" and not np.all(inside):
             bad = frequency[~inside].flat[0]
             raise ConfigError(
                 f"Material {self.name!r} is not defined at {bad / 1e9:g} GHz: {self.source} "

@@ -70,7 +70,12 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
 
 
 def material(
-    name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
+    name: str,
+    frequency_hz: ArrayLike,
+    *,
+    path: str | Path | None = None,
+    beyond_band: str = "refuse",
+    **parameters: ArrayLike,
 ) -> Complex:
     """Return the complex index of refraction n + jk of a material of the library.
 
@@ -79,6 +84,7 @@ def material(
     name : Key of `models`, or 'table' together with `path`
     frequency_hz : Frequency [Hz], any shape
     path : CSV file, for 'table' only
+    beyond_band : Outside the band of validity: 'refuse', 'hold' its nearest edge or 'extrapolate'
     **parameters : Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`
 
     Returns
@@ -90,20 +96,25 @@ def material(
     ConfigError
         Unknown name, frequency outside the band of validity, parameter out of range or NaN.
     """
-    return material_model(name, path).index(frequency_hz, **parameters)
+    return material_model(name, path).index(frequency_hz, beyond_band, **parameters)
 
 
 def permittivity(
-    name: str, frequency_hz: ArrayLike, *, path: str | Path | None = None, **parameters: ArrayLike
+    name: str,
+    frequency_hz: ArrayLike,
+    *,
+    path: str | Path | None = None,
+    beyond_band: str = "refuse",
+    **parameters: ArrayLike,
 ) -> Complex:
     """Return the complex relative permittivity of a material of the library.
 
     Parameters
     ----------
-    name, frequency_hz, path, **parameters : As for `material`
+    name, frequency_hz, path, beyond_band, **parameters : As for `material`
 
     Returns
     -------
     ndarray : Permittivity of the broadcast shape, Im >= 0
     """
-    return material_model(name, path).permittivity(frequency_hz, **parameters)
+    return material_model(name, path).permittivity(frequency_hz, beyond_band, **parameters)

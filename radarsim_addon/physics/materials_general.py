@@ -196,10 +196,12 @@ def table_model(path: str | Path) -> MaterialModel:
 
     def permittivity_of(frequency_hz: Real) -> Complex:
         at = np.log(frequency_hz)
-        return np.asarray(
-            np.interp(at, log_frequency, eps.real) + 1j * np.interp(at, log_frequency, eps.imag),
-            dtype=np.complex128,
-        )
+        value = np.interp(at, log_frequency, eps.real) + 1j * np.interp(at, log_frequency, eps.imag)
+        if len(eps) > 1:  # beyond the rows, on the line through the last two
+            slopes = np.diff(eps) / np.diff(log_frequency)
+            value = value + slopes[0] * np.minimum(at - log_frequency[0], 0.0)
+            value = value + slopes[-1] * np.maximum(at - log_frequency[-1], 0.0)
+        return np.asarray(value, dtype=np.complex128)
 
     return MaterialModel(
         name=f"table {name}",

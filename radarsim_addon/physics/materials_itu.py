@@ -73,15 +73,15 @@ ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
 
 
 def _permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
-    """Return P.2040 eq. (57) to (59) in the shape of the frequencies, NaN outside all bands."""
+    """Return P.2040 eq. (57) to (59) by the row of the nearest band, as the frequencies."""
     f_ghz = frequency_hz / 1e9
-    eps = np.full(f_ghz.shape, complex(np.nan, np.nan))
-    for row in rows:
-        # The band was checked with a slack; the row's own bounds must not turn it into a NaN.
-        inside = (f_ghz >= row.low_ghz * (1 - 1e-12)) & (f_ghz <= row.high_ghz * (1 + 1e-12))
+    eps = np.empty(f_ghz.shape, dtype=np.complex128)
+    outside = [np.abs(np.log(np.clip(f_ghz, r.low_ghz, r.high_ghz) / f_ghz)) for r in rows]
+    nearest = np.argmin(outside, axis=0)
+    for number, row in enumerate(rows):
         conductivity = row.c * f_ghz**row.d
         loss = conductivity / (2 * np.pi * frequency_hz * VACUUM_PERMITTIVITY_F_PER_M)
-        eps = np.where(inside, row.a * f_ghz**row.b + 1j * loss, eps)
+        eps = np.where(nearest == number, row.a * f_ghz**row.b + 1j * loss, eps)
     return eps
 
 

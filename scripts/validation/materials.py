@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from pathlib import Path
 
@@ -78,9 +79,37 @@ def spot_values(_bench: Bench) -> list[Check]:
     return [worst_of(model, checks) for model, checks in found.items()]
 
 
+def beyond_bands(_bench: Bench) -> list[Check]:
+    """Held at the band's edge and extrapolated, of ITU-R's rows with their own formula."""
+    checks = []
+    for name, real, c, d in (
+        ("brick", 3.91, 0.0238, 0.16),
+        ("asphalt_concrete", 4.83, 0.0108, 1.3969),
+    ):
+        for policy, at_ghz in (("hold", 40.0), ("extrapolate", 77.0)):
+            want = complex(real, c * at_ghz**d / (2 * math.pi * at_ghz * 1e9 * 8.8541878128e-12))
+            got = complex(materials.permittivity(name, 77e9, beyond_band=policy))
+            checks.append(
+                Check(
+                    f"{name} at 77 GHz, {policy}",
+                    want.imag,
+                    got.imag,
+                    "",
+                    abs(got - want),
+                    1e-9,
+                    "1",
+                    f"eps'' of Table 3 at {at_ghz:g} GHz",
+                )
+            )
+    return checks
+
+
 GROUP = Group(
     "materials",
     "Materials",
     "Relative permittivities, exp(-jwt).",
-    (Case("permittivities", spot_values, 5.0, quick=True),),
+    (
+        Case("permittivities", spot_values, 5.0, quick=True),
+        Case("beyond the band", beyond_bands, 1.0, quick=True),
+    ),
 )

@@ -17,7 +17,7 @@ from radarsim_addon.blender.materials.physical_materials import make_physical_ma
 from radarsim_addon.physics.materials import material as library_index
 from radarsim_addon.signal import open_run
 
-from .case import Bench, Case, Check, Group, power_check, relative_check
+from .case import Bench, Case, Check, Group, absolute_check, power_check, relative_check
 from .fresnel import textbook_reflectance
 from .scenes import EIRP_W, Acquired, acquire, add_plate, add_wall, facing_plate, new_scene
 from .scenes import wavelength as wavelength_of
@@ -208,6 +208,30 @@ def limits(bench: Bench) -> list[Check]:
     return checks
 
 
+def opaque(bench: Bench) -> list[Check]:
+    """Walls whose Volume is not connected let nothing through."""
+    checks = []
+    walls: tuple[tuple[str, str, float, dict[str, float]], ...] = (
+        ("2 m of concrete", "concrete", 5.3e9, {}),
+        ("ITU metal", "metal", 77e9, {}),
+        ("steel", "conductor", 77e9, {"conductivity_s_per_m": 1.45e6}),
+    )
+    for label, medium, carrier_hz, options in walls:
+        new_scene(FOV_DEG)
+        plate = nodes.make_material("Metal", METAL.real, METAL.imag, 0.0, 0.5)
+        add_plate("Plate", facing_plate((0.0, TARGET_M, 0.0), 2.0), plate)
+        wall = make_physical_material(
+            "Wall", medium, carrier_hz=carrier_hz, rms_slope=0.2, penetrable=False, **options
+        )
+        add_wall("Wall", (0.0, WALL_M, 0.0), 2.0, 20.0, wall)
+        run = acquire(bench, 8, 1, carrier_hz=carrier_hz)
+        behind, before = (float(run.of(name)["power_w"].sum()) for name in ("Plate", "Wall"))
+        share = behind / before
+        name = f"{label} without Volume, {carrier_hz / 1e9:g} GHz: power from behind over its own"
+        checks.append(absolute_check(name, 0.0, share, 1e-30, "exp(-4 pi kappa d / wavelength)"))
+    return checks
+
+
 GROUP = Group(
     "slabs",
     "Walls",
@@ -220,5 +244,6 @@ GROUP = Group(
         Case("behind concrete", concrete, 20.0),
         Case("100 dB", hundred_db, 10.0, True),
         Case("limits of float32", limits, 10.0),
+        Case("opaque walls", opaque, 10.0, True),
     ),
 )

@@ -24,6 +24,8 @@ RMS_HEIGHT_M = 0.05
 #: Where speckle is asked to be fully developed, and no better than that: k h and pixels a side
 #: (40 to 50 paths in a range cell).
 LEAST_KH, LEAST_PX = 1.5, 64
+#: A smooth surface, and pixels a side.
+SMOOTH_KH, SMOOTH_PX = 0.3, (24, 48, 96)
 SEEDS = 200
 RANGE_M, PLATE_M, TILT_DEG = 1000.0, 100.0, 70.0
 #: Shifts of the radar, in units of the critical baseline; edge of the patch, and of the cells of
@@ -37,12 +39,18 @@ MARGIN_M = 12.0
 def _patch(bench: Bench, side_px: int, rms_height_m: float = RMS_HEIGHT_M) -> Any:
     """A rough plate that covers 90 m of range, measured; the run opened."""
     new_scene(6.5)
+    plate = facing_plate((0.0, RANGE_M, 0.0), PLATE_M, TILT_DEG, spin_deg=0.0)
+    add_plate("Patch", plate, _material(rms_height_m))
+    return open_run(acquire(bench, side_px, 1).folder)
+
+
+def _material(rms_height_m: float | None) -> Any:
     material = lambert(0.6)
+    if rms_height_m is None:
+        return material
     material["radarsim_rms_height_m"] = rms_height_m
     material["radarsim_correlation_length_m"] = 0.5
-    plate = facing_plate((0.0, RANGE_M, 0.0), PLATE_M, TILT_DEG, spin_deg=0.0)
-    add_plate("Patch", plate, material)
-    return open_run(acquire(bench, side_px, 1).folder)
+    return material
 
 
 def _intensities(run: Any) -> Real:
@@ -204,10 +212,32 @@ def too_few(bench: Bench) -> list[Check]:
     ]
 
 
+def smooth(bench: Bench) -> list[Check]:
+    """A surface that reflects mostly coherently: its level at ever finer pixels."""
+    checks = []
+    for side_px in SMOOTH_PX:
+        fields, expected_w = _fields(
+            bench, side_px=side_px, rms_height_m=SMOOTH_KH * wavelength() / (2 * math.pi)
+        )
+        ratio = np.abs(fields) ** 2 / expected_w
+        spread = float(ratio.std(ddof=1) / math.sqrt(ratio.size))
+        checks.append(
+            absolute_check(
+                f"mean intensity over the sum of powers, kh = {SMOOTH_KH:g}, {side_px} pixels",
+                1.0,
+                float(ratio.mean()),
+                3.5 * spread,
+                "sum of the paths' powers; bound 3.5 standard errors",
+                standard_error=spread,
+            )
+        )
+    return checks
+
+
 def decorrelation(bench: Bench) -> list[Check]:
     """The same surface seen from places ever further to the side: correlation of its echoes."""
     critical_m = wavelength() * RANGE_M / (2 * BASELINE_PLATE_M)
-    fields = {share: _shifted_fields(bench, share * critical_m) for share in (0.0, *BASELINES)}
+    fields = {share: _fields(bench, share * critical_m)[0] for share in (0.0, *BASELINES)}
     first = fields[0.0]
     checks = []
     for share in BASELINES:
@@ -228,22 +258,26 @@ def decorrelation(bench: Bench) -> list[Check]:
     return checks
 
 
-def _shifted_fields(bench: Bench, shift_m: float) -> NDArray[np.complex128]:
-    """Echo of a patch at the carrier, one resolution cell, over seeds; the radar to the side."""
+def _fields(
+    bench: Bench, shift_m: float = 0.0, side_px: int = 60, rms_height_m: float | None = None
+) -> tuple[NDArray[np.complex128], float]:
+    """Echo of a patch at the carrier, one resolution cell, over seeds, and its expected power; the
+    radar to the side.
+    """
     new_scene(math.degrees(2 * math.atan(0.65 * BASELINE_PLATE_M / RANGE_M)))
     bpy.data.objects["Radar"].location.x = shift_m
     plate = facing_plate((0.0, RANGE_M, 0.0), BASELINE_PLATE_M, spin_deg=0.0)
-    add_plate("Patch", plate, lambert(0.6))
-    run = open_run(acquire(bench, 60, 1).folder)
+    add_plate("Patch", plate, _material(rms_height_m))
+    run = open_run(acquire(bench, side_px, 1).folder)
     paths = frame_paths(run.frame(1))
     phase = np.exp(-2j * np.pi / wavelength() * paths.length_m)
-    amplitude = np.sqrt(path_power_w(paths, wavelength())) * phase
+    power_w = path_power_w(paths, wavelength())
     found = []
     for seed in range(BASELINE_SEEDS):
         factors = FrameSpeckle(open_frame(run.frame(1)), seed, BASELINE_CELL_M).apply(paths).phasors
         assert factors is not None
-        found.append(amplitude @ factors)
-    return np.array(found)
+        found.append((np.sqrt(power_w) * phase) @ factors)
+    return np.array(found), float(power_w.sum())
 
 
 GROUP = Group(
@@ -256,6 +290,7 @@ GROUP = Group(
     (
         Case("rough patch", statistics, 40.0, quick=True),
         Case("least roughness and paths", least, 40.0),
+        Case("smooth surface", smooth, 40.0),
         Case("too few scatterers", too_few, 10.0),
         Case("radar shifted sideways", decorrelation, 40.0),
     ),

@@ -130,6 +130,17 @@ def rough_metal() -> Any:
     return nodes.make_material("Rough metal", 1e4, 1e4, 0.0, 0.5, penetrable=False)
 
 
+def bare_sheet(n: float, specularity: float, roughness: float) -> Any:
+    """Radar Material of a face alone: a part F of the power is reflected, 1 - F goes through."""
+    material = nodes.make_material("Sheet", n, 0.0, specularity, roughness, penetrable=False)
+    tree = material.node_tree
+    group = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    one = tree.nodes.new("ShaderNodeValue")
+    one.outputs[0].default_value = 1.0  # linked: a run does not close it
+    tree.links.new(one.outputs[0], group.inputs["Transmission"])
+    return material
+
+
 def mirror(name: str = "Mirror") -> Any:
     """Radar Material that reflects 99.98 % and does not scatter."""
     return nodes.make_material(name, 1e4, 1e4, 1.0, 0.0, penetrable=False)

@@ -20,8 +20,10 @@ import bpy
 from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
+from radarsim_addon.blender.rig_settings import read_link_budget, read_measurement
 from radarsim_addon.errors import ConfigError, SceneError
 from radarsim_addon.signal.paths import read_paths_record
+from radarsim_addon.signal.radar import make_system
 from tests.blender import radar_scenes as rs
 
 QUIET = signal.ProcessOptions(plots=False)
@@ -182,6 +184,24 @@ def test_settings_without_a_field_in_the_window_are_taken(empty: Any, tmp_path: 
 def test_library_media_follow_the_carrier(empty: Any) -> None:
     radarsim.add_radar(preset="automotive_77ghz")
     assert radarsim.material("itu_concrete").name == "Radar concrete"
+
+
+def test_the_automotive_preset_has_the_power_of_such_radars(empty: Any) -> None:
+    """EIRP of 12 dBm and 17 dB, far below the 55 dBm of EN 301 091-1; a car of 10 m^2 at 100 m
+    has an SNR of 30 dB over a burst, by the radar equation."""
+    rig = radarsim.add_radar(preset="automotive_77ghz")
+    measurement = read_measurement(bpy.context.scene, rig)
+    wavelength_m = measurement.waveform.wavelength_m
+    record = read_link_budget(rig, wavelength_m)
+    assert record is not None
+    gain = make_system(record, wavelength_m).transmitter.peak_gain
+    eirp_dbm = 10 * math.log10(record.transmit_power_w * gain) + 30
+    assert eirp_dbm == pytest.approx(29.1, abs=0.2)
+    received_w = record.transmit_power_w * gain**2 * wavelength_m**2 * 10
+    received_w /= (4 * math.pi) ** 3 * 100**4
+    burst_s = 256 * 256 / 20e6  # chirps times samples over their rate
+    noise_w = 1.380649e-23 * 290 * 10**1.5 / burst_s
+    assert 10 * math.log10(received_w / noise_w) == pytest.approx(30, abs=1)
 
 
 def test_importing_the_interface_imports_no_bpy(root: Path) -> None:

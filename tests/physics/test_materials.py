@@ -125,6 +125,43 @@ def test_editions_are_told_apart() -> None:
     assert "P.2040-4" in materials.material_model("asphalt_concrete").edition
 
 
+def test_beyond_the_band_an_edge_is_held_or_the_equation_continued() -> None:
+    at = np.array([0.5e9, 10e9, 120e9, 200e9, 500e9])
+    held = materials.permittivity("glass", at, beyond_band="hold")
+    edges = materials.permittivity("glass", [0.5e9, 10e9, 100e9, 220e9, 450e9])
+    np.testing.assert_array_equal(held, edges)
+    free = materials.permittivity("glass", at, beyond_band="extrapolate")
+    f_ghz = at[[2, 4]] / 1e9  # 120 GHz by the lower row, 500 GHz by the upper one
+    sigma = np.array([0.0036, 0.0004]) * f_ghz ** np.array([1.3394, 1.658])
+    expected = np.array([6.31, 5.79]) + 1j * sigma / (2 * np.pi * at[[2, 4]] * 8.8541878128e-12)
+    np.testing.assert_allclose(free[[2, 4]], expected, rtol=1e-9)
+    np.testing.assert_array_equal(free[:2], edges[:2])
+    with pytest.raises(ConfigError, match="Beyond band is 'guess'"):
+        materials.material("glass", 5e9, beyond_band="guess")
+
+
+def test_error_class_of_a_carrier_beyond_the_band() -> None:
+    asphalt = materials.material_model("asphalt_concrete")
+    assert asphalt.out_of_band(40e9) is asphalt.out_of_band(40e9 * (1 + 1e-7)) is None
+    near, far = asphalt.out_of_band(41e9), asphalt.out_of_band(77e9)
+    assert near is not None and far is not None
+    assert (near.error_class, far.error_class) == ("small", "moderate")
+    assert near.edge_hz == far.edge_hz == 40e9
+    # eps'' ~ f^(d - 1) and hardly any change of eps': so does k
+    assert far.absorption_ratio == pytest.approx((77 / 40) ** 0.3969, rel=0.02)
+    wet = materials.material_model("wet_ground").out_of_band(77e9)
+    assert wet is not None and wet.error_class == "large"
+
+
+def test_a_table_goes_on_along_its_last_line(tmp_path: Path) -> None:
+    text = "frequency_ghz,eps_real,eps_imag\n1,4,0.1\n10,5,0.2\n"
+    path = table(tmp_path, text)
+    got = materials.permittivity("table", [0.1e9, 100e9], path=path, beyond_band="extrapolate")
+    np.testing.assert_allclose(got, [3, 6 + 0.3j], rtol=1e-12, atol=1e-12)
+    held = materials.permittivity("table", [0.1e9, 100e9], path=path, beyond_band="hold")
+    np.testing.assert_array_equal(held, [4 + 0.1j, 5 + 0.2j])
+
+
 def test_gap_between_two_bands_is_outside() -> None:
     with pytest.raises(ConfigError, match=r"0\.3 to 1\.3 GHz and 1\.4 to 18 GHz"):
         materials.material("soil", 1.35e9, moisture=0.2)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,9 +86,7 @@ def add_radar(
     target = None if look_at is None else _point("Point to look at", look_at)
     rig = setup_rig(scene, place)
     try:
-        view = settings(rig)
-        for name, value in chosen.items():
-            setattr(view, name, value)
+        _set(settings(rig), chosen)
         if field_of_view_deg is not None:
             if not 0 < field_of_view_deg < 180:
                 raise ConfigError(
@@ -107,6 +105,15 @@ def add_radar(
                 bpy.data.batch_remove([item, item.data])
         raise
     return rig
+
+
+def _set(view: Settings, values: Mapping[str, Any]) -> None:
+    """Set settings; a mapping holds those of an antenna."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            _set(getattr(view, name), value)
+        else:
+            setattr(view, name, value)
 
 
 def _look(rig: Any, target: Sequence[float]) -> None:

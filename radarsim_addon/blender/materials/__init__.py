@@ -5,7 +5,9 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .interiors import settle_interiors
 from .layers import beyond_float32, is_entered, set_layer_normals
+from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
     is_physical,
@@ -24,9 +26,11 @@ __all__ = [
     "is_entered",
     "is_physical",
     "make_physical_material",
+    "media_beyond_their_band",
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",
+    "settle_interiors",
     "slot_materials",
     "update_materials",
 ]

@@ -13,12 +13,14 @@ from typing import Any
 
 import bpy
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ...array_types import Real
 from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
+from ..nodes.materials import has_interior
 from ..nodes.physical_material import EXTINCTION, KIND
 from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
@@ -38,6 +40,10 @@ MIN_PLATE_FRACTION = 0.9
 _IN_PLANE = 1e-3
 #: Number of directions, by area, that are tried.
 _CANDIDATES = 8
+#: Maximum number of faces behind which the depth is measured.
+_MOST_DEPTHS = 500
+#: Distance from a face at which its ray begins, relative to the size of the object.
+_OFF_FACE = 1e-6
 
 
 def layer_normal(normals: Real, areas: Real) -> Real | None:
@@ -160,7 +166,7 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
 
 def is_entered(material: Any) -> bool:
-    """Return whether a physical material has an interior: its Volume is connected.
+    """Return whether waves enter objects of a physical material: its Volume is connected.
 
     Parameters
     ----------
@@ -171,12 +177,33 @@ def is_entered(material: Any) -> bool:
     bool : False for None and for materials without the physical group
     """
     node = group_node(material)
-    if node is None or node.node_tree.get(KIND_PROPERTY) != KIND:
-        return False
-    return any(
-        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Volume"].is_linked
-        for node in material.node_tree.nodes
-    )
+    return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND and has_interior(material)
+
+
+def thinnest(item: Any, depsgraph: Any) -> float:
+    """Return the least depth behind a face of an object, across it, in Blender units.
+
+    Tried are the largest faces; 0 for a mesh that is open behind all of them.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return 0.0
+        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+        points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
+        largest = np.argsort(-read_numbers(mesh.polygons, "area", 1).ravel())[:_MOST_DEPTHS]
+        corners = [tuple(face.vertices) for face in mesh.polygons]
+    tree = BVHTree.FromPolygons(points.tolist(), corners)
+    size = float(np.ptp(points, axis=0).max())
+    depths = []
+    for face in largest:
+        around = points[list(corners[face])]
+        inward = np.cross(around[2] - around[1], around[1] - around[0])
+        length = np.linalg.norm(inward) * np.copysign(1.0, np.linalg.det(linear))
+        start = around.mean(axis=0) + _OFF_FACE * size * inward / length
+        depth = tree.ray_cast(start, inward / length)[3]
+        depths += [] if depth is None else [depth]
+    return min(depths, default=0.0)
 
 
 def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
@@ -198,16 +225,7 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
         entered = [material for material in materials if is_entered(material)]
         if item.type != "MESH" or not entered:
             continue
-        corners = np.array(item.bound_box) @ np.array(item.matrix_world.to_3x3()).T
-        normal = item.get(attributes.OBJECT_LAYER_NORMAL)
-        if normal is not None and any(normal):
-            # Normals transform by the inverse transpose.
-            linear = np.array(item.matrix_world.to_3x3())
-            across = np.linalg.solve(linear.T, np.array(normal))
-            directions = (across / np.linalg.norm(across))[None]
-        else:
-            directions = np.eye(3)
-        thickness = float(np.ptp(corners @ directions.T, axis=0).min())
+        thickness = thinnest(item, depsgraph)
         sockets = [group_input(material, EXTINCTION) for material in entered]
         kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)

@@ -27,9 +27,9 @@ class Medium:
         path = None if self.path is None else bpy.path.abspath(self.path)
         return material_model(self.name, path)
 
-    def index(self, carrier_hz: float) -> complex:
-        """Return n + jk at the carrier. Raises ConfigError outside the band of validity."""
-        return complex(self.model.index(carrier_hz, **self.parameters))
+    def index(self, carrier_hz: float, beyond_band: str = "hold") -> complex:
+        """Return n + jk at the carrier. Raises ConfigError for 'refuse' outside the band."""
+        return complex(self.model.index(carrier_hz, beyond_band, **self.parameters))
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from ...findings import Finding, finding
 from ...physics.checks import real_array
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE, material_model
-from ...physics.rough import cycles_roughness, kirchhoff_limits, slope_from_roughness
+from ...physics.rough import cycles_roughness, slope_from_roughness
 from ...physics.rough_transmission import transmission_factors
 from ..nodes.group_search import find_group, group_input, group_node, holds_group
 from ..nodes.groups import KIND_PROPERTY, ensure_group
@@ -203,13 +203,13 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
 # -- values at a carrier ---------------------------------------------------------------------------
 
 
-def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
+def inputs_at(material: Any, carrier_hz: float, beyond_band: str = "hold") -> dict[str, float]:
     """Return the group's inputs at a carrier by socket name. A ConfigError names the material."""
     medium = medium_of(material)
     if medium is None:
         return {}
     try:
-        index = medium.index(carrier_hz)
+        index = medium.index(carrier_hz, beyond_band)
         if is_sheet(material):
             wavelengths = float(material.get(SHEET_THICKNESS, 0.0)) * carrier_hz
             thickness = wavelengths / SPEED_OF_LIGHT_MPS
@@ -230,12 +230,12 @@ def inputs_at(material: Any, carrier_hz: float) -> dict[str, float]:
     }
 
 
-def update_material(material: Any, carrier_hz: float) -> None:
+def update_material(material: Any, carrier_hz: float, beyond_band: str = "hold") -> None:
     """Set the inputs of a physical material for a carrier; linked sockets do not change.
 
     Raises ConfigError as `inputs_at`, or for a linked file with a group of an older radarsim.
     """
-    for socket, value in _inputs_to_set(material, carrier_hz):
+    for socket, value in _inputs_to_set(material, carrier_hz, beyond_band):
         _put(socket, value, None)
 
 
@@ -246,13 +246,13 @@ def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
         socket.default_value = value
 
 
-def _inputs_to_set(material: Any, carrier_hz: float) -> list[tuple[Any, float]]:
+def _inputs_to_set(material: Any, carrier_hz: float, beyond_band: str) -> list[tuple[Any, float]]:
     """Return the sockets of a physical material and their values at a carrier."""
     node = group_node(material)
     if node is None or not is_physical(material):
         return []
     found = []
-    for name, value in inputs_at(material, carrier_hz).items():
+    for name, value in inputs_at(material, carrier_hz, beyond_band).items():
         if node.inputs.get(name) is None:
             library = material.library
             where = "this file" if library is None else repr(library.filepath)
@@ -271,6 +271,7 @@ def update_materials(
     carrier_hz: float,
     recorder: SettingsRestorer | None = None,
     assigned: Collection[Any] | None = None,
+    beyond_band: str = "hold",
 ) -> list[Finding]:
     """Evaluate all physical materials of the file at a carrier.
 
@@ -281,6 +282,7 @@ def update_materials(
     carrier_hz : Carrier [Hz]
     recorder : Records the changes. None: they are permanent.
     assigned : Materials of rendered objects. None: those in the slots of all objects of the file.
+    beyond_band : What a medium does outside its band
 
     Returns
     -------
@@ -301,7 +303,7 @@ def update_materials(
     # Assigned materials are first: their numbers have priority in a common node group.
     for material in sorted(bpy.data.materials, key=lambda m: (m not in assigned, m.name_full)):
         try:
-            for socket, value in _inputs_to_set(material, carrier_hz):
+            for socket, value in _inputs_to_set(material, carrier_hz, beyond_band):
                 other, before = owners.setdefault(socket.as_pointer(), (material, value))
                 if value != before:
                     raise ConfigError(_shared(other, material))
@@ -338,27 +340,17 @@ def _keeps_numbers(material: Any) -> bool:
     )
 
 
-def refresh_materials(carrier_hz: float) -> None:
+def refresh_materials(carrier_hz: float, beyond_band: str = "hold") -> None:
     """Evaluate all physical materials; one that cannot be evaluated keeps its numbers.
 
     Parameters
     ----------
     carrier_hz : Carrier [Hz]
+    beyond_band : What a medium does outside its band
     """
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):
-            update_material(material, carrier_hz)
-
-
-def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
-    """Find why the model of a material's rough surface does not hold at a carrier."""
-    surface = surface_of(material)
-    if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
-        return ()
-    found = kirchhoff_limits(
-        surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
-    )
-    return tuple(item.about(material.name) for item in found)
+            update_material(material, carrier_hz, beyond_band)
 
 
 def _in_slots(objects: Iterable[Any]) -> set[Any]:

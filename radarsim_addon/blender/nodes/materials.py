@@ -15,10 +15,15 @@ from ...physics.checks import real_array
 from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
 from .group_search import group_input, group_node
 from .groups import ensure_group
-from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from .physical_material import GRAZING_TRANSMISSION
+from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY, TRANSMISSION
 
 _INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
+#: Inputs of material groups that scale the power that passes a face.
+TRANSMISSIONS = (TRANSMISSION, GRAZING_TRANSMISSION)
+#: Extinction from which power falls by 54 dB within a hundredth of a wavelength.
+_OPAQUE_KAPPA = 100.0
 VOLUME_STEP_RATE = 1000.0
 """Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
 exact. The physical material depends on the ray, so Cycles would take steps of a tenth of the
@@ -95,7 +100,15 @@ def is_radar_material(material: Any) -> bool:
 
 
 def lets_nothing_through(material: Any) -> bool:
-    """Return whether a material is an opaque Radar Material: a conductor with constant inputs."""
+    """Return whether a material is an opaque Radar Material.
+
+    It is a conductor with constant inputs, or its transmission is 0.
+    """
+    node = group_node(material)
+    names = [] if node is None else [name for name in TRANSMISSIONS if name in node.inputs]
+    passed = [group_input(material, name) for name in names]
+    if passed and all(socket is not None and socket.default_value == 0 for socket in passed):
+        return True
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
@@ -103,10 +116,33 @@ def lets_nothing_through(material: Any) -> bool:
 
 
 def is_conductor(index: complex) -> bool:
-    """Return whether the node groups treat a medium as opaque (see :func:`.fresnel.is_open`)."""
+    """Return whether a medium is opaque: it reflects all, or absorbs all within its skin."""
     # Half the threshold of the node group, which rounds.
     passed = 4 * index.real / ((index.real + 1) ** 2 + index.imag**2)
-    return passed < OPAQUE_BELOW_TRANSMITTANCE / 2
+    return passed < OPAQUE_BELOW_TRANSMITTANCE / 2 or index.imag >= _OPAQUE_KAPPA
+
+
+def has_interior(material: Any) -> bool:
+    """Return whether waves enter objects of a material.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool : A Radar Material that is not opaque, with its Volume connected
+    """
+    return volume_link(material) is not None and not lets_nothing_through(material)
+
+
+def volume_link(material: Any) -> Any | None:
+    """Return the link to the Volume of the output of a Radar Material; None without."""
+    if group_node(material) is None:
+        return None
+    output = material.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Volume"].links
+    return links[0] if links else None
 
 
 def link_group(material: Any, group: Any, penetrable: bool) -> Any:
@@ -137,7 +173,7 @@ def make_material(
     specularity: float = 0.5,
     roughness: float = 0.5,
     *,
-    penetrable: bool = True,
+    penetrable: bool | None = None,
 ) -> Any:
     """Make a material with the Radar Material group.
 
@@ -165,7 +201,8 @@ def make_material(
     group = ensure_group(KIND)
     material = bpy.data.materials.new(name)
     try:
-        node = link_group(material, group, penetrable)
+        enters = not is_conductor(complex(n, kappa)) if penetrable is None else penetrable
+        node = link_group(material, group, enters)
         for socket, value in zip(_INPUTS, (n, kappa, specularity, roughness), strict=True):
             node.inputs[socket].default_value = value
     except BaseException:

@@ -37,12 +37,18 @@ from .fresnel import cos_incidence
 from .interface import InterfacePower, excess, interface_power, wave_inside
 from .layer import internal_echoes, layer_cosine
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior, wavelength
-from .radar_material import EXTINCTION, INDEX, INDEX_AT_CARRIER, ROUGHNESS, camera_lobes
+from .radar_material import (
+    EXTINCTION,
+    INDEX,
+    INDEX_AT_CARRIER,
+    ROUGHNESS,
+    TRANSMISSION,
+    camera_lobes,
+)
 from .range_encoding import inverse_code_length, range_code, ray_length
 
 KIND = "radar_physical"
 
-TRANSMISSION = "Transmission"
 GRAZING_TRANSMISSION = "Grazing Transmission"
 
 SMOOTH_BELOW = 0.01

@@ -31,6 +31,7 @@ INDEX = "Index of Refraction"
 EXTINCTION = "Extinction Coefficient"
 SPECULARITY = "Specularity"
 ROUGHNESS = "Roughness"
+TRANSMISSION = "Transmission"
 
 INDEX_AT_CARRIER = (
     "Real part n of the complex index of refraction at the carrier (no unit). Set from the "
@@ -62,7 +63,12 @@ def _draw_surface(
     diffuse = math("SUBTRACT", "F (1 - s)", scattered, specular)
     specular_colour = build.scale("Specular colour", code, specular)
     diffuse_colour = build.scale("Diffuse colour", code, diffuse)
-    passed = transmittance(build, n, kappa, power)
+    passed = math(
+        "MULTIPLY",
+        "T, scaled",
+        transmittance(build, n, kappa, power),
+        build.group_input(TRANSMISSION),
+    )
     glossy = build.glossy("Specular lobe", specular_colour, roughness)
     lambert = build.node("ShaderNodeBsdfDiffuse", "Diffuse lobe", {"Color": diffuse_colour})
     through = build.transparent(
@@ -114,7 +120,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_MATERIAL = GroupDefinition(
     kind=KIND,
     name="Radar Material",
-    version=2,
+    version=3,
     description=(
         "Reflection, transmission and absorption of radar power by a medium of complex index "
         "n + j kappa, with the range encoding of the running measurement"
@@ -149,6 +155,12 @@ RADAR_MATERIAL = GroupDefinition(
             "roughness^2 = alpha = sqrt(2) x RMS slope of the surface. 0 is a perfect mirror, "
             "which returns no echo to a point antenna",
             0.5,
+        ),
+        factor_input(
+            TRANSMISSION,
+            "Factor on the power that passes each face. A run sets it to 0 where Volume is not "
+            "connected to the Material Output: what enters such an object does not come out",
+            1.0,
         ),
     ),
     draw=_draw,

@@ -80,7 +80,7 @@ class PathJob(MeasurementJob):
         return (float(frame), frame + self._span_s * self._fps())
 
     def _make_plan(self, extent: Extent) -> Plan:
-        # One "ring" as wide as the scene: the range window, and what the range encoding has to
+        # One "ring" as wide as the scene: the range limits, and what the range encoding has to
         # reach.
         reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
         self._measurement = dataclasses.replace(

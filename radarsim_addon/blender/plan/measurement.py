@@ -155,6 +155,20 @@ class Measurement:
             ("horizontal", "Horizontal", "Field level"),
         ),
     )
+    beyond_band: str = setting(
+        "Beyond band",
+        "Choose what media do at a carrier outside their band of validity",
+        "hold",
+        choices=(
+            (
+                "hold",
+                "Hold",
+                "Take the permittivity at the edge of the band, with a caution",
+            ),
+            ("extrapolate", "Extrapolate", "Continue the medium's equation, with a caution"),
+            ("refuse", "Refuse", "Stop before the render"),
+        ),
+    )
 
     def __post_init__(self) -> None:
         Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval

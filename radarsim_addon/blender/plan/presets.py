@@ -9,6 +9,9 @@ from typing import Any
 
 from ...errors import ConfigError
 
+_PATCHES = MappingProxyType(
+    {"kind": "gaussian", "azimuth_beamwidth_deg": 60.0, "elevation_beamwidth_deg": 12.0}
+)
 _PRESETS: dict[str, dict[str, Any]] = {
     # The pulse of Costa et al. (SBrT 2020), at 1000 pulses per second.
     "paper": {
@@ -20,7 +23,9 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "prf_hz": 1000.0,
         "pulses": 128,
     },
-    # Medium range: 0.5 m range bins to 128 m, +-38.9 m/s, 0.30 m/s per Doppler bin.
+    # Medium range: 0.5 m range bins to 128 m, +-38.9 m/s, 0.30 m/s per Doppler bin. Power and
+    # noise figure are those of single-chip radars (12 dBm and 15 dB, as in TI's AWR1843), the
+    # antennas those of patch columns: EIRP 29 dBm.
     "automotive_77ghz": {
         "waveform_kind": "fmcw",
         "carrier_hz": 77e9,
@@ -29,6 +34,11 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "adc_rate_hz": 20e6,
         "prf_hz": 40e3,
         "pulses": 256,
+        "use_link_budget": True,
+        "transmit_power_w": 0.016,
+        "noise_figure_db": 15.0,
+        "transmitter": _PATCHES,
+        "receiver": _PATCHES,
     },
 }
 
@@ -44,7 +54,7 @@ def preset_settings(name: str) -> Mapping[str, Any]:
     Returns
     -------
     mapping of str
-        Values by the names of the settings, in SI; read only.
+        Values by the names of the settings, in SI; those of an antenna in a mapping of their own.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from ...errors import RadarSimError
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
 from ..plan import shortest_decimal
-from .radar import carrier_hz
+from .radar import beyond_band, carrier_hz
 
 MATERIAL_PROPERTY = "radarsim"
 
@@ -41,7 +41,8 @@ _NAMES = [item[0] for item in _MEDIA]
 
 def _refresh(material: Any) -> None:
     try:
-        pm.update_material(material, carrier_hz(bpy.context.scene))
+        scene = bpy.context.scene
+        pm.update_material(material, carrier_hz(scene), beyond_band(scene))
     except RadarSimError:
         return  # the panel tells it
 

@@ -86,10 +86,26 @@ def carrier_hz(scene: Any) -> float:
     return float(RADAR_SETTINGS["carrier_hz"].initial)
 
 
+def beyond_band(scene: Any) -> str:
+    """Return what media do outside their band, for a scene's active radar.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Returns
+    -------
+    str : Without a radar, the initial choice
+    """
+    with contextlib.suppress(SceneError):
+        return str(settings(active_radar(scene)).beyond_band)
+    return "hold"
+
+
 def _refresh_for_carrier(_: Any, __: Any = None) -> None:
     """Evaluate physical materials at the carrier of the active radar."""
-    # What cannot be evaluated there is told by the material's panel, and by the run.
-    refresh_materials(carrier_hz(bpy.context.scene))
+    # What cannot be evaluated there, or lies beyond its band, is told by the panels and by the run.
+    refresh_materials(carrier_hz(bpy.context.scene), beyond_band(bpy.context.scene))
 
 
 def _fm_rate(group: Any) -> float:
@@ -142,7 +158,7 @@ RadarGroup = property_group(
             type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
         ),
     },
-    {"carrier_hz": _refresh_for_carrier},
+    {"carrier_hz": _refresh_for_carrier, "beyond_band": _refresh_for_carrier},
 )
 
 

@@ -18,7 +18,9 @@ from ..materials import (
     EXACT_FACETS,
     assigned_materials,
     beyond_float32,
+    media_beyond_their_band,
     set_layer_normals,
+    settle_interiors,
     update_materials,
 )
 from ..nodes import attributes
@@ -278,8 +280,12 @@ class MeasurementSettings:
         assigned = {
             m for one in assigned_materials(depsgraph) for m in one.materials if m is not None
         }
-        carrier_hz = self._plan.measurement.waveform.carrier_hz
-        failures = update_materials(carrier_hz, self._recorder, assigned)
+        measurement = self._plan.measurement
+        carrier_hz, beyond = measurement.waveform.carrier_hz, measurement.beyond_band
+        failures = update_materials(carrier_hz, self._recorder, assigned, beyond)
+        in_order = sorted(assigned, key=lambda material: str(material.name_full))
+        failures += media_beyond_their_band(carrier_hz, beyond, in_order)
+        failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
-from ..nodes.group_search import group_node
+from ..nodes.materials import has_interior
 from ..state import evaluated_objects, read_numbers
 
 #: Maximum number of volumes that Cycles tracks along a ray.
@@ -66,25 +66,13 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         if item.type != "MESH" or item.hide_render:
             continue
         name = item.name if one.instancer is None else f"{item.name} (instance)"
-        faces = _faces(item.data, one.matrix, name, _has_interior(item))
+        entered = any(has_interior(slot.material) for slot in item.material_slots)
+        faces = _faces(item.data, one.matrix, name, entered)
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
         return []
     return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found)]
-
-
-def _has_interior(item: Any) -> bool:
-    """Return whether an object's material has a volume, which Cycles keeps on its stack."""
-    for slot in item.material_slots:
-        if slot.material is None or slot.material.node_tree is None:
-            continue
-        if group_node(slot.material) is None:
-            continue
-        output = slot.material.node_tree.get_output_node("CYCLES")
-        if output is not None and output.inputs["Volume"].is_linked:
-            return True
-    return False
 
 
 def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:

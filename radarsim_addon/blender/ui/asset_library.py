@@ -15,7 +15,7 @@ import bpy
 
 from ...errors import SceneError
 from ..materials import physical_materials as pm
-from ..rig_settings import carrier_hz
+from ..rig_settings import beyond_band, carrier_hz
 from .shown_findings import reported
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
@@ -161,7 +161,7 @@ class RADARSIM_OT_add_asset_library(bpy.types.Operator):
         with reported(self):
             library = add_library(context.preferences)
             # The file may contain materials of the library from another carrier.
-            pm.refresh_materials(carrier_hz(context.scene))
+            pm.refresh_materials(carrier_hz(context.scene), beyond_band(context.scene))
             self.report({"INFO"}, f"Asset Browser > {library.name}: {len(ASSETS)} materials")
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -11,10 +11,11 @@ import bpy
 from ...errors import RadarSimError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE
-from ..materials import is_entered
+from ..materials import is_entered, media_beyond_their_band
 from ..materials import physical_materials as pm
+from ..materials.material_limits import limits_of
 from ..nodes.physical_material import EXTINCTION, INDEX
-from ..rig_settings import MATERIAL_PROPERTY, carrier_hz, choose_medium
+from ..rig_settings import MATERIAL_PROPERTY, beyond_band, carrier_hz, choose_medium
 from .fields import wrapped
 from .shown_findings import draw_findings
 
@@ -37,7 +38,8 @@ class RADARSIM_OT_make_physical(bpy.types.Operator):
             if pm.MEDIUM not in material:
                 choose_medium(material, "concrete")
             pm.make_physical(material)
-            pm.update_material(material, carrier_hz(context.scene))
+            scene = context.scene
+            pm.update_material(material, carrier_hz(scene), beyond_band(scene))
         except RadarSimError as error:
             self.report({"WARNING"}, str(error))
         return {"FINISHED"}
@@ -71,7 +73,7 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         self._draw_surface(context, layout, material)
 
     def _draw_medium(self, context: Any, layout: Any, material: Any, settings: Any) -> None:
-        carrier = carrier_hz(context.scene)
+        carrier, policy = carrier_hz(context.scene), beyond_band(context.scene)
         layout.prop(settings, "medium")
         try:
             medium = pm.medium_of(material)
@@ -84,7 +86,8 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
             for parameter in medium.model.parameters:
                 column.prop(settings, parameter.name)
             wrapped(context, layout, f"{medium.model.source} ({medium.model.edition})", "NONE")
-            values = pm.inputs_at(material, carrier)
+            values = pm.inputs_at(material, carrier, policy)
+            draw_findings(context, layout, media_beyond_their_band(carrier, policy, [material]))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
@@ -100,7 +103,7 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
             return
         try:
             layout.label(text=f"Rms slope {surface.slope:.4g}")
-            draw_findings(context, layout, pm.limits_of(material, carrier_hz(context.scene)))
+            draw_findings(context, layout, limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
 

@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
-from ...findings import Finding, length_text
+from ...findings import Finding, length_text, merge
 from ...options import declared
+from ..materials import media_beyond_their_band
 from ..plan import (
     Extent,
     Measurement,
@@ -23,6 +24,8 @@ from ..rig_settings import (
     RADAR_PROPERTY,
     RADAR_SETTINGS,
     WAVEFORMS,
+    beyond_band,
+    carrier_hz,
     read_measurement,
     read_path_options,
     settings,
@@ -92,6 +95,7 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         if group is None:
             return
         layout.prop(group, "polarisation")
+        layout.prop(group, "beyond_band")
         column = layout.column(align=True)
         column.label(text="Extinction is normalised to:")
         column.row(align=True).prop(group, "extinction", expand=True)
@@ -116,6 +120,9 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
         if group.waveform_kind == "lfm":
             layout.prop(group, "fm_rate_mhz_per_us")
         draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses")
+        scene = context.scene
+        outside = media_beyond_their_band(carrier_hz(scene), beyond_band(scene))
+        draw_findings(context, layout, merge(outside))
         measurement = _measurement(context, layout)
         if measurement is None:
             return

@@ -15,6 +15,9 @@ has no closed form: it is drawn with covariance C and a fixed seed. The closed f
 number of cells, and the scale, with the same mean and variance. alpha is then corrected by the
 average of exp(-alpha x) over the draws at 1e-4, or at the requested Pfa if that is higher; below
 1e-4 the correction grows with the logarithm of Pfa.
+
+A BLAS rounds differently with each number of threads. Results must not, so that sums over noise go
+by einsum, and factors from a library's eigenvalues are rounded.
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ _MAX_EXACT = 512
 _DRAWS = 20000
 #: Smallest Pfa that so many draws determine, to some 2 %.
 _MIN_DRAWN = 1e-4
-#: Eigenvalues of the covariance below this fraction of the largest are rounding.
+#: Variance that the covariance leaves unexplained, of 1: rounding.
 _RANK = 1e-9
 
 
@@ -55,7 +58,7 @@ def ca_factor_exact(pfa: float, covariance: Complex) -> float:
     high = 1.0
     while not enough(high):
         high *= 2
-    return _bisect(enough, high, 60)
+    return float(f"{_bisect(enough, high, 60):.10g}")
 
 
 def _bisect(enough: Callable[[float], bool], high: float, rounds: int) -> float:
@@ -114,13 +117,24 @@ def os_equivalent(mean: float, variance: float, rank: float) -> tuple[float, flo
 
 def drawn_statistic(covariance: Complex, k: int, seed: int = 0) -> Real:
     """Draw the k-th smallest power of cells with a covariance (n, n) at random, (draws,)."""
-    values, vectors = np.linalg.eigh(covariance)
-    kept = values > _RANK * values[-1]
-    mixing = (vectors[:, kept] * np.sqrt(values[kept] / 2)).T
+    mixing = _root(covariance) / math.sqrt(2)
     rng = np.random.default_rng(seed)
     white = rng.standard_normal((_DRAWS, 2, mixing.shape[0]))
-    power = np.abs((white[:, 0] + 1j * white[:, 1]) @ mixing) ** 2
+    power = np.abs(np.einsum("ij,jk->ik", white[:, 0] + 1j * white[:, 1], mixing)) ** 2
     return np.asarray(np.partition(power, k - 1, axis=1)[:, k - 1])
+
+
+def _root(covariance: Complex) -> Complex:
+    """Rows r with sum_i conj(r_i) r_i^T = C, by the Cholesky decomposition with pivots."""
+    left = covariance.conj()
+    rows: list[Complex] = []
+    while left.diagonal().real.max() > _RANK:
+        pivot = int(np.argmax(left.diagonal().real))
+        row = left[pivot] / math.sqrt(left[pivot, pivot].real)
+        left = left - np.conj(row)[:, None] * row
+        rows.append(row)
+        left[pivot], left[:, pivot] = 0, 0
+    return np.array(rows)
 
 
 def drawn_factor(pfa: float, statistic: Real) -> float:
@@ -136,7 +150,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
     pulses = rd_map.values.shape[1]
     squared = slow_time_window(rd_map.doppler_taper, pulses) ** 2
     turn = np.exp(-2j * np.pi * np.outer(np.arange(lags[0] + 1), np.arange(pulses)) / pulses)
-    doppler = turn @ squared / squared.sum()
+    doppler = np.einsum("ij,j->i", turn, squared) / squared.sum()
     if isinstance(waveform, LineWaveform):
         weight = line_weights(waveform, rd_map.range_taper)
         # the correlator's spectrum once: noise has passed it a single time
@@ -149,7 +163,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
     step_m = rd_map.range_m[1] - rd_map.range_m[0] if rd_map.range_m.size > 1 else 1.0
     cells = np.arange(lags[1] + 1) * float(step_m) / waveform.sample_spacing_m
     turn = np.exp(2j * np.pi * np.outer(cells, position))
-    return np.asarray(doppler), np.asarray(turn @ density / density.sum())
+    return np.asarray(doppler), np.einsum("ij,j->i", turn, density) / density.sum()
 
 
 def covariance(mask: Mask, doppler: Complex, range_: Complex) -> Complex:

@@ -73,7 +73,7 @@ class EchoSynthesizer:
         if needed * pulses > MAX_SAMPLES:
             raise ConfigError(
                 f"{pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
-                "Choose a shorter range window, fewer pulses or a lower sampling rate."
+                "Choose shorter range limits (--range-limits), fewer pulses or a lower rate."
             )
         size = smooth_size(needed)
         self._half_s = (chirp - 1) / 2 / rate_hz

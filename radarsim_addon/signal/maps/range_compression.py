@@ -152,7 +152,7 @@ def range_process(
     if size * oversample * channels * pulses > MAX_SAMPLES:
         raise ConfigError(
             f"{channels * pulses} pulses of {size * oversample} ranges are more than "
-            f"{MAX_SAMPLES}. Choose a shorter range window or less oversampling."
+            f"{MAX_SAMPLES}. Choose shorter range limits (--range-limits) or less oversampling."
         )
     offset_s = 2 * echoes.range_limits_m[0] / SPEED_OF_LIGHT_MPS - echoes.first_sample_s
     shift = np.exp(2j * np.pi * frequencies_hz(waveform, size) * offset_s)

@@ -74,8 +74,7 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
     Notes
     -----
     Pure: it writes and prints nothing and opens nothing but what the input holds. The same input
-    and options give the same bits on any number of the synthesis' own threads. A BLAS library of
-    several threads may round the noise of an ordered-statistic CFAR differently in its last bits.
+    and options give the same bits on any number of threads.
     """
     steps = frame_steps(frame_input, options)
     while True:

@@ -16,9 +16,6 @@ from ..motion import KinematicMotion
 from ..paths import Paths
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
-#: Factors below this are none.
-_LEAST_FACTOR = 1e-6
-
 
 class FrameSpeckle:
     """Applies the scatterers of a frame's surfaces to its paths as they stream by.
@@ -57,10 +54,8 @@ class FrameSpeckle:
         )
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths for the echo synthesis, with the factors of their scatterers.
-
-        Of a path that moves, what goes over the scatterer moves with the scatterer; where it has a
-        coherent part too, that is a row of its own. Powers are to be added up before.
+        """The paths for the echo synthesis, with the factors of their scatterers, and moving with
+        them. Powers are to be added up before.
         """
         if self._speckle is None or not len(paths):
             return paths
@@ -72,17 +67,12 @@ class FrameSpeckle:
         motion = paths.motion
         if not isinstance(motion, KinematicMotion):
             return dataclasses.replace(paths, phasors=phasors)
-        rough = np.abs(found.rough) > _LEAST_FACTOR
-        moving = np.flatnonzero(motion.moving[known] & rough)
+        moving = np.flatnonzero(motion.moving[known])
         if not moving.size:
             return dataclasses.replace(paths, phasors=phasors)
-        mine = known[moving]
-        phasors[mine] = found.coherent[moving]
-        stay = np.ones(len(paths), dtype=bool)
-        stay[mine] = found.coherent[moving] > _LEAST_FACTOR
-        own = dataclasses.replace(paths, phasors=phasors).select(stay)
         going = np.zeros(len(paths), dtype=bool)
-        going[mine] = True
+        going[known[moving]] = True
+        own = dataclasses.replace(paths, phasors=phasors).select(~going)
         scattered = paths.select(going)
         length_m = scattered.length_m + found.longer_m[moving]
         leaders = self._table[found.leader[moving]]
@@ -103,7 +93,7 @@ class FrameSpeckle:
             scattered,
             length_m=length_m,
             motion=over,
-            phasors=found.rough[moving],
+            phasors=found.factor[moving],
         )
         return Paths.join([own, scattered])
 

@@ -6,14 +6,17 @@ at a random place in it, of random height h: both come from a hash of seed, obje
 are the same at every pulse, in every frame and view, and for every grid of pixels. With the
 wavevector change kappa = k |u_in - u_out| (2 k cos for a facet that mirrors back) a path has
 
-    sqrt(P) [ m + g (exp(j kappa h) - m) exp(-j k (l_c - l)) ],   m = exp(-(kappa h_rms)^2 / 2):
+    sqrt(P) g (exp(j kappa h) - m) / sqrt(1 - m^2) exp(-j k (l_c - l))
 
-a coherent part that roughness weakens by m^2 = exp(-(2 k h cos)^2) in power (Ament 1953), and a
-rough part of zero mean and the remaining power 1 - m^2. It goes over the scatterer, whose path has
-the length l_c instead of l. All paths of one cell meet there; g = sqrt(P / P_cell) keeps their
-power, so the mean power is the sum of the powers however fine the pixels are. Where the height is
-unknown m = 0: fully developed speckle. The scatterer moves with its body, and the rough parts of
-all paths of its cell move with it: on a body that turns they would else drift out of phase.
+of zero mean, m = exp(-(kappa h_rms)^2 / 2). It goes over the scatterer, whose path has the length
+l_c instead of l. All paths of one cell meet there; g = sqrt(P / P_cell) keeps their power, so the
+mean power is the sum of the powers however fine the pixels are. Where the height is unknown m = 0:
+fully developed speckle. The scatterer moves with its body, and all paths of its cell move with it:
+on a body that turns they would else drift out of phase.
+
+A surface of small height also has a coherent part, m^2 = exp(-(2 k h cos)^2) of the power (Ament
+1953). It is left out: as a sum over pixel centres its level grows with the number of pixels in a
+Fresnel zone, by 6 dB for each doubling of the resolution.
 
 Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
 be hit or missed by chance.
@@ -47,6 +50,10 @@ _CELLS_IN_RESOLUTION = 8
 _LARGEST_CELL_M = 1e6
 #: Where the origin lies in its cell: at no simple fraction of it.
 _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
+#: Smaller exponents of m leave too few digits of exp(j kappa h) - m: phases are then even.
+_SMOOTH = 1e-6
+#: Coherent fractions of the power that are worth a word.
+_COHERENT = 0.01
 #: Scatterers in a resolution cell from which its intensity is taken to be exponential.
 ENOUGH_SCATTERERS = 40
 
@@ -88,38 +95,51 @@ class SpeckleReport:
         median over the power.
     undersampled_power_fraction
         Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
+    coherent_power_fraction
+        Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
+    coherent_objects
+        Names of the objects of which more than 1 % of the power is.
     """
 
     cell_m: float
     cells: int
     median_scatterers: float
     undersampled_power_fraction: float
+    coherent_power_fraction: float = 0.0
+    coherent_objects: tuple[str, ...] = ()
 
     @property
     def findings(self) -> list[Finding]:
-        """Too few scatterers for speckle, where it is so."""
-        if self.undersampled_power_fraction < 0.2:
-            return []
-        return [
-            finding(
-                "few-scatterers",
-                fraction=self.undersampled_power_fraction,
-                enough=ENOUGH_SCATTERERS,
-                median=self.median_scatterers,
+        """Too few scatterers for speckle, and coherent parts left out, where it is so."""
+        found = []
+        if self.undersampled_power_fraction >= 0.2:
+            found.append(
+                finding(
+                    "few-scatterers",
+                    fraction=self.undersampled_power_fraction,
+                    enough=ENOUGH_SCATTERERS,
+                    median=self.median_scatterers,
+                )
             )
-        ]
+        if self.coherent_objects:
+            found.append(
+                finding(
+                    "coherent-part-not-formed",
+                    *self.coherent_objects,
+                    fraction=self.coherent_power_fraction,
+                )
+            )
+        return found
 
 
 @dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter: factors (n,) of what keeps the path's own way and of what goes over the
-    scatterer (without the phase of its length), scatterers of first and last vertex, equal at order
-    1, (n, 3) [m], length over them minus the path's own [m], and the row of the table that leads
-    the cell.
+    """How n paths scatter: factors (n,) without the phase of the length over the scatterers,
+    scatterers of first and last vertex, equal at order 1, (n, 3) [m], length over them minus the
+    path's own [m], and the row of the table that leads the cell.
     """
 
-    coherent: Real
-    rough: Complex
+    factor: Complex
     first_scatterer_m: Real
     last_scatterer_m: Real
     longer_m: Real
@@ -168,7 +188,8 @@ class SurfaceSpeckle:
                 f"{_LARGEST_CELL_M:g} m, or none for one that fits the pixels."
             )
         self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
-        self._keys, self._powers, self._ranges, self._leaders = self._add_up()
+        self._objects = record.objects
+        self._keys, self._powers, self._ranges, self._leaders, self._coherent_w = self._add_up()
 
     # -- cells -------------------------------------------------------------------------------------
 
@@ -243,9 +264,12 @@ class SurfaceSpeckle:
         way |= rows["transparent_depth"].astype(np.uint64)
         return hash_step(hash_step(first ^ way) ^ last)
 
-    def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp]]:
-        """Keys of all cells (sorted), the power over each, its one-way range and first row."""
+    def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp], Real]:
+        """Keys of all cells (sorted), the power over each, its one-way range and first row;
+        coherent power by the number of the object [W].
+        """
         keys = np.zeros(0, dtype=np.uint64)
+        coherent_w = np.zeros(self._heights.size)
         powers, ranges = np.zeros(0), np.zeros(0)
         leaders, start = np.zeros(0, dtype=np.intp), 0
         for rows in iter_rows(self._table):
@@ -253,6 +277,8 @@ class SurfaceSpeckle:
             number = start + np.flatnonzero(known)
             start += rows.size
             rows = rows[known]
+            left = np.nan_to_num(np.exp(-np.sum(self._kappa_heights(rows) ** 2, axis=0)))
+            coherent_w += np.bincount(rows["last_object"], rows["power_w"] * left, coherent_w.size)
             found = self._path_keys(
                 rows, self._vertices(rows, True)[0], self._vertices(rows, False)[0]
             )
@@ -263,7 +289,7 @@ class SurfaceSpeckle:
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
             leaders = number[place]
-        return keys, powers, ranges, leaders
+        return keys, powers, ranges, leaders, coherent_w
 
     def report(self) -> SpeckleReport:
         """How many scatterers share a range cell."""
@@ -278,9 +304,14 @@ class SurfaceSpeckle:
         order = np.argsort(effective)
         share = np.cumsum(power[order]) / power.sum()
         middle = min(int(np.searchsorted(share, 0.5)), share.size - 1)
-        poor = float(power[effective < ENOUGH_SCATTERERS].sum() / power.sum())
+        coherent = self._coherent_w / power.sum()
         return SpeckleReport(
-            self.cell_m, int(self._keys.size), float(effective[order[middle]]), poor
+            self.cell_m,
+            int(self._keys.size),
+            float(effective[order[middle]]),
+            float(power[effective < ENOUGH_SCATTERERS].sum() / power.sum()),
+            float(coherent.sum()),
+            tuple(self._objects[n - 1] for n in np.flatnonzero(coherent > _COHERENT)),
         )
 
     # -- paths -------------------------------------------------------------------------------------
@@ -319,10 +350,8 @@ class SurfaceSpeckle:
         return result, known
 
     def factors_at_rest(self, found: Scattering) -> Complex:
-        """Both ways in one factor, (n,): exact as long as path and scatterer move alike."""
-        return np.asarray(
-            found.coherent + found.rough * np.exp(-1j * self._wavenumber * found.longer_m)
-        )
+        """Factors with that phase, (n,): exact as long as path and scatterer move alike."""
+        return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
     def scattering(self, rows: PathRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
@@ -337,26 +366,23 @@ class SurfaceSpeckle:
         )
         place = np.searchsorted(self._keys, self._path_keys(rows, first, last))
         share = np.sqrt(rows["power_w"] / self._powers[place])
-        heights = [self._heights[rows["first_object"]], self._heights[rows["last_object"]]]
-        turns = self._turns(rows)
-        exponent, phase = np.zeros(rows.size), np.zeros(rows.size)
-        for rms_m, turn, unit in zip(heights, turns, (first_height, last_height), strict=True):
-            # A height that is unknown is one of many wavelengths; no vertex, no height.
-            kappa_h = np.where(turn > 0, self._wavenumber * turn * rms_m, 0.0)
-            kappa_h = np.where(np.isnan(kappa_h), 1e3, kappa_h)
-            exponent += kappa_h**2 / 2
-            unknown = np.isnan(rms_m) & (turn > 0)
-            phase += np.where(unknown, 2 * np.pi * _wrapped(unit), kappa_h * unit)
-        mean = np.exp(-exponent)
-        rough = share * (np.exp(1j * phase) - mean)
+        kappa_h = self._kappa_heights(rows)
+        exponent = np.sum(kappa_h**2, axis=0) / 2
+        even = np.isnan(kappa_h) | (exponent < _SMOOTH)
+        units = np.stack([first_height, last_height])
+        # 1e3 standard deviations, modulo a cycle, are even over it
+        phase = np.where(even, 2 * np.pi * (1e3 * units % 1.0), kappa_h * units).sum(axis=0)
+        mean = np.where(even.any(axis=0), 0.0, np.exp(-exponent))
+        factor = share * (np.exp(1j * phase) - mean) / np.sqrt(1 - mean**2)
         return Scattering(
-            mean, rough, first_scatterer_m, last_scatterer_m, over_m - own_m, self._leaders[place]
+            factor, first_scatterer_m, last_scatterer_m, over_m - own_m, self._leaders[place]
         )
 
-
-def _wrapped(unit: Real) -> Real:
-    """A Gaussian number as one that is even over [0, 1)."""
-    return np.asarray(1e3 * unit % 1.0, dtype=np.float64)
+    def _kappa_heights(self, rows: PathRows) -> Real:
+        """kappa h_rms at the first and the last vertex, (2, n): 0 without a vertex, NaN unknown."""
+        heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
+        turns = np.stack(self._turns(rows))
+        return np.where(turns > 0, self._wavenumber * turns * heights_m, 0.0)
 
 
 def _unit(vectors: Real) -> Real:

@@ -15,8 +15,10 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender import rig_settings as properties
+from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.layers import layer_normal, object_layer_normal
+from radarsim_addon.blender.materials.material_limits import limits_of
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.materials import group_node, lets_nothing_through
 from radarsim_addon.errors import ConfigError
@@ -95,21 +97,47 @@ def test_medium_survives_a_saved_file(tmp_path: Path) -> None:
     assert surface == pm.Surface(1.2345678e-3, 0.02)
     assert surface.slope == pytest.approx(math.sqrt(2) * 1.2345678e-3 / 0.02)
     with pytest.raises(ConfigError, match=r"'Wall'.*not defined at 9 GHz.*2 to 8 GHz"):
-        pm.update_material(made, 9e9)
+        pm.update_material(made, 9e9, "refuse")
 
 
-def test_a_carrier_outside_the_band_stops_the_run_and_names_the_material(tmp_path: Path) -> None:
+def test_a_carrier_outside_the_band_is_held_and_said(tmp_path: Path) -> None:
+    """Brick ends at 40 GHz: eps' = 3.91, sigma = 0.0238 f^0.16 S/m (ITU-R P.2040-3, Table 3)."""
+    rs.new_scene()
+    plate = rs.add_plate(10, preset=None)
+    made = pm.make_physical_material("Wall", "brick", carrier_hz=77e9)
+    plate.data.materials.append(made)
+
+    def eps(f_hz: float) -> complex:
+        return complex(3.91, 0.0238 * (f_hz / 1e9) ** 0.16 / (2 * np.pi * f_hz * 8.8541878e-12))
+
+    for policy, at_hz in (("hold", 40e9), ("extrapolate", 77e9)):
+        assert pm.update_materials(77e9, beyond_band=policy) == []
+        (said,) = media_beyond_their_band(77e9, policy)
+        assert (said.code, said.severity) == ("medium-beyond-band", "caution")
+        assert said.subjects == ("Wall",) and "brick" in said.text and "1 to 40 GHz" in said.text
+        assert "error class moderate" in said.cause
+        assert said.numbers["absorption_ratio"] == pytest.approx((77 / 40) ** 0.84, rel=1e-3)
+        assert index_of(made) ** 2 == pytest.approx(eps(at_hz), rel=1e-6)
+    assert pm.update_materials(39e9) == media_beyond_their_band(39e9) == []
+    waveform = rs.WAVEFORM.__class__(77e9, 50e6, 2.5e-6, 60e6)
+    run = ph.run_paths(tmp_path / "run", width_px=8, height_px=8, waveform=waveform)
+    codes = [item.code for item in run.job.findings]
+    assert codes.count("medium-beyond-band") == 1
+
+
+def test_beyond_band_refuse_stops_the_run_and_names_the_material(tmp_path: Path) -> None:
     rs.new_scene()
     plate = rs.add_plate(10, preset=None)
     plate.data.materials.append(pm.make_physical_material("Sea", "sea_water", carrier_hz=5e9))
     waveform = rs.WAVEFORM.__class__(24e9, 50e6, 2.5e-6, 60e6)
+    refuse = {"width_px": 8, "height_px": 8, "waveform": waveform, "beyond_band": "refuse"}
     with pytest.raises(ConfigError, match=r"'Sea'.*24 GHz.*0.3 to 10 GHz"):
-        ph.run_paths(tmp_path / "run", width_px=8, height_px=8, waveform=waveform)
+        ph.run_paths(tmp_path / "run", **refuse)
     # One that nothing in the render wears is no reason to stop.
     plate.hide_render = True
     other = rs.add_plate(12)
     assert other.material_slots[0].material is not None
-    ph.run_paths(tmp_path / "other", width_px=8, height_px=8, waveform=waveform)
+    ph.run_paths(tmp_path / "other", **refuse)
 
 
 def test_wrong_inputs_are_named() -> None:
@@ -129,10 +157,10 @@ def test_wrong_inputs_are_named() -> None:
 def test_kirchhoff_limits_are_told() -> None:
     fine = {"rms_height_m": 0.02, "correlation_length_m": 0.2}
     good = pm.make_physical_material("good", "concrete", carrier_hz=10e9, **fine)
-    assert pm.limits_of(good, 10e9) == ()
-    limits = {item.code: item.subjects for item in pm.limits_of(good, 1e9 / 4)}
+    assert limits_of(good, 10e9) == ()
+    limits = {item.code: item.subjects for item in limits_of(good, 1e9 / 4)}
     assert limits["kirchhoff-short-correlation"] == (good.name,)
-    assert pm.limits_of(pm.make_physical_material("s", "concrete", carrier_hz=5e9), 5e9) == ()
+    assert limits_of(pm.make_physical_material("s", "concrete", carrier_hz=5e9), 5e9) == ()
 
 
 def test_panel_properties_show_what_is_kept() -> None:
@@ -154,8 +182,12 @@ def test_panel_properties_show_what_is_kept() -> None:
         view.medium = "concrete"
         rs.radar().carrier_ghz = 10.0
         assert index_of(made) == pytest.approx(complex(library("concrete", 10e9)), rel=1e-6)
-        rs.radar().carrier_ghz = 500.0  # outside the band: numbers are kept
-        assert index_of(made) == pytest.approx(complex(library("concrete", 10e9)), rel=1e-6)
+        rs.radar().carrier_ghz = 500.0  # outside the band, which ends at 100 GHz
+        assert index_of(made) == pytest.approx(complex(library("concrete", 100e9)), rel=1e-6)
+        rs.radar().carrier_ghz = 20.0
+        rs.radar().beyond_band = "refuse"
+        rs.radar().carrier_ghz = 500.0  # numbers are kept, and the run is refused
+        assert index_of(made) == pytest.approx(complex(library("concrete", 20e9)), rel=1e-6)
     finally:
         properties.unregister()
 

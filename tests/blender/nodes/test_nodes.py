@@ -119,7 +119,14 @@ def test_stale_group_is_rebuilt_in_place(tmp_path: Path) -> None:
     assert node.node_tree == nodes.ensure_group("radar_material")
     assert dump(node.node_tree) == fresh
     names = [socket.name for socket in node.inputs]
-    assert names == ["Index of Refraction", "Extinction Coefficient", "Specularity", "Roughness"]
+    assert names == [
+        "Index of Refraction",
+        "Extinction Coefficient",
+        "Specularity",
+        "Roughness",
+        "Transmission",
+    ]
+    assert node.inputs["Transmission"].default_value == 1.0
     assert node.inputs["Extinction Coefficient"].default_value == 0.125
     assert node.inputs["Roughness"].default_value == 0.75
     assert node.inputs["Specularity"].default_value == 0.5  # was gone: the default again
@@ -224,7 +231,7 @@ def test_presets(preset: str) -> None:
     assert output.inputs["Volume"].is_linked is values.penetrable
     node = output.inputs["Surface"].links[0].from_node
     got = [socket.default_value for socket in node.inputs]
-    wanted = [values.n, values.kappa, values.specularity, values.roughness]
+    wanted = [values.n, values.kappa, values.specularity, values.roughness, 1.0]
     assert got == pytest.approx(wanted, rel=1e-6)
     # A conductor by the material's own rule, and only that, is not penetrable.
     transmittance = 4 * values.n / ((values.n + 1) ** 2 + values.kappa**2)

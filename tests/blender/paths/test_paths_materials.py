@@ -33,7 +33,7 @@ def test_eight_sheets_of_radar_material(tmp_path: Path) -> None:
     """Every pixel of every gate: F/pi cos EIRP/(4 pi R^2) T^(2 t), and the sheet's own range."""
     rs.new_scene()
     ph.field_of_view(20)
-    material = nodes.make_material("Sheet", 1.6, 0.0, 0.0, 0.5, penetrable=False)
+    material = ph.bare_sheet(1.6, 0.0, 0.5)
     for y in SHEETS_M:
         ph.plate_at(y, 40, material)
     run = ph.run_paths(tmp_path, width_px=16, height_px=16)
@@ -70,7 +70,7 @@ def test_gates_hold_one_path(tmp_path: Path) -> None:
 
     rs.new_scene()
     ph.field_of_view(20)
-    material = nodes.make_material("Sheet", 1.6, 0.0, 0.3, 0.8, penetrable=False)
+    material = ph.bare_sheet(1.6, 0.3, 0.8)
     for y in SHEETS_M:
         ph.plate_at(y, 40, material)
     kept, views = [], []
@@ -133,7 +133,7 @@ def test_a_small_target_behind_glass_is_never_lost(tmp_path: Path) -> None:
     seed, though the lots of a render that leaves lobes to chance would lose it in half of them."""
     rs.new_scene()
     ph.field_of_view(20)
-    pane = nodes.make_material("Pane", 2.3, 0.0, 1.0, 0.0, penetrable=False)
+    pane = ph.bare_sheet(2.3, 1.0, 0.0)
     for y in (5, 6, 7):
         ph.plate_at(y, 40, pane)
     ph.plate_at(20, 0.5, nodes.make_material("Target", 1e4, 1e4, 0.0, 0.5, penetrable=False))

@@ -4,6 +4,9 @@
 import csv
 import json
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ from radarsim_addon.signal import (
     Cfar,
     Echoes,
     FmcwWaveform,
+    PmcwWaveform,
     Radar,
     RangeDopplerMap,
     Receiver,
@@ -33,6 +37,7 @@ from radarsim_addon.signal.detection.cfar_thresholds import (
     drawn_factor,
     drawn_statistic,
     equivalent_cells,
+    noise_correlation,
     os_equivalent,
     os_factor,
     os_false_alarms,
@@ -46,6 +51,8 @@ from tests.signal.oracle import unit_paths
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
 FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6)
 FMCW_RADAR = Radar(FMCW, Burst(1 / FMCW.duration_s, 128))
+PMCW = PmcwWaveform(5.3e9, 20e-9, 9, samples_per_chip=2)
+PMCW_RADAR = Radar(PMCW, Burst(10e3, 128))
 WINDOW_M = (500.0, 1500.0)
 
 
@@ -169,13 +176,48 @@ def test_training_cells_are_summed_as_written() -> None:
             assert noise[row, col] == pytest.approx(np.mean(cells), rel=1e-12)
 
 
+def test_noise_of_a_code_is_correlated_as_its_chips_are() -> None:
+    """An m-sequence of rectangular chips, two samples each: 1/2 at one sample, 0 at two."""
+    rd_map = noise_map(PMCW_RADAR, "none", 0)
+    doppler, along = noise_correlation(rd_map, (2, 8))
+    step = round(PMCW.sample_spacing_m / (rd_map.range_m[1] - rd_map.range_m[0]))
+    np.testing.assert_allclose(np.abs(doppler), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(np.abs(along[::step][:3]), [1, 0.5, 0], atol=1.1 / 511)
+    values = rd_map.plane
+    measured = np.vdot(values[:, :-1], values[:, 1:]) / np.vdot(values, values)
+    assert abs(measured) == pytest.approx(abs(along[1]), abs=0.01)
+
+
+def test_thresholds_do_not_depend_on_the_threads_of_the_blas() -> None:
+    script = """
+import hashlib
+from radarsim_addon.signal import Cfar, cfar_threshold
+from tests.signal.detection.test_cfar import RADAR, noise_map
+for kind in ("ca", "os"):
+    found = cfar_threshold(noise_map(RADAR, "hamming", 0), Cfar(kind))
+    print(*(hashlib.sha256(part.tobytes()).hexdigest() for part in (found.noise, found.threshold)))
+"""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+    printed = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, **dict.fromkeys(names, threads)},
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for threads in ("1", "2")
+    }
+    assert len(printed) == 1, printed
+
+
 @pytest.mark.parametrize("kind", ["ca", "os"])
 @pytest.mark.parametrize("window", ["none", "hamming"])
-@pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR], ids=["lfm", "fmcw"])
+@pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR, PMCW_RADAR], ids=["lfm", "fmcw", "pmcw"])
 def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Radar) -> None:
     """In noise through the whole chain: windowed, oversampled, so correlated."""
     pfa, alarms, cells = 3e-3, 0, 0
-    range_limits_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
+    range_limits_m = (0.0, 38.0) if radar is FMCW_RADAR else WINDOW_M
     cfar = Cfar(kind, pfa, (3, 6), (3, 10))
     for seed in range(6):
         rd_map = noise_map(radar, window, seed, range_limits_m)

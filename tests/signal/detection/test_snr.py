@@ -20,8 +20,10 @@ from radarsim_addon.signal.runs import open_run
 from tests.signal import path_runs as pr
 
 
-@pytest.mark.parametrize("window", ["none", "hamming"])
-def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str) -> None:
+@pytest.mark.parametrize(("window", "antenna_k"), [("none", 290), ("hamming", 290), ("none", 2000)])
+def test_targets_stand_above_the_noise_as_predicted(
+    tmp_path: Path, window: str, antenna_k: float
+) -> None:
     radar = Radar(pr.WAVEFORM, pr.BURST)
     # On a sample of the range axis; one pixel that the plate fills: one path of known power.
     range_m = 300 * radar.waveform.sample_spacing_m
@@ -33,8 +35,11 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
     beam = {"azimuth_beamwidth_deg": 6.0, "elevation_beamwidth_deg": 6.0}
     antenna = contract.AntennaRecord("gaussian", beam)
     system = contract.LinkBudget(
-        20.0, antenna, antenna, transmit_loss_db=1.0, receive_loss_db=1.5, noise_figure_db=4.0
-    )
+        80.0, antenna, antenna, transmit_loss_db=1.0, receive_loss_db=1.5, noise_figure_db=4.0,
+        antenna_temperature_k=antenna_k,
+    )  # fmt: skip
+    # noise temperature of antenna and receiver together: T_a + (F - 1) T_0
+    system_k = antenna_k + 290 * (10**0.4 - 1)
     folder = pr.write_run(
         tmp_path / "run", rows, ["Plate"], receiver, emitter, range_limits_m=1500.0, system=system
     )
@@ -45,7 +50,7 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
     gain_db = 2 * 10 * math.log10(16 * math.log(2) / math.radians(6) ** 2) - 2.5
     sigma_m2 = 4 * 0.8 * side_m**2
     power_w = float(
-        monostatic_power_w(20.0, sigma_m2, range_m, radar.waveform.wavelength_m)
+        monostatic_power_w(80.0, sigma_m2, range_m, radar.waveform.wavelength_m)
     ) * 10 ** (gain_db / 10)  # fmt: skip
     predicted = predicted_snr(power_w, radar, budget.system, window, window)
     assert predicted.burst_db > 25  # enough that noise does not move the peak much
@@ -62,12 +67,12 @@ def test_targets_stand_above_the_noise_as_predicted(tmp_path: Path, window: str)
         floors.append(rd_map.plane_power[:, away].mean())
         peaks.append(rd_map.plane_power.max())
     floor_w = float(np.mean(floors))
-    # k T_0 F fs, times what the two filters let through
-    expected_w = 1.380649e-23 * 290 * 10**0.4 * 60e6 * map_noise_gain(radar, window, window)
+    # k T fs, times what the two filters let through
+    expected_w = 1.380649e-23 * system_k * 60e6 * map_noise_gain(radar, window, window)
     assert 10 * math.log10(floor_w / expected_w) == pytest.approx(0, abs=0.1)
     found_db = 10 * math.log10(float(np.mean(peaks)) / floor_w)
     assert found_db == pytest.approx(predicted.burst_db, abs=0.5)
-    # and the textbook's sum, without windows: P T / (k T F) times the pulses
+    # and the textbook's sum, without windows: P T / (k T) times the pulses
     if window == "none":
-        textbook = power_w * 2.5e-6 / (1.380649e-23 * 290 * 10**0.4) * pr.BURST.pulses
+        textbook = power_w * 2.5e-6 / (1.380649e-23 * system_k) * pr.BURST.pulses
         assert predicted.burst_db == pytest.approx(10 * math.log10(textbook), abs=0.3)

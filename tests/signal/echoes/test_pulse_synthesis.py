@@ -221,7 +221,7 @@ def test_range_window_must_make_sense(range_limits_m: tuple[float, float]) -> No
 
 
 def test_window_too_long_for_memory_is_refused() -> None:
-    with pytest.raises(ConfigError, match="shorter range window"):
+    with pytest.raises(ConfigError, match="shorter range limits"):
         synthesize(many_paths(), RADAR, range_limits_m=(0.0, 1e9))
 
 
