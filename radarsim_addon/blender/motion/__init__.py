@@ -4,6 +4,7 @@
 In: the animation. Out: motion records and deforming surfaces in metres and seconds.
 """
 
+from .animation import key_frames
 from .bodies import Bodies
 from .burst_motion import BurstMotion
 from .samples import SamplingPlan
@@ -12,4 +13,5 @@ __all__ = [
     "Bodies",
     "BurstMotion",
     "SamplingPlan",
+    "key_frames",
 ]
