@@ -309,8 +309,8 @@ def update_materials(
     Returns
     -------
     list of Finding
-        Materials that cannot be evaluated and that no rendered object has; and assigned materials
-        with a medium that keep their numbers, because their group is not at the output.
+        Assigned materials with a medium that keep their numbers, because their group is not at
+        the output. Others that cannot be evaluated keep theirs, too, and change no result.
 
     Raises
     ------
@@ -330,12 +330,9 @@ def update_materials(
                 if value != before:
                     raise ConfigError(_shared(other, material))
                 _put(socket, value, recorder)
-        except ConfigError as error:
+        except ConfigError:
             if material in assigned:
                 raise
-            findings.append(
-                finding("unused-material-not-evaluated", material.name, reason=str(error))
-            )
         if material in assigned and _keeps_numbers(material):
             findings.append(finding("medium-not-connected", material.name))
     return findings

@@ -121,7 +121,7 @@ def interface_power(
     reflected_out = math("DIVIDE", "R_out", inside, arriving)
     back = build.node("ShaderNodeNewGeometry", "Side").outputs["Backfacing"]
     passed = build.select("T", back, entering, leaving)
-    one_by_one = [
+    by_s, by_p = (
         build.select(
             f"T_{name}",
             back,
@@ -129,10 +129,10 @@ def interface_power(
             math("DIVIDE", f"d_{name}^2 / t_{name}", square, one.entering),
         )
         for name, one, square in (("s", s, square_s), ("p", p, square_p))
-    ]
+    )
     # Echoes between the faces of a layer keep the polarisation that entered it.
     entered = math("LESS_THAN", "no echo inside", echoes, 0.5)
-    by_channel = passed_by_channel(build, passed, *one_by_one, entered)
+    by_channel = passed_by_channel(build, passed, by_s, by_p, entered)
     reflected = build.select("R", back, reflected_in, reflected_out)
     total = math("ADD", "R_s + R_p", s.reflected, p.reflected)
     return InterfacePower(

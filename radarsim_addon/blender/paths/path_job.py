@@ -21,7 +21,7 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets, passes_by_polarisation
-from ..motion import BurstMotion, SamplingPlan
+from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
@@ -51,7 +51,7 @@ class PathJob(MeasurementJob):
         From `prepare`, as for `MeasurementJob`.
     """
 
-    unit = "tiles"
+    unit = "steps"
     any_projection = True
     blocking = True
 
@@ -144,21 +144,24 @@ class PathJob(MeasurementJob):
         self._count_tiles()
 
     def _count_tiles(self) -> None:
-        """Tiles of the run, and those that earlier sessions measured."""
+        """Steps of the run, and those that earlier sessions did.
+
+        A step is a replicate of a tile, or the table of a render. Refinement adds more of them.
+        """
         frames = self._measurement.frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
-        # More where tiles are refined: the total grows as they are split.
         renders = self.options.visibility_updates
-        self.total = tiles * len(frames) * renders
+        steps = tiles * self.options.replicates + 1
+        self.total = steps * len(frames) * renders
         kept = [
             (frame, render)
             for frame in frames
             for render in range(renders)
             if self._render_is_done(frame, render)
         ]
-        self.done = self._done_before = tiles * len(kept)
+        self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
 
@@ -203,20 +206,27 @@ class PathJob(MeasurementJob):
 
     def start(self, task: Any) -> None:
         """Set the scene for a render."""
+        self.pausing = task.request is None
+        if self.pausing:
+            self.stage = f"frame {task.frame}, {task.stage}"
+            return
+        self.stage = f"frame {task.frame}, tile {task.tile + 1}, replicate {task.replicate + 1}"
         task.tracer.start(task.request)
 
     def render(self, task: Any) -> None:
         """Render and wait for the end (not for use in the UI)."""
-        self.path_scene.render()
+        if task.request is not None:
+            self.path_scene.render()
 
     def finish(self, task: Any) -> None:
         """Read what was rendered."""
-        task.tracer.finish()
-        self._rendered += 1
+        if task.request is not None:
+            task.tracer.finish()
+            self._rendered += 1
 
     @property
     def seconds_left(self) -> float | None:
-        """Estimate from the tiles of this session; refinement may add more of them."""
+        """Estimate from the steps of this session; refinement may add more of them."""
         measured = self.done - self._done_before
         if measured <= 0:
             return None
@@ -250,6 +260,7 @@ class PathJob(MeasurementJob):
             self._measurement.waveform.wavelength_m,
             self.options.motion_samples,
             render / last if last else 0.0,
+            key_frames(frame - 3, frame + 3 + self._span_s * self._fps()),
         )
         motion = BurstMotion(
             self._show,
@@ -266,9 +277,11 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
         work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
         stop_reason = yield from work.measure()
+        yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)
+        self.done += 1
         self.frame_findings += record.findings
         known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
         self.summary = (
@@ -288,12 +301,12 @@ class PathJob(MeasurementJob):
 
     def add_tiles(self, count: int) -> None:
         """See `Progress`."""
-        self.total += count
+        self.total += count * self.options.replicates
 
-    def tile_measured(self, *, earlier: bool) -> None:
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
         """See `Progress`."""
-        self.done += 1
-        self._done_before += earlier
+        self.done += count
+        self._done_before += count * earlier
 
 
 def _holds_foreign_materials(view_layer: Any) -> bool:

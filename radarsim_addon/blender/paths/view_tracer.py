@@ -93,12 +93,16 @@ class PathRun:
 
 @dataclass(frozen=True)
 class PathTask:
-    """One render of a tile replicate, as the drivers of a job see it."""
+    """One render of a tile replicate, as the drivers of a job see it.
+
+    Without a request it is a pause before something else that takes time, called `stage`.
+    """
 
     tracer: ViewTracer
     tile: int
     replicate: int
-    request: RenderRequest
+    request: RenderRequest | None
+    stage: str = ""
 
     @property
     def frame(self) -> int:
