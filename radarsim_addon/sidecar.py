@@ -37,7 +37,7 @@ _LIMITS: dict[str, dict[str, Any]] = {
     "width_px": _COUNT,
     "height_px": _COUNT,
     "visibility_updates": _COUNT,
-    "replicates": _COUNT,
+    "replicates": {"minimum": 1, "maximum": 1 << 16},
     "path_count": {"minimum": 0, "maximum": 1 << 40},
     "metres_per_unit": _POSITIVE,
     "range_encoding_length_m": _POSITIVE,

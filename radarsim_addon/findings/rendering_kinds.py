@@ -305,6 +305,14 @@ MOTION = {
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
+    "driver-disabled": Kind(
+        "caution",
+        "Blender does not evaluate {count:#driver} of {subjects}.",
+        "What they drive stands still: their Python expressions are disabled, as in any file that "
+        "is opened without its scripts, or they are wrong.",
+        "If you trust the file, open it with Auto Run Python Scripts (blender -b "
+        "--enable-autoexec FILE -P scripts/render_radar.py), or bake the animation to keyframes.",
+    ),
     "motion-in-steps": Kind(
         "caution",
         "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",

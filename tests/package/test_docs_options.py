@@ -15,7 +15,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 COMMANDS = ("info", "process", "antennas", "objects")
 #: Options of Blender itself, in command lines that begin with ``blender``.
-OF_BLENDER = {"--disable-autoexec"}
+OF_BLENDER = {"--disable-autoexec", "--enable-autoexec"}
 #: Words that stand for any option.
 PLACEHOLDERS = {"--option"}
 OPTION = r"(?<![\w-])--[a-z][a-z0-9-]*"

@@ -157,9 +157,14 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     mode = _sampling_mode(arguments, values)
     if mode is not None:
         values["sampling_mode"] = mode
-    for name, reflections in (("order", arguments.order), ("bounces", arguments.bounces)):
-        if reflections is not None:
-            values["max_reflections"] = reflections + (name == "bounces")
+    # Reflections in both modes: they choose none.
+    counts = [n for n in (arguments.order, arguments.bounces) if n is not None]
+    if len(counts) + ("max_reflections" in values) > 1:
+        raise ConfigError(
+            "--max-reflections, --order and --bounces say the same; expected one of them."
+        )
+    if counts:
+        values["max_reflections"] = counts[0] + (arguments.bounces is not None)
     return values
 
 
@@ -170,8 +175,6 @@ def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str
     settings = render_settings()
     of_rings = [settings[name].flag for name in _RINGS if name in values]
     of_paths = [settings[name].flag for name in _PATHS if name in values]
-    of_rings += ["--bounces"] if arguments.bounces is not None else []
-    of_paths += ["--order"] if arguments.order is not None else []
     if of_rings and of_paths:
         raise ConfigError(
             f"{of_paths[0]} belongs to paths and {of_rings[0]} to rings. Give options of one of "

@@ -42,6 +42,7 @@ from ..plan import (
 from ..scene import (
     ClosingSpeeds,
     Rig,
+    disabled_drivers,
     find_rig,
     receiver_record,
     show_what_renders,
@@ -170,7 +171,11 @@ class MeasurementJob:
             digests = [digest + at for digest in digests]
         self._settings = self._make_settings()
         self._settings.apply()
-        self.run_findings = self._settings.findings + self._config_findings()
+        self.run_findings = [
+            *self._settings.findings,
+            *disabled_drivers(),
+            *self._config_findings(),
+        ]
         self._shared.open(
             run_files.plan_record(self.plan, digests, self.run_findings, self.versions),
             [fingerprint(self.plan, digest, self.versions) for digest in digests],

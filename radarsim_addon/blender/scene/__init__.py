@@ -5,6 +5,7 @@ In: the evaluated scene in Blender units. Out: records in metres.
 """
 
 from .closing_speeds import ClosingSpeeds
+from .driver_checks import disabled_drivers
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
@@ -50,6 +51,7 @@ __all__ = [
     "check_meshes",
     "check_pose",
     "check_vertices",
+    "disabled_drivers",
     "distance_from_box",
     "draw_patterns",
     "echoes",

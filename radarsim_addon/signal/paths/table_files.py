@@ -82,7 +82,22 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
             f"{digest[:12]}..., expected {record.table_sha256[:12]}... The file was changed: "
             "remove both and render the run again."
         )
+    _check_numbers(path, table, record)
     return record, table
+
+
+def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
+    """Raise a SchemaError where a row names an object or replicate that the sidecar has not."""
+    most = {"replicate": record.replicates - 1}
+    most |= dict.fromkeys(("first_object", "last_object"), len(record.objects))
+    for name, last in most.items():
+        if name in (table.dtype.names or ()) and table.size:
+            low, high = int(table[name].min()), int(table[name].max())
+            if low < 0 or high > last:
+                raise SchemaError(
+                    f"{path} has {name} from {low} to {high}; its sidecar knows 0 to {last}. "
+                    "Remove both and render the run again."
+                )
 
 
 def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:

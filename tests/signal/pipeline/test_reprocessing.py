@@ -139,5 +139,12 @@ def test_options_of_0_1_are_accepted() -> None:
         "sampling_rate_hz": 160e6,
         "waveform_file": "w.json",
     }
-    found = given_settings(parse_render_arguments(["a.blend", "--bounces", "0"]))
-    assert found == {"sampling_mode": "rings", "max_reflections": 1}
+    for words, reflections in (
+        (["--bounces", "0"], 1),
+        (["--bounces", "1"], 2),
+        (["--order", "2"], 2),
+    ):
+        found = given_settings(parse_render_arguments(["a.blend", *words]))
+        assert found == {"max_reflections": reflections}, "the sampling mode stays the file's"
+    with pytest.raises(ConfigError, match="expected one of them"):
+        given_settings(parse_render_arguments(["a.blend", "--bounces", "1", "--order", "2"]))
