@@ -286,6 +286,13 @@ MOTION = {
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
+    "motion-between-frames": Kind(
+        "info",
+        "Blender stores the simulated motion of {subjects} at whole frames only.",
+        "radarsim takes a smooth cubic through these poses; Blender's straight lines between them "
+        "would give steps of Doppler.",
+        "Set Motion to Linear simulations for Blender's straight lines.",
+    ),
     "motion-in-steps": Kind(
         "caution",
         "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",

@@ -21,6 +21,7 @@ MODULES = (
     "paper_chain",
     "detection",
     "energy",
+    "motion",
 )
 
 

@@ -143,6 +143,14 @@ class SamplingPlan:
         return moments
 
     @property
+    def whole_frames(self) -> list[tuple[float, Instant]]:
+        """Whole frames of the burst and one more on both sides, for a cubic through them."""
+        first, last = self.burst
+        return [
+            self._at_frame(at) for at in range(int(np.floor(first)) - 1, int(np.ceil(last)) + 2)
+        ]
+
+    @property
     def corners_s(self) -> list[float]:
         """Times at which motion may have corners: keys and whole frames [s]."""
         low, high = self.window

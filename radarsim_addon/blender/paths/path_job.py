@@ -246,7 +246,7 @@ class PathJob(MeasurementJob):
             self.path_scene.objects,
             sampling,
             self.path_scene.kind,
-            frozen=self.options.motion == "off",
+            motion=self.options.motion,
             render=render,
         )
         depsgraph = motion.begin()

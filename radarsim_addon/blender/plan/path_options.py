@@ -76,6 +76,11 @@ class PathOptions:
         "kinematic",
         choices=(
             ("kinematic", "Kinematic", "Every path's length at every pulse, from what it touches"),
+            (
+                "linear",
+                "Linear simulations",
+                "As Kinematic; simulations go straight between frames",
+            ),
             ("off", "Off", "Everything is stationary during a burst"),
         ),
     )

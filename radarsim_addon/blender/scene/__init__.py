@@ -30,6 +30,7 @@ from .rig import (
     radars,
     setup_rig,
 )
+from .simulations import is_simulated_body, simulation_frames
 from .visibility import show_what_renders
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "evaluated_poses",
     "find_rig",
     "instance_name",
+    "is_simulated_body",
     "is_transmitter",
     "isolate",
     "pose_in_metres",
@@ -64,5 +66,6 @@ __all__ = [
     "scene_extent",
     "setup_rig",
     "show_what_renders",
+    "simulation_frames",
     "transmitter_record",
 ]

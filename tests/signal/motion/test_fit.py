@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.motion import BodyMotion, fit_body, fit_vertices
+from radarsim_addon.signal.motion import BodyMotion, fit_body, fit_vertices, smooth_poses
 from radarsim_addon.signal.motion.body_motion import (
     left_jacobian,
     rotation,
