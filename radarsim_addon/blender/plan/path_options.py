@@ -76,12 +76,8 @@ class PathOptions:
         "kinematic",
         choices=(
             ("kinematic", "Kinematic", "Every path's length at every pulse, from what it touches"),
-            (
-                "linear",
-                "Linear simulations",
-                "As Kinematic; simulations go straight between frames",
-            ),
             ("off", "Off", "Everything is stationary during a burst"),
+            ("linear", "Linear simulations", "Simulations as Blender: straight between frames"),
         ),
     )
     motion_samples: int = setting(

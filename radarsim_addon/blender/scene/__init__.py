@@ -4,6 +4,7 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
+from .closing_speeds import ClosingSpeeds
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
@@ -16,6 +17,7 @@ from .instance_poses import (
 )
 from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
@@ -37,6 +39,7 @@ __all__ = [
     "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "ClosingSpeeds",
     "InstancePose",
     "Poses",
     "Rig",
@@ -62,10 +65,12 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "replace_material",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_what_renders",
     "simulation_frames",
+    "suggest_materials",
     "transmitter_record",
 ]

@@ -69,6 +69,18 @@ def test_a_jump_to_a_later_frame_has_the_simulation_of_that_frame(
     assert record.samples < 300
 
 
+def test_a_run_of_several_frames(tmp_path: Path) -> None:
+    falling_plate()
+    run = ph.run_paths(
+        tmp_path, waveform=mh.waveform(CARRIER_HZ), burst=BURST, frames=(3, 8, 5), width_px=8,
+        height_px=8,
+    )  # fmt: skip
+    for frame in (3, 8, 5):
+        rows = run.table(frame)
+        speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+        assert np.abs(speed + GRAVITY * (frame - 1) / FPS).max() < 0.02
+
+
 def test_doppler_is_smooth_across_whole_frames(tmp_path: Path) -> None:
     """Over three frames the range rate grows by g t; straight lines step by g / fps."""
     burst = Burst(1000.0, 128)
