@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from ...array_types import Real
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
@@ -236,6 +234,9 @@ def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
     ndarray
         (times, 4, 4). Poses are constant with one known pose, linear with two.
     """
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
+
     found = np.repeat(poses[:1], times_s.size, axis=0)
     if len(poses) < 2:
         return found
