@@ -297,7 +297,8 @@ class MeasurementJob:
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""
         # Before the time is set: what appears later would keep the place of another time.
-        show_what_renders(self._shown_for_run, self._view_layer)
+        if self._shown is None or self._shown.frame != instant.frame:
+            show_what_renders(self._shown_for_run, self._view_layer)
         needed = instant.frame + (instant.subframe > 0)
         if needed > self._simulated_to:
             for frame in simulation_frames(self._scene, needed):

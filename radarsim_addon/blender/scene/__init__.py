@@ -5,7 +5,7 @@ In: the evaluated scene in Blender units. Out: records in metres.
 """
 
 from .closing_speeds import ClosingSpeeds
-from .finite_checks import check_pose, check_vertices
+from .finite_checks import check_poses, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
@@ -49,7 +49,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
-    "check_pose",
+    "check_poses",
     "check_vertices",
     "distance_from_box",
     "draw_patterns",
