@@ -113,6 +113,7 @@ class PathScene:
                 attributes.ATTR_SURFACE_STOP,
                 attributes.ATTR_VERTEX_SCALE,
                 attributes.ATTR_WORLD_CODE,
+                attributes.ATTR_BY_POLARISATION,
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
@@ -209,6 +210,7 @@ class PathScene:
         if request.vertex and vertex is not None:
             scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
             scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
+        scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
         if self._world_encoding:
             self._set_channels(request)
