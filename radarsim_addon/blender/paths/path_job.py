@@ -273,9 +273,9 @@ class PathJob(MeasurementJob):
             render=render,
         )
         depsgraph = motion.begin()
-        antennas = self._antenna_records(depsgraph, units)
-        self.path_scene.place(depsgraph)
-        tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
+        receiver, transmitter = self._antenna_records(depsgraph, units)
+        receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
+        tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter)
         hits = HitPoints(
             motion.bodies,
             depsgraph,
