@@ -25,6 +25,7 @@ from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
+from ..scene import no_echo_findings
 from ..state import evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
@@ -274,7 +275,13 @@ class PathJob(MeasurementJob):
         antennas = self._antenna_records(depsgraph, units)
         self.path_scene.place(depsgraph)
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
-        work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
+        work = FrameWork(
+            tracer,
+            motion,
+            self.folder / contract.burst_dir(frame, render),
+            self,
+            lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
+        )
         stop_reason = yield from work.measure()
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame
