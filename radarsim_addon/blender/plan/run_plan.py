@@ -293,7 +293,23 @@ def make_plan(
 
 
 def check_unit_scale(metres_per_unit: float) -> float:
-    """Return the metres per Blender unit; `ConfigError` unless positive: Blender accepts NaN."""
+    """Return the unit scale of the scene, if it can be used.
+
+    Parameters
+    ----------
+    metres_per_unit
+        Unit scale [m per Blender unit].
+
+    Returns
+    -------
+    float
+        The same.
+
+    Raises
+    ------
+    ConfigError
+        Not finite or not positive.
+    """
     return _check_positive(
         "Unit Scale", metres_per_unit, ", the metres per Blender unit. Set it in Scene > Units; "
         "the default is 1."
@@ -301,7 +317,23 @@ def check_unit_scale(metres_per_unit: float) -> float:
 
 
 def check_frame_rate(fps: float) -> float:
-    """Return the Blender frames per second; `ConfigError` unless positive and finite."""
+    """Return the frame rate of the scene, if it can be used.
+
+    Parameters
+    ----------
+    fps
+        Blender frames per second.
+
+    Returns
+    -------
+    float
+        The same.
+
+    Raises
+    ------
+    ConfigError
+        Not finite or not positive.
+    """
     return _check_positive("Frame rate", fps, ". Set it and its base in Output > Format.")
 
 
