@@ -28,6 +28,7 @@ from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..state import evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
+from .hit_points import HitPoints
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -275,7 +276,15 @@ class PathJob(MeasurementJob):
         antennas = self._antenna_records(depsgraph, units)
         self.path_scene.place(depsgraph)
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
-        work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
+        hits = HitPoints(
+            motion.bodies,
+            depsgraph,
+            units,
+            self._measurement.waveform.wavelength_m,
+            self.path_scene.all_opaque,
+        )
+        folder = self.folder / contract.burst_dir(frame, render)
+        work = FrameWork(tracer, motion, hits, folder, self)
         stop_reason = yield from work.measure()
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame

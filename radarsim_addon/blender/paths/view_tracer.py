@@ -28,6 +28,7 @@ from ..views import (
     TraceLimits,
     View,
     ViewWindow,
+    ray_origins,
     replicate_seed,
     rows_of_replicate,
     trace_replicate,
@@ -165,8 +166,10 @@ class ViewTracer:
 
     def replicate_tasks(
         self, number: int, tile: Tile, replicate: int
-    ) -> Generator[PathTask, None, tuple[PathRows, TracedReplicate]]:
-        """Make all renders of a tile replicate; return its rows, and what was found."""
+    ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
+        """Make all renders of a tile replicate; return its rows, where their rays start, and all
+        that was found.
+        """
         run, window = self.run, tile.window
         seed = replicate_seed(run.measurement.seed, window, replicate)
         receiver = run.scene.look(window, replicate_offset_px(replicate), seed)
@@ -195,7 +198,8 @@ class ViewTracer:
             number,
             replicate,
         )
-        return rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map), traced
+        rows = rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map)
+        return rows, ray_origins(traced, rays.origin_m), traced
 
     def _polarised_from(self) -> int | None:
         """Return the depth from which polarisations are carried through; None for not at all.

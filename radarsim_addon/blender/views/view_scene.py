@@ -123,6 +123,11 @@ class PathScene:
             self.restore()
             raise
 
+    @property
+    def all_opaque(self) -> bool:
+        """Whether no surface that is rendered lets anything through."""
+        return len(self.opaque | self.hidden) == len(self.objects)
+
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
         return self._recorder.restore()
