@@ -81,7 +81,9 @@ def _optical(assigned: Sequence[MaterialAssignment]) -> list[Finding]:
     names = [
         one.item.name
         for one in assigned
-        if not one.materials or not all(is_radar_material(m) for m in one.materials)
+        if not (one.materials and all(is_radar_material(m) for m in one.materials))
+        # Points that carry instances have no surface.
+        and not (one.item.type == "MESH" and not one.item.data.polygons and not one.item.modifiers)
     ]
     return [finding("optical-material", *names)] if names else []
 

@@ -8,13 +8,14 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ..nodes.materials import has_interior
 from ..state import evaluated_objects, read_numbers
@@ -24,8 +25,10 @@ _MOST_NESTED = 31
 #: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
 #: distance is sufficient.
 _COINCIDENT = 2e-7
-#: Maximum number of faces of one object in one plane that are compared with another object.
-_MOST_FACES = 4000
+#: Maximum number of pairs of faces in one plane that are compared, and how many at once.
+_MOST_COMPARED, _COMPARED_AT_ONCE = 100_000_000, 1_000_000
+#: Time in which Cycles tests an object against one with an interior, and when to say so [s].
+_TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
 
@@ -61,39 +64,49 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         Empty if no object has an interior.
     """
     found: list[Faces] = []
+    shapes: dict[tuple[int, bool], _Shape | None] = {}
     for one in evaluated_objects(depsgraph):
         item = one.evaluated
         if item.type != "MESH" or item.hide_render:
             continue
         name = item.name if one.instancer is None else f"{item.name} (instance)"
         entered = any(has_interior(slot.material) for slot in item.material_slots)
-        faces = _faces(item.data, one.matrix, name, entered)
+        key = item.data.as_pointer(), entered
+        if key not in shapes:
+            shapes[key] = _shape(item.data, entered)
+        shape = shapes[key]
+        faces = None if shape is None else _faces(shape, one.matrix, name, entered)
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
         return []
-    return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found)]
+    return [
+        *_defects(found),
+        *_coincident_faces(found),
+        *_nested_too_deep(found),
+        *_slow_for_cycles(found),
+    ]
 
 
-def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
-    count, corners = len(mesh.polygons), len(mesh.loops)
-    if not count:
+class _Shape(NamedTuple):
+    """A mesh in its own axes: vertices of all corners, first corner and normal of each face."""
+
+    at_corner: Real
+    start: Indices
+    normal: Real
+    defect: str
+
+
+def _shape(mesh: Any, entered: bool) -> _Shape | None:
+    """Return a mesh as numbers; its defect is looked for where waves enter. None without faces."""
+    corners = len(mesh.loops)
+    if not len(mesh.polygons):
         return None
-    points = read_numbers(mesh.vertices, "co", 3)
+    points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
     start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
     corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
-    local = read_numbers(mesh.polygons, "normal", 3)
-    linear = matrix[:3, :3]
-    world = points.astype(np.float64) @ linear.T + matrix[:3, 3]
-    determinant = float(np.linalg.det(linear))
-    if determinant == 0:
-        return None
-    normal = local.astype(np.float64) @ np.linalg.inv(linear)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    at_corner = world[corner]
-    low = np.minimum.reduceat(at_corner, start, axis=0)
-    high = np.maximum.reduceat(at_corner, start, axis=0)
-    offset = np.einsum("ij,ij->i", normal, at_corner[start])
+    normal = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
+    at_corner = points[corner]
     defect = ""
     if entered:
         following = corner.copy()
@@ -102,8 +115,22 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
         flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
         defect = _mesh_defect(corner, following, flat)
         if not defect and not flat:
-            defect = _inside_out(at_corner, start, normal, determinant < 0)
-    return Faces(name, entered, normal, offset, low, high, defect)
+            defect = _inside_out(at_corner, start)
+    return _Shape(at_corner, start, normal, defect)
+
+
+def _faces(shape: _Shape, matrix: Real, name: str, entered: bool) -> Faces | None:
+    """Return the faces of an object or instance in world space; None where it is flattened."""
+    linear = matrix[:3, :3]
+    if np.linalg.det(linear) == 0:
+        return None
+    at_corner = shape.at_corner @ linear.T + matrix[:3, 3]
+    normal = shape.normal @ np.linalg.inv(linear)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    low = np.minimum.reduceat(at_corner, shape.start, axis=0)
+    high = np.maximum.reduceat(at_corner, shape.start, axis=0)
+    offset = np.einsum("ij,ij->i", normal, at_corner[shape.start])
+    return Faces(name, entered, normal, offset, low, high, shape.defect)
 
 
 def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
@@ -125,7 +152,7 @@ def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: 
     return "" if np.array_equal(directed, opposite) else "open"
 
 
-def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -> str:
+def _inside_out(at_corner: Real, start: Indices) -> str:
     """Return "inside out" if the normals of a closed mesh point inwards: its volume is negative."""
     centre = at_corner.mean(axis=0)
     end = np.append(start[1:], len(at_corner))
@@ -137,7 +164,17 @@ def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -
         for step in range(1, int(sides) - 1):
             second, third = at_corner[first + step] - centre, at_corner[first + step + 1] - centre
             volume += float(np.einsum("ij,ij->", origin, np.cross(second, third)))
-    return "inside out" if (volume < 0) != mirrored else ""
+    return "inside out" if volume < 0 else ""
+
+
+def _slow_for_cycles(found: list[Faces]) -> list[Finding]:
+    """Find whether Cycles, which tests each object against each interior, takes long to begin."""
+    entered = [item.name for item in found if item.entered]
+    seconds = len(entered) * len(found) * _TEST_S
+    if seconds < _LONG_S:
+        return []
+    numbers = {"count": len(entered), "total": len(found), "seconds": seconds}
+    return [finding("many-interiors", *dict.fromkeys(entered), **numbers)]
 
 
 def _defects(found: list[Faces]) -> list[Finding]:
@@ -157,8 +194,8 @@ def _defects(found: list[Faces]) -> list[Finding]:
 
 def _coincident_faces(found: list[Faces]) -> list[Finding]:
     """Find pairs of objects, one with an interior, that have a part of a plane in common."""
-    low = np.min([item.low.min(axis=0) for item in found], axis=0)
-    high = np.max([item.high.max(axis=0) for item in found], axis=0)
+    low: Real = np.concatenate([item.low for item in found])
+    high: Real = np.concatenate([item.high for item in found])
     tolerance = _COINCIDENT * max(float(np.abs([low, high]).max()), 1e-30)
     normal = np.concatenate([item.normal for item in found])
     offset = np.concatenate([item.offset for item in found])
@@ -166,12 +203,14 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
     sign = np.where(normal[np.arange(len(normal)), np.abs(normal).argmax(axis=1)] < 0, -1.0, 1.0)
     normal, offset = normal * sign[:, None], offset * sign
     entered = np.array([item.entered for item in found])
+    # Lengths in units of the tolerance.
+    near, low, high = offset / tolerance, low / tolerance, high / tolerance
     pairs: set[tuple[int, int]] = set()
     # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
     for shift in (0.0, 0.5):
-        key = np.column_stack(
-            [np.round(normal * 1e4), np.floor(offset / (20 * tolerance) + shift)]
-        ).astype(np.int64)
+        key = np.column_stack([np.round(normal * 1e4), np.floor(near / 20 + shift)]).astype(
+            np.int64
+        )
         order = np.lexsort(key.T)
         edges = np.flatnonzero(np.any(np.diff(key[order], axis=0) != 0, axis=1)) + 1
         begin, end = np.append(0, edges), np.append(edges, len(order))
@@ -181,40 +220,35 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
         most = np.maximum.reduceat(owners, begin)
         for group in np.flatnonzero(least != most):
             members = order[begin[group] : end[group]]
-            _pairs_in_plane(members, owner, offset, found, entered, tolerance, pairs)
-    named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
+            pairs.update(_pairs_in_plane(members, owner, near, low, high, entered))
+    named = sorted({" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs})
     return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
 
 
 def _pairs_in_plane(
-    members: Indices,
-    owner: Indices,
-    offset: Real,
-    found: list[Faces],
-    entered: NDArray[np.bool_],
-    tolerance: float,
-    pairs: set[tuple[int, int]],
-) -> None:
-    """Add pairs of owners whose faces in one plane overlap."""
-    first = np.concatenate([[0], np.cumsum([len(item.offset) for item in found])])
-    owners = np.unique(owner[members])
-    for index, a in enumerate(owners):
-        mine = members[owner[members] == a][:_MOST_FACES]
-        for b in owners[index + 1 :]:
-            if not (entered[a] or entered[b]) or (int(a), int(b)) in pairs:
-                continue
-            others = members[owner[members] == b][:_MOST_FACES]
-            one, two = found[a], found[b]
-            if len(mine) * len(others) > _MOST_FACES * 100:
-                others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
-            low = np.maximum(one.low[mine - first[a]][:, None], two.low[others - first[b]][None])
-            high = np.minimum(one.high[mine - first[a]][:, None], two.high[others - first[b]][None])
-            # Overlap along at least two directions: faces that touch at an edge do not coincide.
-            wide = (high - low > 100 * tolerance).sum(axis=-1) >= 2
-            apart = np.any(high - low < -tolerance, axis=-1)
-            near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
-            if np.any(wide & ~apart & near):
-                pairs.add((int(a), int(b)))
+    members: Indices, owner: Indices, near: Real, low: Real, high: Real, entered: Mask
+) -> Iterator[tuple[int, int]]:
+    """Yield pairs of owners, one with an interior, whose faces `members` of one plane overlap.
+
+    `near` is the offset of each face in units of the tolerance; `low` and `high` are their boxes.
+    """
+    axis = int(np.ptp(low[members], axis=0).argmax())
+    members = members[np.argsort(low[members, axis])]
+    # A face is compared with those that begin before it ends.
+    last = np.searchsorted(low[members, axis], high[members, axis], side="right")
+    count = np.maximum(last - np.arange(1, len(members) + 1), 0)
+    before = np.concatenate([[0], np.cumsum(count)])
+    for start in range(0, min(int(before[-1]), _MOST_COMPARED), _COMPARED_AT_ONCE):
+        numbers = np.arange(start, min(start + _COMPARED_AT_ONCE, int(before[-1])))
+        first = np.searchsorted(before, numbers, side="right") - 1
+        one, two = members[first], members[first + 1 + numbers - before[first]]
+        a, b = owner[one], owner[two]
+        kept = (a != b) & (entered[a] | entered[b]) & (np.abs(near[one] - near[two]) <= 1)
+        one, two = one[kept], two[kept]
+        sides = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])
+        # Overlap along at least two directions: faces that touch at an edge do not coincide.
+        kept = ((sides > 100).sum(axis=1) >= 2) & np.all(sides >= -1, axis=1)
+        yield from zip(owner[one[kept]].tolist(), owner[two[kept]].tolist(), strict=True)
 
 
 def _nested_too_deep(found: list[Faces]) -> list[Finding]:
