@@ -23,7 +23,7 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench gui-test extension test-all-blenders \
+.PHONY: help install demo test validate lint bench slips gui-test extension test-all-blenders \
 	validate-all-blenders clean
 
 help:
@@ -35,6 +35,7 @@ help:
 	@echo "make validate-all-blenders  make validate under all three, and what the others found"
 	@echo "make lint               ruff and mypy"
 	@echo "make bench              how long things take"
+	@echo "make slips              plausible mistakes in a copy: which of them no test sees"
 	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
 	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
 	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS), JOBS=$(JOBS)"
@@ -60,6 +61,9 @@ lint: $(STAMP)
 
 bench: $(STAMP)
 	$(PY) scripts/bench.py
+
+slips: $(STAMP)
+	$(PY) scripts/slips.py
 
 extension: $(STAMP)
 	@$(PY) scripts/build_extension.py

@@ -9,9 +9,29 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+_plain_approx = pytest.approx
+
+
+def _strict_approx(
+    expected: Any, rel: float | None = None, abs: float | None = None, nan_ok: bool = False
+) -> Any:
+    """As pytest.approx, whose absolute tolerance of 1e-12 passes any two powers of picowatts."""
+    if rel is None and abs is None:
+        rel = 1e-6
+    if rel is not None and abs is None:
+        try:
+            largest = float(np.max(np.abs(np.asarray(expected, dtype=np.complex128)), initial=0.0))
+        except (TypeError, ValueError):
+            largest = 1.0
+        abs = min(1e-12, 1e-12 * largest) if largest > 0 else 1e-12
+    return _plain_approx(expected, rel=rel, abs=abs, nan_ok=nan_ok)
+
+
+pytest.approx = _strict_approx  # type: ignore[assignment]
 
 
 def pytest_configure(config: pytest.Config) -> None:

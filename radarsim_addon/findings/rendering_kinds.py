@@ -97,6 +97,13 @@ SCENE = {
         "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
         "Beyond Band: Refuse stops such runs.",
     ),
+    "facets-encode-range": Kind(
+        "caution",
+        "Range encoding is Materials, and rough physical materials return several reflections.",
+        "Cycles rounds their three channels separately: lengths from order 2 on are off by up to "
+        "1e-5 of the range encoding length, and paths are flagged as mixed that are not.",
+        "Choose Radar > Sampling > Range Encoding: Automatic.",
+    ),
     "medium-not-connected": Kind(
         "caution",
         "The Radar Material of {subjects} does not feed the Surface of the material output alone.",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Patterns against directivity integrals, closed-form beamwidths, and each other."""
 
+import math
 import sys
 from pathlib import Path
 
@@ -70,6 +71,10 @@ def test_pose_turns_the_pattern() -> None:
     np.testing.assert_allclose(to_antenna_frame(turn, [-1, 0, 0]), AHEAD, atol=1e-15)
     # World -Z is then on its right.
     np.testing.assert_allclose(to_antenna_frame(turn, [0, 0, -1]), [1, 0, 0], atol=1e-15)
+    # A roll of 30 degrees about the boresight; the antenna's own axes are stretched unevenly.
+    roll = np.array([[np.sqrt(3), -1, 0], [1, np.sqrt(3), 0], [0, 0, 2]]) / 2
+    local = to_antenna_frame(roll * [0.5, 2.0, 7.0], [1, 0, 0])
+    np.testing.assert_allclose(local, [np.sqrt(3) / 2, -0.5, 0], atol=1e-15)
 
 
 # -- directivity: the mean gain over the sphere is the efficiency ----------------------------------
@@ -125,11 +130,39 @@ def test_directivity_closed_forms() -> None:
 
 
 def test_tapered_line_loses_its_taper_efficiency() -> None:
-    """At half-wave spacing D = (sum w)^2 / sum w^2."""
+    """At half-wave spacing D = (sum w)^2 / sum w^2, with the windows' closed forms for w."""
+    element = np.arange(16)
+    closed = {
+        "uniform": np.ones(16),
+        "hamming": 0.54 - 0.46 * np.cos(2 * np.pi * element / 15),
+        # None of the 16 is idle: the zeros lie one spacing beyond both ends.
+        "hann": np.sin(np.pi * (element + 1) / 17) ** 2,
+    }
     for taper in TAPERS:
-        weights = taper_weights(taper, 16)
+        # Dolph's and Taylor's weights from the transform of their patterns.
+        weights = closed[taper] if taper in closed else _from_pattern(taper, 16)
         line = PlanarArray(16, 1, 0.5, 0.5, 1.0, column_taper=taper, element_exponent=None)
-        assert line.peak_gain == pytest.approx(weights.sum() ** 2 / np.sum(weights**2), rel=1e-12)
+        assert line.peak_gain == pytest.approx(weights.sum() ** 2 / np.sum(weights**2), rel=1e-10)
+        made = taper_weights(taper, 16)
+        np.testing.assert_allclose(made / made.sum(), weights / weights.sum(), rtol=1e-9)
+
+
+def _from_pattern(taper: str, count: int) -> np.ndarray:
+    """Weights of a line by the definitions of their patterns, at -50 dB and at nbar 4, -35 dB."""
+    position = (np.arange(count) - (count - 1) / 2) / count
+    if taper == "taylor":
+        a2 = (np.arccosh(10 ** (35 / 20)) / np.pi) ** 2
+        stretch2 = 16 / (a2 + 3.5**2)
+        m = np.arange(1, 4)
+        # The space factor at its sample points m (Balanis, Antenna Theory, 7.7).
+        top = np.prod([1 - m**2 / stretch2 / (a2 + (n - 0.5) ** 2) for n in m], axis=0)
+        factor = top * math.factorial(3) ** 2
+        factor = factor / [math.factorial(3 + i) * math.factorial(3 - i) for i in m]
+        return 1 + 2 * np.sum(factor * np.cos(2 * np.pi * m * position[:, None]), axis=1)
+    # The zeros of Chebyshev's polynomial of degree N - 1 in x0 cos(psi/2) are those of the array.
+    zero = np.cos((2 * np.arange(1, count) - 1) * np.pi / (2 * (count - 1)))
+    edge = np.cosh(np.arccosh(10 ** (50 / 20)) / (count - 1))
+    return np.poly(np.exp(2j * np.arccos(zero / edge))).real
 
 
 # -- beamwidths, nulls, sidelobes ------------------------------------------------------------------
@@ -231,6 +264,10 @@ def test_table_is_exact_at_its_rows_and_smallest_outside(tmp_path: Path) -> None
     )
     assert float(gain_at(table, 170.0, 0.0)) == pytest.approx(10 ** (table.outside_db / 10))
     assert table.peak_gain == pytest.approx(exact.peak_gain, rel=1e-8)
+    # The smallest one lies in no corner and in no first row.
+    lobed = TableAntenna([-20.0, 0.0, 30.0], [-10.0, 10.0], [[3.0, 2.0], [10.0, 9.0], [-7.0, 1.0]])
+    assert float(gain_at(lobed, 31.0, 0.0)) == pytest.approx(10**-0.7)
+    assert float(gain_at(lobed, 0.0, -11.0)) == pytest.approx(10**-0.7)
 
 
 @pytest.mark.parametrize("azimuths", [np.arange(-180, 181, 10.0), np.arange(0, 360, 10.0)])
@@ -260,6 +297,14 @@ def test_principal_cuts_are_multiplied(tmp_path: Path) -> None:
     for azimuth, elevation in ((0, 0), (7, -3), (-20, 11)):
         got, expected = gain_at(table, azimuth, elevation), gain_at(exact, azimuth, elevation)
         assert float(got) == pytest.approx(float(expected), rel=1e-7)
+    # By hand: 8 dB on boresight, 2 dB more at 10 degrees to the right, 3 dB more 5 degrees up.
+    path.write_text(
+        "cut,angle_deg,gain_db\nazimuth,0,8\nazimuth,10,10\nelevation,0,8\nelevation,5,11\n",
+        encoding="utf-8",
+    )
+    assert float(read_pattern(path).gain_dbi(direction_from_angles(10 * DEG, 5 * DEG))) == (
+        pytest.approx(13)
+    )
 
 
 @pytest.mark.parametrize(

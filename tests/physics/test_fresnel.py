@@ -43,6 +43,11 @@ def test_reflection_matches_multiple_precision(row: dict[str, str]) -> None:
         expected = complex(float(row[f"{name}_re"]), float(row[f"{name}_im"]))
         # cos(89.9999 deg) itself carries 6e-11 of relative rounding in float64.
         assert abs(complex(got) - expected) <= 1e-10 * abs(expected)
+    powers = [
+        float(row[f"{name}_re"]) ** 2 + float(row[f"{name}_im"]) ** 2 for name in ("rs", "rp")
+    ]
+    mean = float(fresnel.unpolarised_reflectance(index_of(row["case"]), cosine))
+    assert mean == pytest.approx(sum(powers) / 2, rel=2e-10)
 
 
 @pytest.mark.parametrize("row", reference_rows(), ids=lambda r: f"{r['case']}-{r['inc_deg']}")

@@ -188,6 +188,13 @@ def test_soil_whose_fit_amplifies_is_refused() -> None:
         materials.material("soil", 5e9)
 
 
+def test_a_model_that_amplifies_is_refused_whatever_it_is() -> None:
+    """The last check of all models, in whose place single models may have one of their own."""
+    gains = MaterialModel("laser", "", "a test", "", ((0.0, np.inf),), lambda f: 4.0 - 0.1j + 0 * f)
+    with pytest.raises(ConfigError, match=r"'laser' \(a test\) gives no passive permittivity"):
+        gains.permittivity([5e9, 6e9])
+
+
 def test_debye_maximum_loss_and_limits() -> None:
     numbers: dict[str, Any] = {
         "static_permittivity": 80.0,

@@ -52,6 +52,8 @@ def test_snr_does_not_depend_on_the_sampling_rate() -> None:
     assert slow.burst_db == pytest.approx(fast.burst_db, abs=1e-12)
     assert slow.single_sample_db - fast.single_sample_db == pytest.approx(10)
     assert slow.burst_db - slow.single_pulse_db == pytest.approx(10 * np.log10(128))
+    tapered = noise.predict_snr(1e-12, 2.5e-6, 60e6, 128, 4.0, window_loss_db=2.7)
+    assert tapered.burst_db == pytest.approx(slow.burst_db - 2.7)
 
 
 def test_window_loss_closed_forms() -> None:
@@ -84,6 +86,13 @@ def test_bistatic_with_equal_ranges_is_monostatic() -> None:
     assert float(mono / lossy) == pytest.approx(10**0.3, rel=1e-12)
 
 
+def test_bistatic_power_by_hand() -> None:
+    """1 kW, 20 dB, 0.1 m, 10 m^2, 2 km there and 5 km back, 6 dB of losses: -125.9 dBW."""
+    power = eq.bistatic_power_w(1e3, 10.0, 2e3, 5e3, 0.1, 100.0, loss_db=6.0)
+    by_hand_db = 30 + 20 - 20 + 10 - 30 * np.log10(4 * np.pi) - 66.0206 - 73.9794 - 6
+    assert float(eq.to_db(power)) == pytest.approx(by_hand_db, abs=1e-4)
+
+
 def test_rcs_from_power_inverts_the_radar_equation() -> None:
     rcs = np.array([1e-6, 1.0, 1e6])
     power = eq.bistatic_power_w(5.0, rcs, 2e3, 700.0, 0.004, 30.0)
@@ -106,6 +115,7 @@ def test_decibels() -> None:
         (lambda: noise.noise_power_w(np.nan), "Noise bandwidth holds nan"),
         (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 0), "Number of pulses is 0"),
         (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 1, 0.0, 0.0), "Noise power is zero"),
+        (lambda: noise.predict_snr(1.0, 1e-6, 1e6, window_loss_db=-1.0), "Window loss is -1 dB"),
         (lambda: noise.window_loss_db([1.0, -1.0]), "sum other than zero"),
         (lambda: eq.bistatic_power_w(1.0, 1.0, 0.0, 1.0, 0.05), "Transmitter range is 0 m"),
         (lambda: eq.to_db(-1.0), "Power ratio"),

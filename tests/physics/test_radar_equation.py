@@ -15,7 +15,7 @@ def test_lambert_plate_pixels_add_up_to_the_radar_equation(range_m: float) -> No
     expected = eq.monostatic_power_w(
         eirp_w, eq.lambert_plate_rcs_m2(albedo, area_m2, cosine), range_m, wavelength_m
     )
-    assert eq.received_power_w(radiance, solid_angle, wavelength_m) == pytest.approx(
+    assert float(eq.received_power_w(radiance, solid_angle, wavelength_m)) == pytest.approx(
         float(expected), rel=1e-12
     )
 

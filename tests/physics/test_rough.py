@@ -6,6 +6,7 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics import fresnel, rough
+from radarsim_addon.physics.rough_transmission import RAMP_BELOW, transmission_factors
 
 
 @pytest.mark.parametrize("index", [1.4 + 1.0j, 2.3 + 0.05j, 9 + 3j, 1e4 + 1e4j])
@@ -98,6 +99,31 @@ def test_albedo_of_a_nearly_smooth_surface_is_fresnel() -> None:
     for cosine in (1.0, 0.7, 0.5):
         expected = float(fresnel.unpolarised_reflectance(index, cosine))
         assert rough.albedo(1e-4, cosine, index) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("index", "slope", "facet_fresnel"),
+    [(1.5, 0.15, True), (9 + 3j, 0.3, True), (9 + 3j, 0.1, False)],
+)
+def test_a_rough_face_passes_no_more_than_its_facets_leave(
+    index: complex, slope: float, facet_fresnel: bool
+) -> None:
+    """R + T <= 1 at every angle, T by the factors, R by an integral of another resolution."""
+    flat, grazing = transmission_factors(index, slope, facet_fresnel)
+    totals = []
+    for cosine in (1.0, 0.85, 0.62, 0.52, 0.45, 0.33, 0.25, 0.2, 0.16, 0.11, 0.07, 0.05, 0.03):
+        ramp = max(1 - cosine / RAMP_BELOW, 0.0)
+        entering = 1 - float(fresnel.unpolarised_reflectance(index, cosine))
+        if facet_fresnel:
+            reflected = rough.albedo(slope, cosine, index, "cycles", 300)
+        else:
+            normal = abs((index - 1) / (index + 1)) ** 2
+            reflected = normal * rough.albedo(slope, cosine, None, "cycles", 300)
+        totals.append(reflected + (flat * (1 - ramp) + grazing * ramp) * entering)
+    assert max(totals) < 1 + 1e-3
+    # No less than that: at some angle nothing is lost.
+    assert max(totals) > 1 - 2e-3
+    assert transmission_factors(index, 0.0, facet_fresnel) == (1.0, 1.0)
 
 
 def test_relations_of_roughness() -> None:

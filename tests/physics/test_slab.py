@@ -163,6 +163,21 @@ def test_excess_path_keeps_digits_for_thin_air() -> None:
     assert float(slab.excess_path_m(1.0, 1.0, 0.0)) == 0
 
 
+@pytest.mark.parametrize("index", [2.3, 1.4 + 1.0j, 9 + 3j])
+def test_phase_inside_a_lossy_medium_follows_born_and_wolf(index: complex) -> None:
+    """N sin(psi) = sin(theta), 2 N^2 = a + 2 s^2 + sqrt(a^2 + 4 n^2 k^2), a = n^2 - k^2 - s^2.
+
+    Born and Wolf 14.2 (12) to (14), which has no complex square root.
+    """
+    n, k = complex(index).real, complex(index).imag
+    for degrees in (10.0, 45.0, 80.0):
+        sine = np.sin(np.radians(degrees))
+        a = n**2 - k**2 - sine**2
+        real_index = np.sqrt((a + 2 * sine**2 + np.hypot(a, 2 * n * k)) / 2)
+        angle = float(slab.refraction_angle_rad(index, np.cos(np.radians(degrees))))
+        assert np.sin(angle) == pytest.approx(sine / real_index, rel=1e-12)
+
+
 @pytest.mark.parametrize("model", slab.MODELS)
 @pytest.mark.parametrize("index", [1.5, 2 + 1j, 1e4 + 1e4j])
 def test_grazing_incidence_reflects_everything(model, index) -> None:

@@ -44,6 +44,7 @@ from ..nodes.physical_material import (
     INDEX,
     KIND,
     ROUGHNESS,
+    SMOOTH_BELOW,
     TRANSMISSION,
 )
 from ..nodes.sheet import KIND as SHEET_KIND
@@ -113,6 +114,27 @@ def is_physical(material: Any) -> bool:
     bool : False for None
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
+
+
+def has_rough_facets(material: Any) -> bool:
+    """Return whether a material has facets whose channels Cycles rounds separately.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool : Then from order 2 on the world should encode the range
+    """
+    if not EXACT_FACETS or _kind_of(material) != KIND:
+        return False
+    socket, surface = group_input(material, ROUGHNESS), surface_of(material)
+    return (
+        socket is None
+        or socket.default_value > SMOOTH_BELOW
+        or (surface is not None and surface.slope > 0)
+    )
 
 
 def is_sheet(material: Any) -> bool:

@@ -84,9 +84,7 @@ class SamplingPlan:
 
     def _at_frame(self, frame: float) -> tuple[float, Instant]:
         instant = instant_at(frame, self.fps)
-        # Blender adds frame and subframe in float32.
-        evaluated = float(np.float32(instant.frame) + np.float32(instant.subframe))
-        return (evaluated - self.frame) / self.fps, instant
+        return (instant.evaluated_frame - self.frame) / self.fps, instant
 
     def is_clear(self, at_s: float) -> bool:
         """Whether no key but one at this very time changes what Blender gives then."""

@@ -17,9 +17,10 @@ import bpy
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
+from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import SURFACE_TYPES, assigned_materials
+from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -70,9 +71,18 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
-        self.code_world = _needs_world_encoding(view_layer, options)
+        foreign = _holds_foreign_materials(view_layer)
+        choice = options.range_encoding
+        by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
+        self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
+        self._rounds_by_channel = by_facets and not self.code_world
+        self.deterministic = not self.code_world or (choice == "auto" and not foreign)
 
     # -- before the first render -------------------------------------------------------------------
+
+    def _config_findings(self) -> list[Finding]:
+        found = super()._config_findings()
+        return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
         # what flies away in the burst stays in the window
@@ -127,6 +137,7 @@ class PathJob(MeasurementJob):
             self._measurement,
             self.options,
             self.code_world,
+            self.deterministic,
             self.versions,
         )
         self._count_tiles()
@@ -289,10 +300,8 @@ class PathJob(MeasurementJob):
         self._done_before += count * earlier
 
 
-def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
+def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    if options.range_encoding != "auto":
-        return options.range_encoding == "world"
     for item in bpy.data.objects:
         if item.type not in SURFACE_TYPES or item.hide_render:
             continue
@@ -305,6 +314,15 @@ def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
     # What geometry nodes set shows in the evaluated object alone.
     return any(
         material is not None and not is_radar_material(material)
+        for assigned in assigned_materials(evaluated_depsgraph(view_layer))
+        for material in assigned.materials
+    )
+
+
+def _holds_rough_facets(view_layer: Any) -> bool:
+    """Whether something that can echo has facets that round by channel if materials encode."""
+    return any(
+        has_rough_facets(material)
         for assigned in assigned_materials(evaluated_depsgraph(view_layer))
         for material in assigned.materials
     )

@@ -157,7 +157,7 @@ class MeasurementJob:
         refresh_groups()
         survey = SettingsRestorer()
         try:
-            self._remember_view(survey)
+            survey.keep_frame(self._scene)
             extent, geometry_digest = self._survey()
         finally:
             self.unrestored += self._shown_for_run.restore() + survey.restore()
@@ -195,10 +195,6 @@ class MeasurementJob:
     def _fps(self) -> float:
         render = self._scene.render
         return check_frame_rate(float(render.fps) / shortest_decimal(render.fps_base))
-
-    def _remember_view(self, recorder: SettingsRestorer) -> None:
-        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
-        recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
         """Moments of a radar frame, in Blender frames, at which the scene is looked at."""
@@ -304,11 +300,8 @@ class MeasurementJob:
 
     def _shows(self, instant: Instant) -> bool:
         # The user may have scrubbed the timeline since.
-        return (
-            self._shown == instant
-            and self._scene.frame_current == instant.frame
-            and self._scene.frame_subframe == instant.subframe
-        )
+        now = self._scene.frame_current + self._scene.frame_subframe
+        return self._shown == instant and bool(now == instant.evaluated_frame)
 
     # -- afterwards --------------------------------------------------------------------------------
 

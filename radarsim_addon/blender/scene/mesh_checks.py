@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Mask, Real
+from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ..nodes.materials import has_interior
 from ..state import evaluated_objects, read_numbers
@@ -25,8 +25,8 @@ _MOST_NESTED = 31
 #: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
 #: distance is sufficient.
 _COINCIDENT = 2e-7
-#: Maximum number of pairs of faces in one plane that are compared, and how many at once.
-_MOST_COMPARED, _COMPARED_AT_ONCE = 100_000_000, 1_000_000
+#: Maximum number of faces of one object in one plane that are compared with another object.
+_MOST_FACES = 4000
 #: Time in which Cycles tests an object against one with an interior, and when to say so [s].
 _TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
@@ -194,8 +194,8 @@ def _defects(found: list[Faces]) -> list[Finding]:
 
 def _coincident_faces(found: list[Faces]) -> list[Finding]:
     """Find pairs of objects, one with an interior, that have a part of a plane in common."""
-    low: Real = np.concatenate([item.low for item in found])
-    high: Real = np.concatenate([item.high for item in found])
+    low = np.min([item.low.min(axis=0) for item in found], axis=0)
+    high = np.max([item.high.max(axis=0) for item in found], axis=0)
     tolerance = _COINCIDENT * max(float(np.abs([low, high]).max()), 1e-30)
     normal = np.concatenate([item.normal for item in found])
     offset = np.concatenate([item.offset for item in found])
@@ -203,14 +203,13 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
     sign = np.where(normal[np.arange(len(normal)), np.abs(normal).argmax(axis=1)] < 0, -1.0, 1.0)
     normal, offset = normal * sign[:, None], offset * sign
     entered = np.array([item.entered for item in found])
-    # Lengths in units of the tolerance.
-    near, low, high = offset / tolerance, low / tolerance, high / tolerance
+    boxes = np.concatenate([np.stack([item.low, item.high], axis=1) for item in found])
     pairs: set[tuple[int, int]] = set()
     # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
     for shift in (0.0, 0.5):
-        key = np.column_stack([np.round(normal * 1e4), np.floor(near / 20 + shift)]).astype(
-            np.int64
-        )
+        key = np.column_stack(
+            [np.round(normal * 1e4), np.floor(offset / (20 * tolerance) + shift)]
+        ).astype(np.int64)
         order = np.lexsort(key.T)
         edges = np.flatnonzero(np.any(np.diff(key[order], axis=0) != 0, axis=1)) + 1
         begin, end = np.append(0, edges), np.append(edges, len(order))
@@ -220,35 +219,55 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
         most = np.maximum.reduceat(owners, begin)
         for group in np.flatnonzero(least != most):
             members = order[begin[group] : end[group]]
-            pairs.update(_pairs_in_plane(members, owner, near, low, high, entered))
-    named = sorted({" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs})
+            _pairs_in_plane(members, owner, offset, boxes, entered, tolerance, pairs)
+    named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
     return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
 
 
 def _pairs_in_plane(
-    members: Indices, owner: Indices, near: Real, low: Real, high: Real, entered: Mask
-) -> Iterator[tuple[int, int]]:
-    """Yield pairs of owners, one with an interior, whose faces `members` of one plane overlap.
-
-    `near` is the offset of each face in units of the tolerance; `low` and `high` are their boxes.
-    """
-    axis = int(np.ptp(low[members], axis=0).argmax())
-    members = members[np.argsort(low[members, axis])]
-    # A face is compared with those that begin before it ends.
-    last = np.searchsorted(low[members, axis], high[members, axis], side="right")
-    count = np.maximum(last - np.arange(1, len(members) + 1), 0)
-    before = np.concatenate([[0], np.cumsum(count)])
-    for start in range(0, min(int(before[-1]), _MOST_COMPARED), _COMPARED_AT_ONCE):
-        numbers = np.arange(start, min(start + _COMPARED_AT_ONCE, int(before[-1])))
-        first = np.searchsorted(before, numbers, side="right") - 1
-        one, two = members[first], members[first + 1 + numbers - before[first]]
-        a, b = owner[one], owner[two]
-        kept = (a != b) & (entered[a] | entered[b]) & (np.abs(near[one] - near[two]) <= 1)
-        one, two = one[kept], two[kept]
-        sides = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])
+    members: Indices,
+    owner: Indices,
+    offset: Real,
+    boxes: Real,
+    entered: NDArray[np.bool_],
+    tolerance: float,
+    pairs: set[tuple[int, int]],
+) -> None:
+    """Add pairs of owners whose faces in one plane overlap; boxes of faces are (n, 2, 3)."""
+    members = members[np.argsort(owner[members], kind="stable")]
+    owners, start = np.unique(owner[members], return_index=True)
+    low = np.minimum.reduceat(boxes[members, 0], start)
+    high = np.maximum.reduceat(boxes[members, 1], start)
+    faces = np.split(members, start[1:])
+    for i, j in _overlapping(low, high, tolerance):
+        a, b = sorted((int(owners[i]), int(owners[j])))
+        if not (entered[a] or entered[b]) or (a, b) in pairs:
+            continue
+        mine, others = faces[i][:_MOST_FACES], faces[j][:_MOST_FACES]
+        if len(mine) * len(others) > _MOST_FACES * 100:
+            others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
+        shared = np.minimum(boxes[mine, 1][:, None], boxes[others, 1][None])
+        shared -= np.maximum(boxes[mine, 0][:, None], boxes[others, 0][None])
         # Overlap along at least two directions: faces that touch at an edge do not coincide.
-        kept = ((sides > 100).sum(axis=1) >= 2) & np.all(sides >= -1, axis=1)
-        yield from zip(owner[one[kept]].tolist(), owner[two[kept]].tolist(), strict=True)
+        wide = (shared > 100 * tolerance).sum(axis=-1) >= 2
+        apart = np.any(shared < -tolerance, axis=-1)
+        near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
+        if np.any(wide & ~apart & near):
+            pairs.add((a, b))
+
+
+def _overlapping(low: Real, high: Real, tolerance: float) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of boxes (n, 3) that overlap, by a sweep along the axis where they spread."""
+    axis = int(np.ptp(low, axis=0).argmax())
+    order = np.argsort(low[:, axis])
+    low, high = low[order], high[order]
+    end = np.searchsorted(low[:, axis], high[:, axis] + tolerance, side="right")
+    for index in range(len(order) - 1):
+        after = slice(index + 1, end[index])
+        meets = np.all(low[after] <= high[index] + tolerance, axis=1)
+        meets &= np.all(high[after] >= low[index] - tolerance, axis=1)
+        for other in np.flatnonzero(meets) + index + 1:
+            yield int(order[index]), int(order[other])
 
 
 def _nested_too_deep(found: list[Faces]) -> list[Finding]:

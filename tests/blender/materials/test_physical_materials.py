@@ -204,6 +204,12 @@ def test_layer_normals() -> None:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     assert np.abs(object_layer_normal(wall, depsgraph)) == pytest.approx([0, 1, 0], abs=1e-6)
     assert object_layer_normal(cube, depsgraph) is None
+    # Aslant in its own axes, then stretched: the normal stays that of its own faces.
+    wall.data.transform(Matrix.Rotation(0.5, 4, "Z"))
+    bpy.context.view_layer.update()
+    found = object_layer_normal(wall, bpy.context.evaluated_depsgraph_get())
+    assert found is not None
+    assert np.abs(found @ [-math.sin(0.5), math.cos(0.5), 0]) == pytest.approx(1, abs=1e-6)
     rng = np.random.default_rng(1)
     sphere = rng.normal(size=(4000, 3))
     sphere /= np.linalg.norm(sphere, axis=1)[:, None]

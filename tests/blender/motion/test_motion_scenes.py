@@ -131,6 +131,9 @@ def test_unit_scale_of_centimetres(tmp_path: Path) -> None:
     mh.interpolation(target, "LINEAR")
     rows, paths, _ = mh.measured(tmp_path, CARRIER_HZ, BURST)
     assert 19 < rows["last_scatterer_m"][:, 1].min() < 22
+    # of one reflection both ends are the same
+    assert (rows["order"] == 1).all() and (rows["last_body"] == 1).all()
+    np.testing.assert_array_equal(rows["first_body"], rows["last_body"])
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, steady((0, 13.1, 0)))
     assert error < WITHIN, error
 

@@ -14,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon import contract
 from radarsim_addon.blender.paths import frame as path_frame
 from radarsim_addon.blender.paths.screen_boxes import projected_bounds
+from radarsim_addon.blender.paths.small_object_ranking import rank_by_error, small_boxes
 from radarsim_addon.blender.scene import InstancePose, Poses
 from radarsim_addon.blender.views import ViewWindow
 from tests.blender import path_helpers as ph
@@ -96,6 +97,31 @@ def test_an_area_across_the_seam_comes_twice() -> None:
     np.testing.assert_allclose((area.left, area.right), (math.pi - half, math.pi + half))
     assert len(projected_bounds(poses, ["a"], sphere_camera(-2.0, 2.0))) == 0
     assert area.shorter == pytest.approx(2 * half, rel=0.01)
+
+
+def test_faint_is_what_transmitter_and_receiver_make_of_it() -> None:
+    """Echoes fall with the square of the distance to the transmitter, which stands 10 km ahead.
+
+    The small box beside it has 1e-4 of the echo of the large one beside the receiver: it counts.
+    """
+
+    def box(x: float, z: float, half: float) -> InstancePose:
+        pose = np.eye(4)
+        pose[:3, 3] = x, 0.0, z
+        return InstancePose(pose, np.array([[-half] * 3, [half] * 3]))
+
+    near, beside, between = box(0, -10, 1.0), box(1.0, -1e4, 1e-3), box(3.0, -1000, 1.5)
+    poses = Poses({"near": {(): near}, "beside": {(): beside}, "between": {(): between}})
+    receiver = contract.ReceiverRecord("perspective", IDENTITY, -0.5, 0.5, -0.5, 0.5, 0.0)
+    boxes = projected_bounds(poses, ["near", "beside", "between"], receiver)
+    window = ViewWindow(-0.5, 0.5, -0.5, 0.5, 64, 64)
+    small = small_boxes(boxes, window)
+    assert small.number.tolist() == [2, 3]
+    for transmitter_m, chosen in ((np.array([0, 0, -1e4]), 2), (np.zeros(3), 3)):
+        found = rank_by_error(
+            small, np.ones(2, dtype=bool), boxes, window, receiver, transmitter_m, 1
+        )
+        assert found.number.tolist() == [chosen]
 
 
 @pytest.mark.blender

@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
+from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import (
     PathClass,
@@ -215,6 +216,17 @@ def test_what_is_left_out_is_told(
     assert in_layers + found.truncated_reflections + found.truncated_transparency == pytest.approx(
         found.total
     )
+
+
+def test_further_reflections_in_watts_have_their_error_in_watts() -> None:
+    """2 +- 3 units of half a watt each, beside 9 W: 10 % +- 15 % of all."""
+    sums = QualitySums()
+    sums.add_view(TracedReplicate(total=18.0), 0.5)
+    sums.add_beyond(TracedReplicate(beyond=2.0, beyond_variance=9.0), 0.5)
+    fields = QualitySums.joined([sums]).record_fields(0.05)
+    assert fields["total_power_w"] == pytest.approx(10.0)
+    assert fields["truncated_reflections_fraction"] == pytest.approx(0.1)
+    assert fields["truncated_reflections_stderr"] == pytest.approx(0.15)
 
 
 @pytest.mark.parametrize("coarse", [1, 4])

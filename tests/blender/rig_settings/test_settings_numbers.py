@@ -62,7 +62,7 @@ def test_frames() -> None:
         ({"snapshots": 3}, "Number of snapshots is 3"),
         ({"snapshot_interval_s": 0.0}, "Snapshot interval is 0.0 s"),
         ({"frames": ()}, "No frame"),
-        ({"frames": (-1,)}, "Frames -1 to -1"),
+        ({"frames": (-1_000_000,)}, "Frames -1000000 to -1000000"),
         ({"width_px": 0}, "Width is 0"),
         ({"width_px": 65536, "height_px": 65536}, "65536 x 65536"),
         ({"samples": 0}, "Samples is 0"),
@@ -176,6 +176,14 @@ def test_recorded_code_length_is_the_one_of_the_shader() -> None:
     assert plan.metres_per_unit / float(inverse) == pytest.approx(
         plan.range_encoding_length_m, rel=1e-15
     )
+
+
+def test_an_interval_below_blenders_steps_is_refused_before_the_render() -> None:
+    fast = dataclasses.replace(PAPER, snapshot_interval_s=1e-5)
+    plan = make_plan(fast, 1.0, 24.0, Extent())
+    assert plan.instants(1)[1].time_s - plan.instants(1)[0].time_s == pytest.approx(1e-5, rel=0.01)
+    with pytest.raises(ConfigError, match=r"1e-05 s, but at frame 10000 .* steps of 4.07e-05 s"):
+        plan.instants(10_000)
 
 
 def test_recorded_time_is_what_blender_evaluates() -> None:

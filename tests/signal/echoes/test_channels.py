@@ -162,6 +162,23 @@ def test_every_channel_is_a_direct_sum(moving: bool) -> None:
     assert np.abs(found[0] - found[1]).max() > 0.5
 
 
+def test_pulses_of_a_later_channel_meet_the_scene_later() -> None:
+    """The second channel starts 250 us later: the target has gone 7.5 mm by then."""
+    waveform = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
+
+    def samples(channels: tuple[Channel, ...], range_m: float) -> np.ndarray:
+        radar = Radar(waveform, Burst(1000.0, 8), channels)
+        synthesizer = synthesizer_for(radar, (600.0, 800.0), EchoOptions(tolerance=1e-9))
+        synthesizer.add(make_paths(1.0, 2 * range_m, 30.0))
+        return np.asarray(synthesizer.result().samples)
+
+    first, second = samples((Channel(), Channel(start_offset_s=250e-6)), 700.0)
+    (later,) = samples((Channel(),), 700.0075)
+    size = np.abs(first).max()
+    assert np.abs(second - later).max() < 1e-7 * size
+    assert np.abs(second - first).max() > size
+
+
 def test_what_is_not_known_is_named() -> None:
     paths, antennas = paths_of(False)
     radar = Radar(PMCW, BURST, CHANNELS)

@@ -185,6 +185,18 @@ def test_expected_power_is_the_mean_over_speckle() -> None:
     assert np.mean(total[inside]) == pytest.approx(np.mean(expected[inside]), rel=0.1)  # type: ignore[index]
 
 
+def test_expected_power_near_the_window_reaches_into_it() -> None:
+    """A shorter window shows a part of the longer one, sidelobes of what lies outside included."""
+    step_m = RADAR.waveform.sample_spacing_m / 4
+    start_m, stop_m = 900 + 160 * step_m, 900 + 400 * step_m
+    paths = unit_paths(RADAR, [start_m - 5.0, stop_m + 4.0])
+    whole = expected_power_profile(paths, RADAR, range_limits_m=(900.0, 1300.0), oversample=4)
+    part = expected_power_profile(paths, RADAR, range_limits_m=(start_m, stop_m), oversample=4)
+    want = whole.power[160:401]
+    assert want.max() > 1e-5
+    np.testing.assert_allclose(part.power, want, atol=1e-2 * want.max())
+
+
 def test_expected_power_in_parts_and_nothing() -> None:
     paths = unit_paths(RADAR, list(np.linspace(600, 1400, 50)))
     whole = expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M)

@@ -18,6 +18,7 @@ from radarsim_addon.signal import (
     open_run,
 )
 from radarsim_addon.signal.decoding import frame_paths, open_frame
+from radarsim_addon.signal.detection import object_echoes
 from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.paths import PATH_DTYPE
 from radarsim_addon.signal.radar import AnyWaveform
@@ -27,6 +28,30 @@ LFM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 STEPPED = SteppedWaveform(5.3e9, 250e3, 200, 1e-6)
 FMCW = FmcwWaveform(5.3e9, 50e6, 200, 1e6)
 PMCW = PmcwWaveform(5.3e9, 20e-9, 8)
+
+
+def test_standard_error_of_two_shifts_is_half_their_difference(tmp_path: Path) -> None:
+    """1 nW and 3 nW: (4 +- 1) / 2 nW, as n - 1 = 1; the map's, the profile's, the object's."""
+    rows = np.zeros(2, dtype=PATH_DTYPE)
+    rows["replicate"], rows["power_w"] = [0, 1], [0.5e-9, 1.5e-9]
+    rows["length_m"], rows["solid_angle_sr"] = 2 * 40 * LFM.sample_spacing_m, 1e-6
+    rows["order"], rows["last_object"], rows["direction"] = 1, 1, (0.0, 1.0, 0.0)
+    rows["first_object"] = 1
+    rows["first_scatterer_m"] = rows["last_scatterer_m"] = (0.0, rows["length_m"][0] / 2, 0.0)
+    here = pr.pose((0, 0, 0))
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Plate"], pr.camera(here), contract.TransmitterRecord(here, 5.0),
+        range_limits_m=300.0, replicates=2,
+    )  # fmt: skip
+    frame = open_run(folder).frame(1)
+    found = expected_power(open_frame(frame, radar=Radar(LFM, Burst(1e3, 4))))
+    cell = int(np.argmax(found.profile))
+    assert found.profile[cell] == pytest.approx(2e-9, rel=1e-2)
+    assert found.profile_error[cell] == pytest.approx(found.profile[cell] / 2, rel=1e-9)
+    assert found.map_error.max() == pytest.approx(found.map.max() / 2, rel=1e-9)
+    (echo,) = object_echoes(frame, LFM.carrier_hz)
+    assert echo.power_w == pytest.approx(2e-9)
+    assert echo.power_error_w == pytest.approx(1e-9)
 
 
 @pytest.mark.parametrize(

@@ -288,6 +288,30 @@ def test_tracks_move_with_face_and_body(tmp_path: Path) -> None:
     np.testing.assert_allclose(motion.range_rates_mps(), slope, atol=2e-3)
 
 
+def test_points_on_a_deforming_body_that_turns() -> None:
+    """Velocity v + w x p + dp/dt, and the same in the lengths: antennas are stationary."""
+    bends = tracks()
+    bends = dataclasses.replace(
+        bends, body=np.array([3], dtype=np.int32), series={3: bends.series[2]}
+    )
+    motion = BODIES[2]
+    local = np.array([0.25, -1.0 - 0.0175, 0.25])
+    point = motion.pose[:3, 3] + local
+    rows = rows_of(([tuple(point)], [3]))
+    rows["last_surface_point"] = rows["first_surface_point"] = 1
+    found = motion_of_rows(rows, dataclasses.replace(scene(False), tracks=bends))
+    antennas = RECEIVER.pose[:3, 3], EMITTER.pose[:3, 3]
+    bend = np.array([0, 0.0175 * 2 / SPAN_S, 0])
+    velocity = np.array([0, 7, 0]) + np.cross([10, 40, -80], local) + bend
+    rate_mps = sum(velocity @ (point - at) / np.linalg.norm(point - at) for at in antennas) / 2
+    assert found.range_rates_mps()[0] == pytest.approx(rate_mps, rel=1e-12)
+    lengths = found.lengths_m(TIMES_S, slice(None))[0]
+    for time_s, length_m in zip(TIMES_S, lengths, strict=True):
+        now = carried(motion, point + bend * time_s, time_s)
+        want = sum(np.linalg.norm(now - at) for at in antennas)
+        assert length_m == pytest.approx(want, abs=1e-12)
+
+
 def test_damaged_files_are_named(tmp_path: Path) -> None:
     digest = written(tmp_path)
     with pytest.raises(SchemaError, match="does not belong"):

@@ -18,6 +18,8 @@ def test_numbers_of_the_papers_radar() -> None:
     assert waveform.range_resolution_m == pytest.approx(2.99792458, rel=1e-12)
     assert radar.burst.unambiguous_range_m == pytest.approx(149_896.229, rel=1e-12)
     assert radar.max_unambiguous_velocity_mps == pytest.approx(299_792_458 / 5.3e9 * 250, rel=1e-12)
+    # 22.1 cm/s: one turn of phase over the burst of 128 ms.
+    assert radar.velocity_resolution_mps == pytest.approx(0.0565646 / 2 / 0.128, rel=1e-6)
     assert radar.doppler_hz(10.0) == pytest.approx(-353.578, abs=1e-3), "receding is negative"
 
 

@@ -14,6 +14,7 @@ from radarsim_addon.signal import (
     FmcwWaveform,
     PmcwWaveform,
     Radar,
+    SteppedWaveform,
     Waveform,
     expected_power_profile,
     make_paths,
@@ -21,7 +22,7 @@ from radarsim_addon.signal import (
     synthesize,
     waveform_from_dict,
 )
-from radarsim_addon.signal.echoes import line_times_s
+from radarsim_addon.signal.echoes import Receiver, apply_receiver
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from radarsim_addon.signal.radar.codes import BARKER, barker, m_sequence
@@ -107,19 +108,17 @@ def test_stepped_frequency_repeats_after_c_over_two_steps() -> None:
     assert near.range_m[-1] < period_m
 
 
-def test_stepped_samples_are_the_tones_phases() -> None:
-    radar = burst_of(STEPPED, 3)
-    rate_mps = 4.0
-    echoes = synthesize(unit_paths(radar, [12.0], [rate_mps]), radar, range_limits_m=(0.0, 70.0))
-    steps = np.arange(STEPPED.steps)
-    tones_hz = STEPPED.carrier_hz + (steps - (STEPPED.steps - 1) / 2) * STEPPED.step_hz
-    times_s = line_times_s(radar)[:, None] + (steps + 0.5) * STEPPED.step_time_s
-    truth = np.exp(-4j * np.pi * tones_hz * (12.0 + rate_mps * times_s) / SPEED_OF_LIGHT_MPS)
-    # left out: B T v / 2c = 0.011 cycles at the ends
-    assert np.abs(echoes.plane - truth).max() < 0.08
-    slow = synthesize(unit_paths(radar, [12.0], [0.004]), radar, range_limits_m=(0.0, 70.0))
-    truth = np.exp(-4j * np.pi * tones_hz * (12.0 + 0.004 * times_s) / SPEED_OF_LIGHT_MPS)
-    assert np.abs(slow.plane - truth).max() < 8e-5
+def test_stepped_samples_are_taken_in_the_middle_of_their_steps() -> None:
+    """Tone k of pulse m meets a target of 40 m/s at m/PRF + (k + 1/2) T, by hand."""
+    waveform = SteppedWaveform(5.3e9, 1e6, 8, 25e-6)
+    echoes = synthesize(
+        make_paths(4 * math.pi / waveform.wavelength_m**2, 2 * 50.0, 40.0),
+        Radar(waveform, Burst(1000.0, 3)), range_limits_m=(0.0, 100.0), tolerance=1e-9,
+    )  # fmt: skip
+    tone, pulse = np.arange(8), np.arange(3)[:, None]
+    length_m = 2 * (50.0 + 40.0 * (pulse * 1e-3 + (tone + 0.5) * 25e-6))
+    want = np.exp(-2j * np.pi * (5.3e9 + (tone - 3.5) * 1e6) * length_m / SPEED_OF_LIGHT_MPS)
+    np.testing.assert_allclose(echoes.plane, want, atol=1e-7)
 
 
 def test_pmcw_sidelobes_are_minus_one_nth() -> None:
@@ -206,3 +205,17 @@ def test_a_path_of_power_p_peaks_at_p(waveform: AnyWaveform, window: str) -> Non
         profile.power[:: 2], np.abs(found.plane[0, : -(-profile.power.size // 2)]) ** 2,
         atol=2e-5 * power,
     )  # fmt: skip
+
+
+def test_a_real_adc_shows_the_whole_power() -> None:
+    """It records half of the amplitude at the beat, and the image beyond its range."""
+    waveform = FmcwWaveform(77e9, 1e9, 512, 20e6, real_adc=True)
+    radar, range_m, power = Radar(waveform, Burst(5000.0, 4)), 80 * waveform.sample_spacing_m, 2e-9
+    paths = make_paths(power * 4 * math.pi / waveform.wavelength_m**2, 2 * range_m)
+    limits_m = (0.0, waveform.unambiguous_range_m)
+    recorded = apply_receiver(synthesize(paths, radar, range_limits_m=limits_m), Receiver()).echoes
+    assert np.mean(np.abs(recorded.plane) ** 2) == pytest.approx(power / 2, rel=1e-2)
+    assert not recorded.plane.imag.any()
+    found = np.abs(range_process(recorded, "hann", 1).plane) ** 2
+    assert found[0, 80] == pytest.approx(power, rel=1e-4)
+    assert found.max() == found[:, 80].max()

@@ -87,6 +87,15 @@ def test_system_scales_to_watts_and_cancels_the_lamp(tmp_path: Path) -> None:
     assert 10 * math.log10(power / expected) == pytest.approx(0, abs=0.01)
 
 
+def test_another_carrier_brings_power_by_its_wavelength_squared(tmp_path: Path) -> None:
+    """The effective area is lambda^2 / 4 pi, the cross section stays that of the render."""
+    frame = open_run(one_plate(tmp_path / "run")).frame(1)
+    (echo,) = object_echoes(frame, pr.WAVEFORM.carrier_hz)
+    (twice,) = object_echoes(frame, 2 * pr.WAVEFORM.carrier_hz)
+    assert twice.power_w == pytest.approx(echo.power_w / 4, rel=1e-12)
+    assert twice.rcs_m2 == echo.rcs_m2
+
+
 def test_each_antenna_has_its_own_direction(tmp_path: Path) -> None:
     """Bistatic: the transmitter is turned 7 degrees off the plate, the receiver looks at it."""
     wide = {"azimuth_beamwidth_deg": 12.0, "elevation_beamwidth_deg": 30.0}
