@@ -10,6 +10,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon import blender as radarsim
+from radarsim_addon.blender import rig_settings
 from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.library import READY, suggest_material
@@ -113,6 +115,14 @@ def test_the_list_in_the_window(addon: Any) -> None:
     bpy.ops.radarsim.apply_materials(discard=True)
     assert not state.suggestions
     assert bpy.data.objects["Pane"].data.materials[0] == made["Window"]
+
+
+def test_by_a_script() -> None:
+    rs.new_scene()
+    street()
+    assert radarsim.assign_by_name() == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt"}
+    assert radarsim.assign_by_name() == {}
+    rig_settings.unregister()
 
 
 def test_said_once_for_the_scene(tmp_path: Path) -> None:
