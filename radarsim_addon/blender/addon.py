@@ -6,12 +6,13 @@ from __future__ import annotations
 import bpy
 
 from . import rig_settings
-from .ui import asset_library, material_panel, operators, panels
+from .ui import asset_library, material_names, material_panel, operators, panels
 from .ui import link_budget_panel as system_panel
 
 #: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
+    *material_names.CLASSES,
     *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
     *panels.RUN_CLASSES,

@@ -63,9 +63,11 @@ PROCESSING = {
     "doppler-ambiguous-paths": Kind(
         "caution",
         "The frame has {count:#path} faster than the maximum unambiguous velocity of "
-        "{max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
-        "Their echoes appear at a wrong Doppler, as in a radar.",
-        "Raise the PRF.",
+        "{max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4); the fastest has "
+        "{fastest_mps:.4g} m/s.",
+        "Doppler folds, as in a radar: their echoes appear at a wrong range rate, maybe of the "
+        "opposite sign. Lists of targets give the true one as unfolded_velocity_mps.",
+        "Raise the PRF to at least {prf_hz:frequency}.",
     ),
     "paths-outside-range-limits": Kind(
         "info",

@@ -12,6 +12,13 @@ SCENE = {
         "These objects cast a radar shadow and return no echo.",
         "Select them and choose Radar > Material > Assign.",
     ),
+    "optical-material": Kind(
+        "caution",
+        "{subjects} have materials that are made for light, or none.",
+        "The powers of their echoes follow colour and gloss in the visible, not the material at "
+        "the carrier.",
+        "Choose Radar > Material > Assign by Name, review the list, then Apply.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
@@ -72,12 +79,6 @@ SCENE = {
         "To let waves through, connect Volume of the Radar Material to the Material Output, or "
         "give a thin pane its thickness (Thin Sheet).",
     ),
-    "unused-material-not-evaluated": Kind(
-        "info",
-        "The medium of {subjects} cannot be evaluated: {reason}",
-        "No rendered object has this material, so the results are right.",
-        "Correct the medium before you assign the material.",
-    ),
     "medium-beyond-band": Kind(
         "caution",
         "The carrier, {carrier_hz:frequency}, is outside the band of the medium {medium} of "
@@ -87,6 +88,13 @@ SCENE = {
         "absorption: error class {error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
         "Beyond Band: Refuse stops such runs.",
+    ),
+    "facets-encode-range": Kind(
+        "caution",
+        "Range encoding is Materials, and rough physical materials return several reflections.",
+        "Cycles rounds their three channels separately: lengths from order 2 on are off by up to "
+        "1e-5 of the range encoding length, and paths are flagged as mixed that are not.",
+        "Choose Radar > Sampling > Range Encoding: Automatic.",
     ),
     "medium-not-connected": Kind(
         "caution",
@@ -152,6 +160,15 @@ SETTINGS = {
         "Echoes from beyond appear at wrong, smaller ranges.",
         "Lower the PRF, take smaller frequency steps, or use a longer code: here the {limit} sets "
         "the limit.",
+    ),
+    "scene-beyond-unambiguous-velocity": Kind(
+        "caution",
+        "Range rates of {subjects} reach {fastest_mps:.4g} m/s, beyond the maximum unambiguous "
+        "velocity of {max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
+        "Doppler folds, as in a radar: they appear at a wrong range rate, maybe of the opposite "
+        "sign.",
+        "Set the PRF to at least {prf_hz:frequency}. A pulse or sweep must fit into 1 / PRF, and "
+        "a pulse's unambiguous range falls with it.",
     ),
     "scene-beyond-sampled-band": Kind(
         "caution",
@@ -240,9 +257,11 @@ PATHS = {
     "object-without-echo": Kind(
         "caution",
         "Rays met {subjects}, but received no echo from there.",
-        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
-        "shadowed objects return no echo either.",
-        "Give smooth surfaces a roughness above 0.",
+        "A smooth surface (roughness 0) reflects away from the radar. At grazing incidence a rough "
+        "one returns too little for float32 to hold. Black, fully transparent and shadowed objects "
+        "return no echo either.",
+        "If you expect an echo, give smooth surfaces a roughness above 0, and rough ones a larger "
+        "roughness or a diffuse part (Specularity below 1).",
     ),
     "object-missed-by-rays": Kind(
         "caution",
@@ -285,6 +304,12 @@ MOTION = {
         "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
+    ),
+    "motion-in-steps": Kind(
+        "caution",
+        "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
+        "Between two steps they are stationary and have no Doppler; at a step they jump.",
+        "Set the interpolation of their keyframes to Linear or Bezier in the Graph Editor.",
     ),
     "instances-appear-or-vanish": Kind(
         "caution",

@@ -136,6 +136,7 @@ GROUP = Group(
         Case("next to clutter, at the end of the window", targets.beside_clutter, 40.0),
         Case("SNR", targets.snr, 40.0),
         Case("moving_targets", targets.moving_targets, 40.0),
+        Case("folded targets", targets.folded_targets, 60.0),
         Case("slow moving targets", targets.slow_movers, 10.0, quick=True),
     ),
 )

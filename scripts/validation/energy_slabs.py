@@ -12,12 +12,13 @@ import numpy as np
 
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import EXACT_FACETS, set_layer_normals, update_materials
+from radarsim_addon.blender.materials.library import ASSETS
 from radarsim_addon.blender.materials.physical_materials import Medium
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
 from radarsim_addon.blender.nodes.materials import lets_nothing_through
 from radarsim_addon.blender.state import SettingsRestorer
-from radarsim_addon.blender.ui.asset_library import ASSETS, BLEND
+from radarsim_addon.blender.ui.asset_library import BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
 from .fresnel import textbook_reflectance

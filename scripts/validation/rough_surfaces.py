@@ -13,14 +13,16 @@ import numpy as np
 
 from radarsim_addon.array_types import Real
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
+from radarsim_addon.signal import PathFlag
 
-from .case import Bench, Case, Check, Group, power_check, worst_of
+from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
 from .closed_forms import kirchhoff_coefficient, plate_power, smith_lambda
 from .fresnel import textbook_reflectance
 from .scenes import (
     CARRIER_HZ,
     EIRP_W,
     acquire,
+    add_mesh,
     add_plate,
     facing_plate,
     metallic,
@@ -199,6 +201,44 @@ def _mirrored(
     return expected, measured, spread
 
 
+def order_2_lengths(bench: Bench) -> list[Check]:
+    """Shares of order-2 power with wrong lengths, or flagged as mixed, between rough metals."""
+    checks = []
+    for slope in SLOPES:
+        new_scene(50.0)
+        metal = make_physical_material("Metal", "metal", carrier_hz=CARRIER_HZ, rms_slope=slope)
+        corners = {
+            "Floor": [(-10, 2, -2), (10, 2, -2), (10, 12, -2), (-10, 12, -2)],
+            "Wall": [(-10, 12, -2), (10, 12, -2), (10, 12, 8), (-10, 12, 8)],
+        }
+        for name, vertices in corners.items():
+            add_mesh(name, np.array(vertices, dtype=float), [(0, 1, 2, 3)], metal)
+        rows = acquire(bench, 64, 1, max_reflections=2, refine_for="objects").rows
+        two = rows[rows["order"] == 2]
+        # Vertices moved along their rays onto the planes z = -2 and y = 12, in float64.
+        ray, on_floor = two["direction"], two["first_scatterer_m"][:, 2] < -1.999
+        reach = np.where(on_floor, -2 / ray[:, 2], 12 / ray[:, 1])
+        first = reach[:, None] * ray
+        onward = two["last_scatterer_m"] - first
+        last = (
+            first
+            + onward
+            * np.where(
+                on_floor, (12 - first[:, 1]) / onward[:, 1], (-2 - first[:, 2]) / onward[:, 2]
+            )[:, None]
+        )
+        length = reach + np.linalg.norm(last - first, axis=1) + np.linalg.norm(last, axis=1)
+        beyond = np.abs(two["length_m"] - length) > 5 * two["length_sigma_m"]
+        for what, rows_of in (
+            ("beyond 5 sigma", beyond),
+            ("flagged as mixed", two["flags"] & PathFlag.MIXED > 0),
+        ):
+            share = float(two["power_w"][rows_of].sum() / two["power_w"].sum())
+            name = f"order 2 between rough metals, slope {slope:g}: power {what}"
+            checks.append(absolute_check(name, 0.0, share, 0.01, "both vertices on their planes"))
+    return checks
+
+
 GROUP = Group(
     "rough_surfaces",
     "Rough surfaces",
@@ -221,5 +261,6 @@ GROUP = Group(
             40.0,
         ),
         Case("two sites", two_sites, 40.0),
+        Case("order 2", order_2_lengths, 5.0, quick=True),
     ),
 )

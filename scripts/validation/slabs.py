@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -211,7 +212,7 @@ def limits(bench: Bench) -> list[Check]:
 def opaque(bench: Bench) -> list[Check]:
     """Walls whose Volume is not connected let nothing through."""
     checks = []
-    walls: tuple[tuple[str, str, float, dict[str, float]], ...] = (
+    walls: tuple[tuple[str, str, float, dict[str, Any]], ...] = (
         ("2 m of concrete", "concrete", 5.3e9, {}),
         ("ITU metal", "metal", 77e9, {}),
         ("steel", "conductor", 77e9, {"conductivity_s_per_m": 1.45e6}),

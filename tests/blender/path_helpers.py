@@ -41,21 +41,19 @@ class PathRun:
         return read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
 
 
-def run_paths(
-    folder: Path,
-    *,
-    overwrite: bool = False,
-    limit: int | None = None,
-    options: dict[str, Any] | None = None,
-    **changes: Any,
-) -> PathRun:
-    """Measure the current scene; stop after `limit` renders if given."""
+def job_for(
+    folder: Path, *, overwrite: bool = False, options: dict[str, Any] | None = None, **changes: Any
+) -> PathJob:
+    """A job over the current scene."""
     scene = bpy.context.scene
     path_options = PathOptions(**{"replicates": 1, **(options or {})})
     measured = rs.measurement(**changes)
-    with PathJob(
-        scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite
-    ) as job:
+    return PathJob(scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite)
+
+
+def run_paths(folder: Path, *, limit: int | None = None, **changes: Any) -> PathRun:
+    """Measure the current scene; stop after `limit` renders if given."""
+    with job_for(folder, **changes) as job:
         for count, task in enumerate(job.pending()):
             if count == limit:
                 break

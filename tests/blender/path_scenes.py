@@ -9,7 +9,6 @@ import bpy
 
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
-from tests.blender.state.test_settings_restore import rna_values
 
 
 def furnished_scene(clutter: bool) -> None:
@@ -63,42 +62,6 @@ def furnished_scene(clutter: bool) -> None:
     bpy.ops.mesh.primitive_cube_add(location=(0, 6, 2), size=4)
     bpy.context.object.name = "Zz fog"
     bpy.context.object.data.materials.append(fog)
-
-
-def everything(scene: Any) -> dict[str, Any]:
-    """All values of all that a measurement might touch."""
-    owners: dict[str, Any] = {
-        "scene": scene,
-        "render": scene.render,
-        "image": scene.render.image_settings,
-        "cycles": scene.cycles,
-    }
-    for layer in scene.view_layers:
-        owners[f"layer {layer.name}"] = layer
-        owners[f"layer cycles {layer.name}"] = layer.cycles
-        for group in layer.lightgroups:
-            owners[f"light group {layer.name}/{group.name}"] = group
-    for item in bpy.data.objects:
-        owners[f"object {item.name}"] = item
-        if item.data is not None:
-            owners[f"data {item.name}"] = item.data
-    for item in (*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights):
-        owners[f"{type(item).__name__} {item.name}"] = item
-        if hasattr(item, "cycles"):
-            owners[f"cycles {item.name}"] = item.cycles
-        if item.node_tree is not None:
-            for node in item.node_tree.nodes:
-                owners[f"node {item.name}/{node.name}"] = node
-                for socket in node.inputs:
-                    owners[f"socket {item.name}/{node.name}/{socket.identifier}"] = socket
-    values: dict[str, Any] = {name: rna_values(owner) for name, owner in owners.items()}
-    values["custom"] = {key: str(value) for key, value in scene.items()}
-    values["data"] = {
-        kind: sorted(item.name for item in getattr(bpy.data, kind))
-        for kind in ("objects", "meshes", "materials", "worlds", "lights", "cameras")
-    }
-    values["time"] = (scene.frame_current, scene.frame_subframe)
-    return values
 
 
 def plate_collection(y: float = 0.0) -> Any:

@@ -54,9 +54,9 @@ class Setup:
             near_clip_m=self.near_clip_m,
         )
 
-    def frame_time_s(self, frame: int) -> float:
-        """Scene time of a frame, at 24 frames a second."""
-        return frame / 24
+    def frame_time_s(self, frame: int, snapshot_index: int = 0) -> float:
+        """Scene time of a snapshot at 24 frames a second; Blender has it in float32 frames."""
+        return float(np.float32(frame + 24 * self.snapshot_interval_s * snapshot_index)) / 24
 
 
 def empty(setup: Setup) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +70,8 @@ def points(setup: Setup, echoes: list[tuple[int, int, float, float, float]]) -> 
     def picture(frame: int, ring: int, snapshot_index: int) -> tuple[np.ndarray, np.ndarray]:
         range_m, radiance = empty(setup)
         for row, col, start_m, rate_mps, strength in echoes:
-            now_m = start_m + rate_mps * setup.snapshot_interval_s * snapshot_index
+            passed_s = setup.frame_time_s(frame, snapshot_index) - setup.frame_time_s(frame)
+            now_m = start_m + rate_mps * passed_s
             if ring * setup.ring_step_m <= now_m < (ring + 1) * setup.ring_step_m:
                 range_m[row, col], radiance[row, col] = now_m, strength
         return range_m, radiance
@@ -100,7 +101,7 @@ def render_record(
         sampling_mode="rings",
         frame=frame,
         snapshot_index=snapshot_index,
-        time_s=setup.frame_time_s(frame) + snapshot_index * setup.snapshot_interval_s,
+        time_s=setup.frame_time_s(frame, snapshot_index),
         ring=ring,
         ring_min_m=ring * setup.ring_step_m,
         ring_max_m=(ring + 1) * setup.ring_step_m,

@@ -10,6 +10,7 @@ from .layers import beyond_float32, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
+    has_rough_facets,
     is_physical,
     make_physical_material,
     refresh_materials,
@@ -23,6 +24,7 @@ __all__ = [
     "MaterialAssignment",
     "assigned_materials",
     "beyond_float32",
+    "has_rough_facets",
     "is_entered",
     "is_physical",
     "make_physical_material",

@@ -44,6 +44,7 @@ from ..nodes.physical_material import (
     INDEX,
     KIND,
     ROUGHNESS,
+    SMOOTH_BELOW,
     TRANSMISSION,
 )
 from ..nodes.sheet import KIND as SHEET_KIND
@@ -113,6 +114,27 @@ def is_physical(material: Any) -> bool:
     bool : False for None
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
+
+
+def has_rough_facets(material: Any) -> bool:
+    """Return whether a material has facets whose channels Cycles rounds separately.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool : Then from order 2 on the world should encode the range
+    """
+    if not EXACT_FACETS or _kind_of(material) != KIND:
+        return False
+    socket, surface = group_input(material, ROUGHNESS), surface_of(material)
+    return (
+        socket is None
+        or socket.default_value > SMOOTH_BELOW
+        or (surface is not None and surface.slope > 0)
+    )
 
 
 def is_sheet(material: Any) -> bool:
@@ -287,8 +309,8 @@ def update_materials(
     Returns
     -------
     list of Finding
-        Materials that cannot be evaluated and that no rendered object has; and assigned materials
-        with a medium that keep their numbers, because their group is not at the output.
+        Assigned materials with a medium that keep their numbers, because their group is not at
+        the output. Others that cannot be evaluated keep theirs, too, and change no result.
 
     Raises
     ------
@@ -308,12 +330,9 @@ def update_materials(
                 if value != before:
                     raise ConfigError(_shared(other, material))
                 _put(socket, value, recorder)
-        except ConfigError as error:
+        except ConfigError:
             if material in assigned:
                 raise
-            findings.append(
-                finding("unused-material-not-evaluated", material.name, reason=str(error))
-            )
         if material in assigned and _keeps_numbers(material):
             findings.append(finding("medium-not-connected", material.name))
     return findings

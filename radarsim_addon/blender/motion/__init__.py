@@ -4,10 +4,12 @@
 In: the animation. Out: motion records and deforming surfaces in metres and seconds.
 """
 
+from .animation import key_frames
 from .burst_motion import BurstMotion
 from .samples import SamplingPlan
 
 __all__ = [
     "BurstMotion",
     "SamplingPlan",
+    "key_frames",
 ]

@@ -8,6 +8,7 @@ import itertools
 
 import numpy as np
 
+from ...array_types import Real, Single
 from ...findings import Finding, finding
 from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices
 from .bodies import Part
@@ -15,8 +16,12 @@ from .samples import Sampler, SamplingPlan
 
 #: Error bound of a displacement that needs no more samples [wavelengths]: 2.5e-4 rad two-way.
 _TARGET_WAVELENGTHS = 2e-5
+#: The same in steps of float32 poses. What they round away, no number of samples gives back.
+_TARGET_ROUNDING = 0.5
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
+#: Minimum number of samples for a fit of the burst without what is before and after it.
+_LEAST_ALONE = 13
 #: Maximum size of the vertices in memory [bytes].
 _MAX_VERTEX_BYTES = 1 << 29
 
@@ -27,8 +32,8 @@ class Fits:
     def __init__(self, plan: SamplingPlan, sampler: Sampler, checks_s: list[float]) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
+        self._reaches_m = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
         self.motions: list[BodyMotion] = []
-        self._bounds = np.empty(0)
         self._missed: dict[int, float] = {}
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
 
@@ -43,42 +48,74 @@ class Fits:
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
         poses = np.stack([sampler.poses[at_s] for at_s in times_s])
-        corners = [plan.at(fraction)[0] for fraction in plan.corners]
-        reaches = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
+        in_burst = (times >= 0) & (times <= plan.duration_s)
         motions = []
-        for index, reach_m in enumerate(reaches):
-            if self.motions and index not in self._missed:
-                old = self.motions[index]
-                if old.displacement_error_bound_m <= self._target_m:
-                    motions.append(old)
-                    continue
-            present = np.isfinite(poses[:, index, 0, 0])
-            motion = fit_body(
-                times[present],
-                poses[present, index],
-                plan.duration_s,
-                reach_m,
-                unit_m=plan.metres_per_unit,
-                corners_s=corners,
-                reference=int(np.searchsorted(times[present], plan.rendered[0])),
-            )
+        for index in range(poses.shape[1]):
+            if self.motions and self._is_accurate(index):
+                motions.append(self.motions[index])
+                continue
             self._missed.pop(index, None)
-            motions.append(self._checked(index, motion, reach_m))
+            present = np.isfinite(poses[:, index, 0, 0])
+            motion = self._fit_body(index, times[present], poses[present, index])
+            if index in self._missed and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
+                # What happens before or after the burst can be harder to follow.
+                missed = self._missed.pop(index)
+                present &= in_burst
+                alone = self._fit_body(index, times[present], poses[present, index])
+                if motion.displacement_error_bound_m < alone.displacement_error_bound_m:
+                    self._missed[index] = missed
+                else:
+                    motion = alone
+            motions.append(motion)
         self.motions = motions
         for name in sampler.surfaces:
             if name in sampler.changed:
                 continue
-            if name in self._vertices and self._vertices[name][2] <= self._target_m:
+            if name in self._vertices and self._vertices[name][2] <= self._vertex_target_m(name):
                 continue
             sampled = sampler.vertices[name]
+            have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
-            keep = times_s[:: max(1, -(-len(times_s) * size // _MAX_VERTEX_BYTES))]
+            keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
             self._vertices[name] = fit_vertices(
                 np.array(keep),
                 np.stack([sampled[at_s] for at_s in keep]),
                 plan.duration_s,
-                corners_s=corners,
+                corners_s=plan.corners_s,
+                epoch_s=plan.rendered[0],
             )
+
+    def _fit_body(self, index: int, times_s: Real, poses: Real) -> BodyMotion:
+        plan = self._plan
+        motion = fit_body(
+            times_s,
+            poses,
+            plan.duration_s,
+            self._reaches_m[index],
+            unit_m=plan.metres_per_unit,
+            corners_s=plan.corners_s,
+            pose=self._sampler.poses[plan.rendered[0]][index],
+            epoch_s=plan.rendered[0],
+        )
+        return self._checked(index, motion, self._reaches_m[index])
+
+    def _target_of(self, index: int) -> float:
+        """Return the error bound that needs no more samples: of the carrier, or of the poses."""
+        pose = self._sampler.poses[self._plan.rendered[0]][index]
+        step_m = _rounding_step(pose[:3, 3], self._plan.metres_per_unit)
+        step_m += self._reaches_m[index] * float(np.spacing(np.float32(1.0)))
+        return max(self._target_m, _TARGET_ROUNDING * step_m)
+
+    def _vertex_target_m(self, name: str) -> float:
+        found = self._sampler.vertices[name][self._plan.rendered[0]]
+        step_m = _rounding_step(found, self._plan.metres_per_unit)
+        return max(self._target_m, _TARGET_ROUNDING * step_m)
+
+    def _is_accurate(self, index: int) -> bool:
+        bound_m = self.motions[index].displacement_error_bound_m
+        return index not in self._missed and (
+            not self.motions[index].moving or bound_m <= self._target_of(index)
+        )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
         """Return the fit, with its error at the checks in its bound."""
@@ -95,7 +132,11 @@ class Fits:
         at_start = local @ start[:3, :3].T + start[:3, 3]
         found = motion.displacement(at_start, times[present])
         now = np.einsum("nij,kj->kni", poses[present][:, :3, :3], local) + poses[present][:, :3, 3]
-        miss = float(np.linalg.norm(now - at_start[:, None] - found, axis=-1).max())
+        apart = now - at_start[:, None] - found
+        if not self._plan.is_clear(self._plan.rendered[0]):
+            # The rendered pose is that of a key nearby, which shifts all displacements alike.
+            apart -= apart.mean(axis=1, keepdims=True)
+        miss = float(np.linalg.norm(apart, axis=-1).max())
         scale = float(np.abs(start[:3, 3]).max()) + reach_m
         rounding = float(np.spacing(np.float32(max(scale, 1e-6))))
         if miss <= _MAX_MISS * (motion.noise_m + rounding):
@@ -105,14 +146,17 @@ class Fits:
             motion, displacement_error_bound_m=max(motion.displacement_error_bound_m, miss)
         )
 
-    def more_samples(self, count: int) -> int:
-        """Return the number of samples that the worst fit needs; 0 if all are accurate enough."""
-        worst = max((m.displacement_error_bound_m for m in self.motions if m.moving), default=0.0)
-        worst = max([worst, *self._missed.values(), self.displacement_error_bound_m])
-        if worst <= self._target_m:
-            return 0
-        # Bounds fall with the square root of the number of samples.
-        return int(min(count * max(2.0, (worst / self._target_m) ** 2), 1e6))
+    @property
+    def accurate(self) -> bool:
+        """Whether no fit needs more samples."""
+        return all(self._is_accurate(index) for index in range(len(self.motions))) and all(
+            bound <= self._vertex_target_m(name) for name, (_, _, bound) in self._vertices.items()
+        )
+
+    @property
+    def resolved(self) -> bool:
+        """Whether all fits follow the motion between the samples."""
+        return not self._missed
 
     def series(self) -> dict[int, VertexSeries]:
         """Return the vertex series by number of the body."""
@@ -150,6 +194,12 @@ class Fits:
         if self._sampler.changed:
             found.append(finding("vertex-count-changes", *sorted(self._sampler.changed)))
         return found
+
+
+def _rounding_step(values: Real | Single, metres_per_unit: float) -> float:
+    """Return the step of float32 at the largest of some coordinates [m]."""
+    largest_units = float(np.abs(values).max(initial=0.0)) / metres_per_unit
+    return float(np.spacing(np.float32(max(largest_units, 1e-30)))) * metres_per_unit
 
 
 def _reach(part: Part) -> float:

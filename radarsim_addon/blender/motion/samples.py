@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +18,15 @@ from ..state import Key, evaluated_objects
 from .bodies import Bodies, Part
 from .deforming import Deformations
 
-#: Whole frames within a burst up to which each may be a keyframe.
+#: Frames from a key within which no sample is taken. Within 1e-4 frames, Blender gives the key's
+#: value. float32 times have steps of 1.5e-5 frames at frame 250.
+_CLEAR_OF_KEYS = 2.2e-4
+#: Samples reach over at least this many frames: velocities of short bursts would be rounding.
+_LEAST_FRAMES = 2.0
+#: Whole frames within a burst up to which each may be a corner.
 _MAX_CORNERS = 64
+#: Minimum number of samples between two keys.
+_LEAST_BETWEEN_KEYS = 9
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,8 @@ class SamplingPlan:
         Maximum number of samples.
     rendered_fraction
         Fraction of the burst at which Cycles renders, 0 to 1.
+    keys
+        Frames at which animation may have corners, ascending.
     """
 
     frame: int
@@ -47,6 +58,17 @@ class SamplingPlan:
     wavelength_m: float
     max_samples: int
     rendered_fraction: float = 0.0
+    keys: Sequence[float] = ()
+
+    @property
+    def frames(self) -> float:
+        """Duration of the burst in Blender frames."""
+        return self.duration_s * self.fps
+
+    @property
+    def burst(self) -> tuple[float, float]:
+        """First and last Blender frame of the burst."""
+        return float(self.frame), self.frame + self.frames
 
     @property
     def rendered(self) -> tuple[float, Instant]:
@@ -58,18 +80,74 @@ class SamplingPlan:
 
         Its time since the start of the burst [s] has Blender's rounding.
         """
-        instant = instant_at(self.frame + fraction * self.duration_s * self.fps, self.fps)
-        # Blender adds frame and subframe in float32.
-        evaluated = float(np.float32(instant.frame) + np.float32(instant.subframe))
-        return (evaluated - self.frame) / self.fps, instant
+        return self._at_frame(self.frame + fraction * self.frames)
+
+    def _at_frame(self, frame: float) -> tuple[float, Instant]:
+        instant = instant_at(frame, self.fps)
+        return (instant.evaluated_frame - self.frame) / self.fps, instant
+
+    def is_clear(self, at_s: float) -> bool:
+        """Whether no key but one at this very time changes what Blender gives then."""
+        frame = self.frame + at_s * self.fps
+        apart = abs(self._nearest_key(frame) - frame)
+        return apart > 0.9 * _CLEAR_OF_KEYS or apart <= 2 * np.spacing(np.float32(frame))
+
+    def _nearest_key(self, frame: float) -> float:
+        if not len(self.keys):
+            return np.inf
+        after = int(np.searchsorted(self.keys, frame))
+        return float(
+            min(self.keys[max(after - 1, 0) : after + 1], key=lambda key: abs(key - frame))
+        )
+
+    def clear_at(self, frame: float) -> tuple[float, Instant]:
+        """Return the moment at a frame, or beside the key that it is too near to."""
+        found = self._at_frame(frame)
+        if self.is_clear(found[0]):
+            return found
+        key = self._nearest_key(self.frame + found[0] * self.fps)
+        return self._at_frame(key + np.copysign(_CLEAR_OF_KEYS, frame - key))
+
+    @functools.cached_property
+    def window(self) -> tuple[float, float]:
+        """First and last frame of the samples: the burst, and more of the motion that it is in.
+
+        Up to the next keys, so that each piece of the motion is long enough for a good velocity.
+        """
+        first, last = self.burst
+        inside = [key for key in self.keys if first < key < last]
+        lowest = max((key for key in self.keys if key <= first), default=-np.inf)
+        highest = min((key for key in self.keys if key >= last), default=np.inf)
+        if inside:
+            low, high = min(first, inside[0] - _LEAST_FRAMES), max(last, inside[-1] + _LEAST_FRAMES)
+            return max(low, lowest), min(high, highest)
+        more = max(_LEAST_FRAMES - self.frames, 0.0)
+        low = max(first - more / 2, lowest)
+        high = min(max(last, low + _LEAST_FRAMES), highest)
+        return max(min(low, high - _LEAST_FRAMES), lowest), high
+
+    def grid(self, count: int, low: float, high: float) -> list[tuple[float, Instant]]:
+        """Return about `count` moments between two frames, evenly in each piece between keys."""
+        inside = [key for key in self.keys if low < key < high]
+        edges = [low, *inside, high]
+        moments: list[tuple[float, Instant]] = []
+        pieces = list(itertools.pairwise(edges))
+        per_frame = count * min(len(pieces), 2) / (high - low)
+        for start, stop in pieces:
+            own = max(round(per_frame * (stop - start)), min(_LEAST_BETWEEN_KEYS, count))
+            moments += [self.clear_at(frame) for frame in np.linspace(start, stop, own).tolist()]
+        corners = (self.frame + at_s * self.fps for at_s in self.corners_s)
+        moments += [self.clear_at(frame) for frame in corners if low < frame < high]
+        return moments
 
     @property
-    def corners(self) -> list[float]:
-        """Fractions of the burst at whole frames, where keyframes may be."""
-        frames = self.duration_s * self.fps
-        if frames <= 1 or frames > _MAX_CORNERS:
-            return []
-        return [number / frames for number in range(1, int(np.ceil(frames)))]
+    def corners_s(self) -> list[float]:
+        """Times at which motion may have corners: keys and whole frames [s]."""
+        low, high = self.window
+        frames = {key for key in self.keys if low < key < high}
+        if high - low <= _MAX_CORNERS:
+            frames.update(range(int(np.floor(low)) + 1, int(np.ceil(high))))
+        return [(frame - self.frame) / self.fps for frame in sorted(frames)]
 
 
 class Sampler:
@@ -87,9 +165,9 @@ class Sampler:
         parts: list[Part],
         bodies: Bodies,
         deformations: Deformations,
-        metres_per_unit: float,
+        plan: SamplingPlan,
     ) -> None:
-        self._show, self._units = show, metres_per_unit
+        self._show, self._units = show, plan.metres_per_unit
         self._antennas = (rig.camera, rig.emitter)
         self.parts = parts
         self._originals = bodies.originals
@@ -102,6 +180,7 @@ class Sampler:
             for name, surface in deformations.surfaces.items()
             if name in used and surface.needed
         }
+        self.plan = plan
         self.poses: dict[float, Real] = {}
         self.vertices: dict[str, dict[float, Any]] = {name: {} for name in self.surfaces}
         self.lost: set[int] = set()
@@ -132,12 +211,15 @@ class Sampler:
                 row = self._instances.get((name, one.key)) if one.key else None
                 if row is not None:
                     poses[row + 2] = self._pose(name, one.matrix_world, frame)
-        self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
+        inside = 0 <= at_s <= self.plan.duration_s
+        if inside:
+            self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():
             found = surface.sample(depsgraph)
             if found is None:
-                self.changed.add(name)
+                if inside:
+                    self.changed.add(name)
             else:
                 check_vertices(name, found, frame)
             self.vertices[name][at_s] = found

@@ -12,7 +12,8 @@ Surface::
 R and T are those of :mod:`.interface`, for the polarisation of the run. The Metallic BSDF
 evaluates Fresnel's equations at the facet that reflects, but has no colour input. The group
 therefore has three of them, each with the index in one channel and vacuum (F = 0) in the others,
-mixed with black by the code of that channel. From inside, their unpolarised F is scaled by R/F.
+mixed with black by the code of that channel. Where the world encodes the range, one is enough.
+From inside, their unpolarised F is scaled by R/F.
 
 Volume, per Blender unit along a ray, with c the cosine outside to the layer's normal and
 q = sqrt(epsilon - 1 + c^2)::
@@ -78,7 +79,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     weight = math("MULTIPLY", "R, or 0 before the gate", weight, reflects)
     mirror = build.glossy("Mirror", build.scale("Mirror colour", code, weight), 0.0)
     weight = _facet_weight(build, power, reflects, is_rough)
-    rough = _facet_lobes(build, n, kappa, roughness, code, weight)
+    coded = math("GREATER_THAN", "coded by materials", inverse_k, 0.0)
+    rough = _facet_lobes(build, n, kappa, roughness, code, weight, coded)
     passed = math("MULTIPLY", "T, scaled", power.passed, _transmission(build, cosine))
     through = build.transparent(
         "Transmission", math("MULTIPLY", "T, or 0 at the gate", passed, transmits)
@@ -107,12 +109,14 @@ def _facet_weight(build: TreeBuilder, power: InterfacePower, reflects: Any, is_r
 
 
 def _facet_lobes(
-    build: TreeBuilder, n: Any, kappa: Any, roughness: Any, code: Any, weight: Any
+    build: TreeBuilder, n: Any, kappa: Any, roughness: Any, code: Any, weight: Any, coded: Any
 ) -> Any:
-    """Add three Metallic BSDFs, one per channel; or one Glossy BSDF with F at normal incidence.
+    """Add Metallic BSDFs, one, or one per channel for the code; or a Glossy BSDF with F(0).
 
-    Up to Blender 4.5 the Metallic BSDF uses a form of Fresnel's equations for large indices, in
-    which vacuum reflects at oblique angles. Each lobe would then add to the other channels.
+    Cycles rounds the lobe that it samples unlike the others, by more the smoother they are: with
+    lobes by channel, the channels of one path differ from order 2 on. Up to Blender 4.5 the
+    Metallic BSDF uses a form of Fresnel's equations for large indices, in which vacuum reflects at
+    oblique angles. Each lobe would then add to the other channels.
     """
     math = build.math
     exact = build.scene_attribute(attributes.ATTR_FACET_FRESNEL)
@@ -122,29 +126,36 @@ def _facet_lobes(
     total = build.glossy("Facets", build.scale("Facets' colour", code, flat), roughness)
     weight = math("MULTIPLY", "weight of F", weight, exact)
     codes = build.node("ShaderNodeSeparateXYZ", "Code by channel", {0: code}).outputs
+    by_channel = math("MULTIPLY", "weight of F, coded", weight, coded)
+    grey = math("SUBTRACT", "weight of F, not coded", weight, by_channel)
 
     def in_channel(label: str, axis: int, value: Any, other: float) -> Any:
         inputs = {i: value if i == axis else other for i in range(3)}
         return build.node("ShaderNodeCombineXYZ", label, inputs).outputs[0]
 
-    for axis, channel in enumerate("RGB"):
+    def with_lobe(label: str, before: Any, index: Any, extinction: Any, factor: Any) -> Any:
+        inputs = {"IOR": index, "Extinction": extinction, "Roughness": roughness}
         lobe = build.node(
             "ShaderNodeBsdfMetallic",
-            f"Facets, {channel}",
-            {
-                "IOR": in_channel(f"Index in {channel}", axis, n, 1.0),
-                "Extinction": in_channel(f"Extinction in {channel}", axis, kappa, 0.0),
-                "Roughness": roughness,
-            },
+            f"Facets, {label}",
+            inputs,
             distribution="BECKMANN",
             fresnel_type="PHYSICAL_CONDUCTOR",
         )
-        factor = math("MULTIPLY", f"Weight of {channel}", weight, codes[axis])
-        coded = build.node(
-            "ShaderNodeMixShader", f"Code on {channel}", {0: factor, 2: lobe.outputs[0]}
+        mixed = build.node(
+            "ShaderNodeMixShader", f"Code on {label}", {0: factor, 2: lobe.outputs[0]}
         )
-        total = build.add_shaders(f"Facets to {channel}", total, coded.outputs[0])
-    return total
+        return build.add_shaders(f"Facets to {label}", before, mixed.outputs[0])
+
+    for axis, channel in enumerate("RGB"):
+        total = with_lobe(
+            channel,
+            total,
+            in_channel(f"Index in {channel}", axis, n, 1.0),
+            in_channel(f"Extinction in {channel}", axis, kappa, 0.0),
+            math("MULTIPLY", f"Weight of {channel}", by_channel, codes[axis]),
+        )
+    return with_lobe("grey", total, n, kappa, grey)
 
 
 def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
@@ -179,7 +190,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=2,
+    version=3,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

@@ -20,7 +20,7 @@ from .build import GroupDefinition, TreeBuilder, float_input
 from .complex_nodes import Pair, difference, power, product, scaled, total
 from .fresnel import cos_incidence
 from .interface import Wave, excess, polarisation, wave_inside
-from .outputs import SURFACE, wavelength
+from .outputs import SURFACE, any_inverse_code_length, wavelength
 from .radar_material import EXTINCTION, INDEX, INDEX_AT_CARRIER, camera_lobes
 from .range_encoding import inverse_code_length, range_code, ray_length
 
@@ -65,7 +65,7 @@ def _draw(build: TreeBuilder) -> None:
     depth = math("MULTIPLY", "d", thickness, wavelength(build))
     longer = math("MULTIPLY", "d (Re q - c)", depth, excess(build, wave))
     with build.prefixed("Delay: "):
-        delay = range_code(build, longer, inverse_k)
+        delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
     mirror_colour = build.scale("Mirror colour", code, back)
     delayed = build.scale("Delayed", delay, passed)
     mirror = build.glossy("Mirror", mirror_colour, 0.0)
@@ -97,7 +97,7 @@ def _slab(
 RADAR_SHEET = GroupDefinition(
     kind=KIND,
     name="Radar Sheet",
-    version=1,
+    version=2,
     description=(
         "A thin pane modelled as one face: all echoes between its two sides interfere. For panes, "
         "radomes and panels with a thickness of at most a few wavelengths"

@@ -64,8 +64,8 @@ class Progress(Protocol):
     def add_tiles(self, count: int) -> None:
         """Report that there are `count` tiles more than expected."""
 
-    def tile_measured(self, *, earlier: bool) -> None:
-        """Report a measured tile; `earlier`: by an earlier session."""
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
+        """Report measured replicates of a tile; `earlier`: by an earlier session."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,7 +233,6 @@ class FrameWork:
         own = None if tile.own is None else hashlib.sha256(tile.own.tobytes()).hexdigest()
         key = self._parts.key(dataclasses.astuple(tile.window), tile.level, own)
         record = self._parts.find(key)
-        earlier = record is not None
         if record is None:
             record, powers = yield from self._trace(tile, number, key)
         else:
@@ -241,7 +240,7 @@ class FrameWork:
                 self._grid.replicate_powers(rows, len(record.rows), self._receiver)
                 for rows in self._parts.replicates(key, record)
             ]
-        self._progress.tile_measured(earlier=earlier)
+            self._progress.replicates_measured(len(record.rows), earlier=True)
         quality, further = record.sums()
         self._tiles[number] = _Measured(tile, key, quality)
         self._further.append(further)
@@ -271,6 +270,7 @@ class FrameWork:
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
                 part.add(rows)
+                self._progress.replicates_measured(1, earlier=False)
         record = TileRecord(
             rows_of,
             part.sha256,

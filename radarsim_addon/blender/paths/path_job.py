@@ -17,10 +17,11 @@ import bpy
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
+from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import SURFACE_TYPES, assigned_materials
-from ..motion import BurstMotion, SamplingPlan
+from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
+from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
@@ -50,7 +51,7 @@ class PathJob(MeasurementJob):
         From `prepare`, as for `MeasurementJob`.
     """
 
-    unit = "tiles"
+    unit = "steps"
     any_projection = True
     blocking = True
 
@@ -70,9 +71,18 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
-        self.code_world = _needs_world_encoding(view_layer, options)
+        foreign = _holds_foreign_materials(view_layer)
+        choice = options.range_encoding
+        by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
+        self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
+        self._rounds_by_channel = by_facets and not self.code_world
+        self.deterministic = not self.code_world or (choice == "auto" and not foreign)
 
     # -- before the first render -------------------------------------------------------------------
+
+    def _config_findings(self) -> list[Finding]:
+        found = super()._config_findings()
+        return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
         # what flies away in the burst stays in the window
@@ -127,26 +137,30 @@ class PathJob(MeasurementJob):
             self._measurement,
             self.options,
             self.code_world,
+            self.deterministic,
             self.versions,
         )
         self._count_tiles()
 
     def _count_tiles(self) -> None:
-        """Tiles of the run, and those that earlier sessions measured."""
+        """Steps of the run, and those that earlier sessions did.
+
+        A step is a replicate of a tile, or the table of a render. Refinement adds more of them.
+        """
         frames = self._measurement.frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
-        # More where tiles are refined: the total grows as they are split.
         renders = self.options.visibility_updates
-        self.total = tiles * len(frames) * renders
+        steps = tiles * self.options.replicates + 1
+        self.total = steps * len(frames) * renders
         kept = [
             (frame, render)
             for frame in frames
             for render in range(renders)
             if self._render_is_done(frame, render)
         ]
-        self.done = self._done_before = tiles * len(kept)
+        self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
 
@@ -191,20 +205,27 @@ class PathJob(MeasurementJob):
 
     def start(self, task: Any) -> None:
         """Set the scene for a render."""
+        self.pausing = task.request is None
+        if self.pausing:
+            self.stage = f"frame {task.frame}, {task.stage}"
+            return
+        self.stage = f"frame {task.frame}, tile {task.tile + 1}, replicate {task.replicate + 1}"
         task.tracer.start(task.request)
 
     def render(self, task: Any) -> None:
         """Render and wait for the end (not for use in the UI)."""
-        self.path_scene.render()
+        if task.request is not None:
+            self.path_scene.render()
 
     def finish(self, task: Any) -> None:
         """Read what was rendered."""
-        task.tracer.finish()
-        self._rendered += 1
+        if task.request is not None:
+            task.tracer.finish()
+            self._rendered += 1
 
     @property
     def seconds_left(self) -> float | None:
-        """Estimate from the tiles of this session; refinement may add more of them."""
+        """Estimate from the steps of this session; refinement may add more of them."""
         measured = self.done - self._done_before
         if measured <= 0:
             return None
@@ -238,6 +259,7 @@ class PathJob(MeasurementJob):
             self._measurement.waveform.wavelength_m,
             self.options.motion_samples,
             render / last if last else 0.0,
+            key_frames(frame - 3, frame + 3 + self._span_s * self._fps()),
         )
         motion = BurstMotion(
             self._show,
@@ -254,9 +276,11 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
         work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
         stop_reason = yield from work.measure()
+        yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)
+        self.done += 1
         self.frame_findings += record.findings
         known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
         self.summary = (
@@ -268,18 +292,16 @@ class PathJob(MeasurementJob):
 
     def add_tiles(self, count: int) -> None:
         """See `Progress`."""
-        self.total += count
+        self.total += count * self.options.replicates
 
-    def tile_measured(self, *, earlier: bool) -> None:
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
         """See `Progress`."""
-        self.done += 1
-        self._done_before += earlier
+        self.done += count
+        self._done_before += count * earlier
 
 
-def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
+def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    if options.range_encoding != "auto":
-        return options.range_encoding == "world"
     for item in bpy.data.objects:
         if item.type not in SURFACE_TYPES or item.hide_render:
             continue
@@ -292,6 +314,15 @@ def _needs_world_encoding(view_layer: Any, options: PathOptions) -> bool:
     # What geometry nodes set shows in the evaluated object alone.
     return any(
         material is not None and not is_radar_material(material)
+        for assigned in assigned_materials(evaluated_depsgraph(view_layer))
+        for material in assigned.materials
+    )
+
+
+def _holds_rough_facets(view_layer: Any) -> bool:
+    """Whether something that can echo has facets that round by channel if materials encode."""
+    return any(
+        has_rough_facets(material)
         for assigned in assigned_materials(evaluated_depsgraph(view_layer))
         for material in assigned.materials
     )

@@ -40,7 +40,8 @@ class PathRun:
     """What all frames of a run share: the scene, and what is asked for.
 
     `world_encoding` says whether a world volume carries the range encoding instead of the
-    materials; `versions` are those of the programs.
+    materials; `deterministic` whether Radar Materials choose their lobes by the path class;
+    `versions` are those of the programs.
     """
 
     scene: PathScene
@@ -48,6 +49,7 @@ class PathRun:
     measurement: Measurement
     options: PathOptions
     world_encoding: bool
+    deterministic: bool
     versions: dict[str, str]
 
     @cached_property
@@ -86,12 +88,16 @@ class PathRun:
 
 @dataclass(frozen=True)
 class PathTask:
-    """One render of a tile replicate, as the drivers of a job see it."""
+    """One render of a tile replicate, as the drivers of a job see it.
+
+    Without a request it is a pause before something else that takes time, called `stage`.
+    """
 
     tracer: ViewTracer
     tile: int
     replicate: int
-    request: RenderRequest
+    request: RenderRequest | None
+    stage: str = ""
 
     @property
     def frame(self) -> int:
@@ -192,7 +198,7 @@ class ViewTracer:
             max_reflections=run.options.max_reflections,
             max_depth=run.options.max_depth,
             max_unfollowed_fraction=run.options.max_unfollowed_fraction,
-            deterministic_transmission=not run.world_encoding,
+            deterministic_transmission=run.deterministic,
             world_encoding=run.world_encoding,
             amplitude_channel=run.options.amplitude_channel,
             probe=probe,

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from ...findings import Finding, finding
 from ...signal.radar import find_suspicious_parameters, range_limit
@@ -17,6 +19,7 @@ def config_findings(
     frame_interval_s: float | None = None,
     sampling_mode: str = "rings",
     animation_s: float | None = None,
+    speeds_mps: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Finding]:
     """Find numbers that do not fit together.
 
@@ -34,6 +37,8 @@ def config_findings(
         "rings" or "paths", which reach as far as the scene does.
     animation_s
         Duration of the scene's animation [s]; None: unknown.
+    speeds_mps
+        Largest |range rate| of each object whose motion is known [m/s].
 
     Returns
     -------
@@ -56,6 +61,18 @@ def config_findings(
         else:
             limit = range_limit(radar.waveform)
             found.append(finding("scene-beyond-unambiguous-range", **numbers, limit=limit))
+    limit_mps = radar.max_unambiguous_velocity_mps
+    fast = sorted((n for n, v in speeds_mps.items() if v > limit_mps), key=lambda n: -speeds_mps[n])
+    if fast and radar.burst.pulses > 1:
+        found.append(
+            finding(
+                "scene-beyond-unambiguous-velocity",
+                *fast,
+                fastest_mps=speeds_mps[fast[0]],
+                max_unambiguous_velocity_mps=limit_mps,
+                prf_hz=radar.prf_for_hz(speeds_mps[fast[0]]),
+            )
+        )
     if frame_interval_s is not None and len(measurement.frames) > 1:
         burst_s = radar.burst.pulses / radar.burst.prf_hz
         if burst_s > frame_interval_s * (1 + 1e-6):

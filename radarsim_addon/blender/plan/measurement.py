@@ -20,6 +20,10 @@ MAX_RINGS = 10_000
 _MAX_PIXELS = 1 << 28
 
 
+#: Blender's own limit is a little larger.
+LAST_FRAME = 999_999
+
+
 def parse_frames(text: str) -> tuple[int, ...]:
     """Return the frames that a text selects.
 
@@ -51,10 +55,19 @@ def parse_frames(text: str) -> tuple[int, ...]:
             )
         first = numbers[0]
         last = numbers[1] if len(numbers) > 1 else first
+        _check_frames(first, last)
         frames.extend(range(first, last + 1, numbers[2] if len(numbers) == 3 else 1))
     if not frames:
         raise ConfigError(f"Frames {text!r} select none: the last one is before the first one.")
     return tuple(dict.fromkeys(frames))
+
+
+def _check_frames(first: int, last: int) -> None:
+    if not (first >= -LAST_FRAME and last <= LAST_FRAME):
+        raise ConfigError(
+            f"Frames {first} to {last} are asked for; expected frames from {-LAST_FRAME} to "
+            f"{LAST_FRAME}. Move the animation."
+        )
 
 
 #: Setting of both sampling modes.
@@ -175,11 +188,7 @@ class Measurement:
         check_settings(self)
         if not self.frames:
             raise ConfigError("No frame is to be rendered; expected at least one.")
-        if not all(0 <= frame < 1_000_000 for frame in self.frames):
-            raise ConfigError(
-                f"Frames {min(self.frames)} to {max(self.frames)} are asked for; "
-                "expected frames from 0 to 999999. Move the animation."
-            )
+        _check_frames(min(self.frames), max(self.frames))
         if self.snapshots == 2 and not self.snapshot_interval_s > 0:
             raise ConfigError(
                 f"Snapshot interval is {self.snapshot_interval_s!r} s; expected a positive time "

@@ -65,6 +65,11 @@ class Instant:
     subframe: float
     time_s: float
 
+    @property
+    def evaluated_frame(self) -> float:
+        """Frame that Blender evaluates: it adds frame and subframe in float32."""
+        return float(np.float32(self.frame) + np.float32(self.subframe))
+
 
 @dataclass(frozen=True)
 class Task:
@@ -163,13 +168,26 @@ class Plan:
                     )
 
     def instants(self, frame: int) -> list[Instant]:
-        """Return the moments of a frame's snapshots: t, and t + delta t if there are two."""
-        moments = [instant_at(float(frame), self.fps)]
-        if self.measurement.snapshots == 2:
-            moments.append(
-                instant_at(frame + self.measurement.snapshot_interval_s * self.fps, self.fps)
+        """Return the moments of a frame's snapshots: t, and t + delta t if there are two.
+
+        Raises
+        ------
+        ConfigError
+            Blender's frame numbers are too coarse there for delta t.
+        """
+        first = instant_at(float(frame), self.fps)
+        if self.measurement.snapshots == 1:
+            return [first]
+        interval_s = self.measurement.snapshot_interval_s
+        second = instant_at(frame + interval_s * self.fps, self.fps)
+        if not abs(second.time_s - first.time_s - interval_s) <= interval_s / 2:
+            step_s = float(np.spacing(np.float32(abs(frame) + 1))) / self.fps
+            raise ConfigError(
+                f"Snapshot interval is {interval_s!r} s, but at frame {frame} Blender's time has "
+                f"steps of {step_s:.3g} s. Lengthen the interval, or move the animation to lower "
+                "frame numbers."
             )
-        return moments
+        return [first, second]
 
 
 def instant_at(frame: float, fps: float) -> Instant:
@@ -189,13 +207,14 @@ def instant_at(frame: float, fps: float) -> Instant:
 
     Notes
     -----
-    Blender adds frame and subframe in float32. At frame 250 time has steps of 1.5e-5 frames.
+    Blender's sum in float32 has steps of 1.5e-5 frames at frame 250, of 1e-3 at frame 10 000.
     """
     whole = math.floor(frame)
     subframe = float(np.float32(frame - whole))
     if subframe >= 1.0:
         whole, subframe = whole + 1, 0.0
-    return Instant(whole, subframe, float(np.float32(whole) + np.float32(subframe)) / fps)
+    moment = Instant(whole, subframe, 0.0)
+    return dataclasses.replace(moment, time_s=moment.evaluated_frame / fps)
 
 
 def range_encoding_length_m(measurement: Measurement, rings: int, extent: Extent) -> float:
@@ -274,7 +293,23 @@ def make_plan(
 
 
 def check_unit_scale(metres_per_unit: float) -> float:
-    """Return the metres per Blender unit; `ConfigError` unless positive: Blender accepts NaN."""
+    """Return the unit scale of the scene, if it can be used.
+
+    Parameters
+    ----------
+    metres_per_unit
+        Unit scale [m per Blender unit].
+
+    Returns
+    -------
+    float
+        The same.
+
+    Raises
+    ------
+    ConfigError
+        Not finite or not positive.
+    """
     return _check_positive(
         "Unit Scale", metres_per_unit, ", the metres per Blender unit. Set it in Scene > Units; "
         "the default is 1."
@@ -282,7 +317,23 @@ def check_unit_scale(metres_per_unit: float) -> float:
 
 
 def check_frame_rate(fps: float) -> float:
-    """Return the Blender frames per second; `ConfigError` unless positive and finite."""
+    """Return the frame rate of the scene, if it can be used.
+
+    Parameters
+    ----------
+    fps
+        Blender frames per second.
+
+    Returns
+    -------
+    float
+        The same.
+
+    Raises
+    ------
+    ConfigError
+        Not finite or not positive.
+    """
     return _check_positive("Frame rate", fps, ". Set it and its base in Output > Format.")
 
 

@@ -6,6 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...options import documented, setting
+from .measurement import LAST_FRAME
+
+_FRAME = {"minimum": -LAST_FRAME, "maximum": LAST_FRAME}
 
 
 @documented
@@ -70,9 +73,9 @@ class RunSettings:
             ("range", "Range", "First, last and step as given here"),
         ),
     )
-    frame_start: int = setting("First", "Set the first frame", 1, minimum=0, maximum=999_999)
-    frame_end: int = setting("Last", "Set the last frame", 1, minimum=0, maximum=999_999)
-    frame_step: int = setting("Step", "Take every n-th frame", 1, minimum=1, maximum=999_999)
+    frame_start: int = setting("First", "Set the first frame", 1, **_FRAME)
+    frame_end: int = setting("Last", "Set the last frame", 1, **_FRAME)
+    frame_step: int = setting("Step", "Take every n-th frame", 1, minimum=1, maximum=LAST_FRAME)
     output_folder: str = setting(
         "Output",
         "Set the folder of the run; // is the folder of the .blend file. radarsim makes it where "

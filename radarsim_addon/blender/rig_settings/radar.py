@@ -8,6 +8,7 @@ copies, other scenes, other files.
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -81,9 +82,21 @@ def carrier_hz(scene: Any) -> float:
     float
         Carrier [Hz]; without a radar, the initial one.
     """
-    with contextlib.suppress(SceneError):
-        return float(settings(active_radar(scene)).carrier_hz)
-    return float(RADAR_SETTINGS["carrier_hz"].initial)
+    try:
+        view = settings(active_radar(scene))
+    except SceneError:
+        return float(RADAR_SETTINGS["carrier_hz"].initial)
+    if view.waveform_kind == "file":
+        with contextlib.suppress(OSError, ConfigError):
+            path = Path(bpy.path.abspath(view.waveform_file))
+            return _carrier_of_file(path, path.stat().st_mtime_ns)
+    return float(view.carrier_hz)
+
+
+@functools.lru_cache(maxsize=8)
+def _carrier_of_file(path: Path, _: int) -> float:
+    """Carrier of a waveform file, read again after a change [Hz]."""
+    return float(load_radar(path, Burst(1.0, 1)).waveform.carrier_hz)
 
 
 def beyond_band(scene: Any) -> str:
@@ -103,9 +116,13 @@ def beyond_band(scene: Any) -> str:
 
 
 def _refresh_for_carrier(_: Any, __: Any = None) -> None:
-    """Evaluate physical materials at the carrier of the active radar."""
+    """Evaluate physical materials at the carrier of the active radar, and show them."""
     # What cannot be evaluated there, or lies beyond its band, is told by the panels and by the run.
     refresh_materials(carrier_hz(bpy.context.scene), beyond_band(bpy.context.scene))
+    manager = bpy.context.window_manager
+    for window in () if manager is None else manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()  # Blender does not draw the Material tab for a change in the sidebar
 
 
 def _fm_rate(group: Any) -> float:
@@ -158,7 +175,9 @@ RadarGroup = property_group(
             type=AntennaGroup, name="Receiver", description="Antenna of the receiver"
         ),
     },
-    {"carrier_hz": _refresh_for_carrier, "beyond_band": _refresh_for_carrier},
+    dict.fromkeys(
+        ("carrier_hz", "waveform_kind", "waveform_file", "beyond_band"), _refresh_for_carrier
+    ),
 )
 
 

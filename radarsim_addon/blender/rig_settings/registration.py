@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..materials.library import READY
 from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
 from .material import MATERIAL_PROPERTY, MaterialSettings
@@ -14,6 +15,24 @@ from .migration import migrate_file
 from .radar import RADAR_PROPERTY, AntennaGroup, RadarGroup, active_radar_property
 
 PROGRESS_PROPERTY = "radarsim"
+
+
+class MaterialSuggestion(bpy.types.PropertyGroup):
+    """An optical material, and the radar material that is to replace it."""
+
+    material: bpy.props.StringProperty(name="Material", description="Optical material of the scene")
+    ready: bpy.props.EnumProperty(
+        name="Radar material",
+        items=(
+            (
+                "KEEP",
+                "Leave as it is",
+                "Its echoes have the powers of the optical material",
+            ),
+            *((name, name, asset.description) for name, asset in READY.items()),
+        ),
+        description="Choose the radar material in its place",
+    )
 
 
 class RadarProgress(bpy.types.PropertyGroup):
@@ -26,6 +45,14 @@ class RadarProgress(bpy.types.PropertyGroup):
         description="Choose the material for the selected objects",
     )
 
+    suggestions: bpy.props.CollectionProperty(
+        type=MaterialSuggestion,
+        options={"SKIP_SAVE"},
+        description="Optical materials of the scene with radar materials for them",
+    )
+    suggestion: bpy.props.IntProperty(
+        name="Suggestion", options={"SKIP_SAVE"}, description="Row of the list of suggestions"
+    )
     running: bpy.props.BoolProperty(
         name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
     )
@@ -46,6 +73,8 @@ class RadarProgress(bpy.types.PropertyGroup):
     )
 
 
+#: Property groups within those.
+_PARTS = (AntennaGroup, MaterialSuggestion)
 #: Property groups by the Blender type that they hang on.
 _GROUPS: tuple[tuple[Any, Any, str, str], ...] = (
     (RadarGroup, bpy.types.Object, RADAR_PROPERTY, "Radar"),
@@ -58,7 +87,8 @@ def register() -> None:
     """Add ``radarsim`` to objects, materials, window manager; a second call changes nothing."""
     if AntennaGroup.is_registered:
         return
-    bpy.utils.register_class(AntennaGroup)
+    for part in _PARTS:
+        bpy.utils.register_class(part)
     for group, owner, name, label in _GROUPS:
         bpy.utils.register_class(group)
         setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
@@ -77,4 +107,5 @@ def unregister() -> None:
     for group, owner, name, _ in reversed(_GROUPS):
         delattr(owner, name)
         bpy.utils.unregister_class(group)
-    bpy.utils.unregister_class(AntennaGroup)
+    for part in reversed(_PARTS):
+        bpy.utils.unregister_class(part)

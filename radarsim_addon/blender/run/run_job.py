@@ -40,6 +40,7 @@ from ..plan import (
     shortest_decimal,
 )
 from ..scene import (
+    ClosingSpeeds,
     Rig,
     find_rig,
     receiver_record,
@@ -77,6 +78,10 @@ class MeasurementJob:
     unit = "renders"
     any_projection = False
     blocking = False
+    #: What is being done, within the run.
+    stage = ""
+    #: Whether the step is a pause before something else that takes time.
+    pausing = False
     #: Whether objects of any material echo.
     code_world = False
 
@@ -152,7 +157,7 @@ class MeasurementJob:
         refresh_groups()
         survey = SettingsRestorer()
         try:
-            self._remember_view(survey)
+            survey.keep_frame(self._scene)
             extent, geometry_digest = self._survey()
         finally:
             self.unrestored += self._shown_for_run.restore() + survey.restore()
@@ -191,31 +196,28 @@ class MeasurementJob:
         render = self._scene.render
         return check_frame_rate(float(render.fps) / shortest_decimal(render.fps_base))
 
-    def _remember_view(self, recorder: SettingsRestorer) -> None:
-        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
-        recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
-
     def _surveyed(self, frame: int) -> tuple[float, ...]:
-        """Moments of a radar frame, in Blender frames, at which the scene's extent is taken."""
-        return (float(frame),)
+        """Moments of a radar frame, in Blender frames, at which the scene is looked at."""
+        if self._measurement.snapshots < 2:
+            return (float(frame),)
+        return (float(frame), frame + self._measurement.snapshot_interval_s * self._fps())
 
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
-        extent = Extent()
-        measurement = self._measurement
-        later = (
-            measurement.snapshot_interval_s * self._fps() if measurement.snapshots == 2 else None
-        )
-        for frame in measurement.frames:
-            if later is not None:
-                self._refuse_what_is_no_number(instant_at(frame + later, self._fps()))
+        extent, units = Extent(), self._metres_per_unit()
+        self._speeds = ClosingSpeeds(units)
+        for frame in self._measurement.frames:
+            before = None
             for at in self._surveyed(frame):
-                depsgraph = self._refuse_what_is_no_number(instant_at(at, self._fps()))
-                extent = extent.union(
-                    ground_truth.scene_extent(
-                        depsgraph, self.rig, self._metres_per_unit(), self.code_world
-                    )
-                )
+                instant = instant_at(at, self._fps())
+                depsgraph = self._refuse_what_is_no_number(instant)
+                boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
+                antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+                extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
+                if before is not None:
+                    interval_s = instant.time_s - before[0].time_s
+                    self._speeds.add(before[1], (boxes, antennas), interval_s)
+                before = instant, (boxes, antennas)
         digests = [ground_truth.animation_digest()]
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
             depsgraph = self._show(instant_at(float(frame), self._fps()))
@@ -242,6 +244,7 @@ class MeasurementJob:
             interval_s,
             self.plan.sampling_mode,
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
+            self._speeds.by_object,
         )
 
     # -- renders -----------------------------------------------------------------------------------
@@ -297,11 +300,8 @@ class MeasurementJob:
 
     def _shows(self, instant: Instant) -> bool:
         # The user may have scrubbed the timeline since.
-        return (
-            self._shown == instant
-            and self._scene.frame_current == instant.frame
-            and self._scene.frame_subframe == instant.subframe
-        )
+        now = self._scene.frame_current + self._scene.frame_subframe
+        return self._shown == instant and bool(now == instant.evaluated_frame)
 
     # -- afterwards --------------------------------------------------------------------------------
 

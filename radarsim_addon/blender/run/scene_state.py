@@ -85,7 +85,7 @@ class MeasurementSettings:
                 "Enable Edit > Preferences > Add-ons > Cycles Render Engine."
             )
         try:
-            self._remember_time()
+            self._recorder.keep_frame(self._scene)
             self._set_render()
             self._set_cycles()
             self._set_image_format()
@@ -115,10 +115,6 @@ class MeasurementSettings:
         self._scene.update_tag()
 
     # -- the groups of settings --------------------------------------------------------------------
-
-    def _remember_time(self) -> None:
-        scene, frame, subframe = self._scene, self._scene.frame_current, self._scene.frame_subframe
-        self._recorder.on_restore("frame", lambda: scene.frame_set(frame, subframe=subframe))
 
     def _set_render(self) -> None:
         render, put = self._scene.render, self._recorder.set
@@ -205,10 +201,9 @@ class MeasurementSettings:
 
     def _set_image_format(self) -> None:
         image, put = self._scene.render.image_settings, self._recorder.set
-        # From 5.0 on the media type limits the formats; in any version the format limits depth and
-        # codec. The recorder takes them back in the opposite order, which needs the format first:
-        # so the user's depth, mode and codec are remembered before the format changes them.
-        self._remember_image_format(image)
+        # The media type (from 5.0 on) limits the formats, the format depth and codec; and each
+        # resets others, such as colour space and stereo views.
+        self._recorder.keep_all(image)
         if hasattr(image, "media_type"):
             image.media_type = "IMAGE"
         image.file_format = "OPEN_EXR"
@@ -217,18 +212,6 @@ class MeasurementSettings:
         image.exr_codec = "ZIP"
         put(image, "use_preview", False)
         put(image, "color_management", "FOLLOW_SCENE")
-
-    def _remember_image_format(self, image: Any) -> None:
-        names = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec")
-        before = {name: getattr(image, name) for name in names if hasattr(image, name)}
-
-        def undo() -> None:
-            # The codec enumeration depends on the depth that is set while it is written.
-            image.exr_codec = before.pop("exr_codec")
-            for name, value in before.items():
-                setattr(image, name, value)
-
-        self._recorder.on_restore("image format", undo)
 
     def _set_view_layers(self) -> None:
         put, put_some = self._recorder.set, self._recorder.set_if_present

@@ -4,6 +4,7 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
+from .closing_speeds import ClosingSpeeds
 from .finite_checks import check_pose, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
@@ -14,8 +15,9 @@ from .instance_poses import (
     instance_name,
     pose_in_metres,
 )
-from .isolation import echoes, isolate
+from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind
@@ -36,11 +38,13 @@ __all__ = [
     "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "ClosingSpeeds",
     "InstancePose",
     "Poses",
     "Rig",
     "active_radar",
     "aim",
+    "animation_curves",
     "antennas_of",
     "camera_kind",
     "check_meshes",
@@ -59,9 +63,11 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "replace_material",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_what_renders",
+    "suggest_materials",
     "transmitter_record",
 ]

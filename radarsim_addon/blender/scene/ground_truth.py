@@ -66,17 +66,35 @@ def scene_extent(
     Extent
         Distances of bounding boxes, so never too small [m]. Only the baseline if nothing can echo.
     """
-    receiver = _origin(rig.camera, depsgraph)
-    transmitter = _origin(rig.emitter, depsgraph)
-    baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
-    boxes = [
-        _corners(one)
+    boxes = echoing_boxes(depsgraph, any_material)
+    return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
+
+
+#: Corners of bounding boxes in world space, (8, 3) [Blender units], by label and instance.
+Boxes = list[tuple[tuple[str, Key], Real]]
+
+
+def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
+    """Return the boxes of the surfaces that can echo; of all surfaces with `any_material`."""
+    return [
+        ((one.label, one.key), _corners(one))
         for one in _rendered_surfaces(depsgraph)
         if any_material or echoes(one.original)
     ]
+
+
+def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
+    """Return the places of receiver and transmitter, (3,) each [Blender units]."""
+    return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
+
+
+def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: float) -> Extent:
+    """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
+    receiver, transmitter = antennas
+    baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
     if not boxes:
         return Extent(baseline_m=baseline_m)
-    corners = np.concatenate(boxes)
+    corners = np.concatenate([box for _, box in boxes])
 
     def farthest_m(origin: Real) -> float:
         return float(np.linalg.norm(corners - origin, axis=1).max()) * metres_per_unit

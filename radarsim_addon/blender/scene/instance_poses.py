@@ -46,7 +46,7 @@ class Poses:
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
-    """Return a matrix of Blender with its translation in metres, shape (4, 4), float64.
+    """Return a matrix of Blender with its translation in metres.
 
     Parameters
     ----------
@@ -54,6 +54,11 @@ def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
         4x4, Blender units.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    ndarray
+        Shape (4, 4), float64.
     """
     pose = np.array(matrix, dtype=np.float64)
     pose[:3, 3] *= metres_per_unit
@@ -86,6 +91,11 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
         Up to date.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    Poses
+        In metres.
     """
     objects: dict[str, dict[Key, InstancePose]] = {}
     rendered: dict[str, Any] = {}

@@ -9,7 +9,7 @@ without a Radar Material absorb, so they cast a radar shadow but return no echo.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -53,9 +53,9 @@ def isolate(
         Objects that give no echo.
     """
     _hide_other_lights(recorder, emitter)
-    if any_material:
-        return _isolate_any_material(recorder, scene)
     assigned = assigned_materials(depsgraph)
+    if any_material:
+        return [*_optical(assigned), *_isolate_any_material(recorder, scene)]
     silent = [
         one.item.name for one in assigned if not any(is_radar_material(m) for m in one.materials)
     ]
@@ -74,6 +74,16 @@ def isolate(
     if unsupported:
         findings.append(finding("object-without-surface", *unsupported))
     return findings
+
+
+def _optical(assigned: Sequence[MaterialAssignment]) -> list[Finding]:
+    """Name the objects whose echoes are those of an optical material."""
+    names = [
+        one.item.name
+        for one in assigned
+        if not one.materials or not all(is_radar_material(m) for m in one.materials)
+    ]
+    return [finding("optical-material", *names)] if names else []
 
 
 def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[Finding]:
@@ -129,11 +139,16 @@ def _scatters_inside(material: Any) -> bool:
 
 
 def echoes(item: Any) -> bool:
-    """Return whether an object can echo: Radar Material in a slot or perhaps from Geometry Nodes.
+    """Return whether an object can echo: a Radar Material in a slot or from Geometry Nodes.
 
     Parameters
     ----------
     item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True also where Geometry Nodes might assign a Radar Material.
     """
     if item.type not in SURFACE_TYPES:
         return False
@@ -178,7 +193,17 @@ def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> No
 
 
 def animation_curves(animation: Any) -> Iterator[Any]:
-    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones."""
+    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones.
+
+    Parameters
+    ----------
+    animation : bpy.types.AnimData or None
+
+    Yields
+    ------
+    bpy.types.FCurve
+        One at a time.
+    """
     if animation is None:
         return
     yield from animation.drivers

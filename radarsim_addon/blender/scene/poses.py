@@ -26,6 +26,11 @@ def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]
         Shape (4, 4), Blender units.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    ndarray
+        Shape (4, 4).
     """
     matrix = np.array(matrix_world, dtype=np.float64)
     left, _, right = np.linalg.svd(matrix[:3, :3])
@@ -38,7 +43,7 @@ def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]
 def receiver_record(
     rig: Rig, depsgraph: Any, metres_per_unit: float, width_px: int, height_px: int
 ) -> contract.ReceiverRecord:
-    """Return the record of the receiver at the depsgraph's time, in metres.
+    """Return the record of the receiver at the depsgraph's time.
 
     Parameters
     ----------
@@ -50,6 +55,11 @@ def receiver_record(
         Metres per Blender unit.
     width_px, height_px
         Size of the render.
+
+    Returns
+    -------
+    contract.ReceiverRecord
+        Pose and near clip distance in metres.
 
     Raises
     ------
@@ -84,7 +94,7 @@ def receiver_record(
 def transmitter_record(
     rig: Rig, depsgraph: Any, metres_per_unit: float
 ) -> contract.TransmitterRecord:
-    """Return the record of the transmitter at the depsgraph's time, in metres and watts.
+    """Return the record of the transmitter at the depsgraph's time.
 
     Parameters
     ----------
@@ -94,6 +104,11 @@ def transmitter_record(
         Up to date.
     metres_per_unit
         Metres per Blender unit.
+
+    Returns
+    -------
+    contract.TransmitterRecord
+        Pose in metres, EIRP in watts.
 
     Raises
     ------

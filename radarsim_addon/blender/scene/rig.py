@@ -86,22 +86,32 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def radar_of(light: Any) -> Any:
-    """Return the object that keeps the settings of a transmitter: its parent, else itself.
+    """Return the object that keeps the settings of a transmitter.
 
     Parameters
     ----------
     light : bpy.types.Object
         Transmitter.
+
+    Returns
+    -------
+    bpy.types.Object
+        The parent, else the transmitter itself.
     """
     return light.parent or light
 
 
 def radars(scene: Any) -> list[Any]:
-    """Return the radars of a scene, as `radar_of` does, in the order of the scene's objects.
+    """Return the radars of a scene, as `radar_of` does.
 
     Parameters
     ----------
     scene : bpy.types.Scene
+
+    Returns
+    -------
+    list of bpy.types.Object
+        In the order of the scene's objects.
     """
     return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
 
@@ -229,11 +239,16 @@ def check_scale(item: Any, matrix_world: Any) -> None:
 
 
 def is_transmitter(item: Any) -> bool:
-    """Return whether an object is a Point light with the Ring Emitter; False for None.
+    """Return whether an object is a Point light with the Ring Emitter.
 
     Parameters
     ----------
     item : bpy.types.Object or None
+
+    Returns
+    -------
+    bool
+        False for None.
     """
     if item is None or item.type != "LIGHT":
         return False

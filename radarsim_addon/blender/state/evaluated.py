@@ -59,23 +59,33 @@ class EvaluatedObject(NamedTuple):
 
 
 def evaluated_depsgraph(view_layer: Any) -> Any:
-    """Return the depsgraph of a view layer, up to date.
+    """Return the depsgraph of a view layer.
 
     Parameters
     ----------
     view_layer : bpy.types.ViewLayer
+
+    Returns
+    -------
+    bpy.types.Depsgraph
+        Up to date.
     """
     view_layer.update()
     return view_layer.depsgraph
 
 
 def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
-    """Yield objects and instances of a depsgraph in Blender's order, each valid until the next.
+    """Yield all objects and instances of a depsgraph in Blender's order.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
+
+    Yields
+    ------
+    EvaluatedObject
+        Valid until the next one.
     """
     for item in depsgraph.object_instances:
         instancer = item.parent.original if item.is_instance else None
@@ -91,12 +101,17 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
 
 @contextmanager
 def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
-    """Provide the mesh of an evaluated object during a context; None for one without a surface.
+    """Provide the mesh of an evaluated object during a context.
 
     Parameters
     ----------
     evaluated : bpy.types.Object
         Of any type.
+
+    Yields
+    ------
+    bpy.types.Mesh or None
+        None for an object without a surface.
     """
     mesh = evaluated.to_mesh()
     try:
@@ -109,7 +124,7 @@ def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
 def read_numbers(
     items: Any, name: str, width: int = 1, dtype: type[np.generic] = np.float32
 ) -> NDArray[Any]:
-    """Return a property of all elements of a mesh, shape (elements, width).
+    """Return a property of all elements of a mesh.
 
     Parameters
     ----------
@@ -121,6 +136,11 @@ def read_numbers(
         Numbers per element.
     dtype
         Type in which Blender stores the property.
+
+    Returns
+    -------
+    ndarray
+        Shape (elements, width).
     """
     values = np.empty(len(items) * width, dtype=dtype)
     items.foreach_get(name, values)
@@ -128,11 +148,16 @@ def read_numbers(
 
 
 def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return vertices (n, 3), object axes, Blender units, and triangles (m, 3), vertex indices.
+    """Return the vertices and triangles of a mesh.
 
     Parameters
     ----------
     mesh : bpy.types.Mesh
+
+    Returns
+    -------
+    ndarray, ndarray
+        Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
     """
     mesh.calc_loop_triangles()
     triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)

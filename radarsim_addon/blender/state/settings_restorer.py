@@ -7,10 +7,14 @@ limits the file format, and the file format limits the colour depth.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 _ABSENT = object()
+#: Times that settings which limit one another are set: media type, format, depth, codec.
+_PASSES = 4
 
 
 class SettingsRestorer:
@@ -69,6 +73,42 @@ class SettingsRestorer:
 
         self._undo.append((key, undo))
 
+    def keep_frame(self, scene: Any) -> None:
+        """Have `restore` bring the scene back to the frame of now.
+
+        Parameters
+        ----------
+        scene : bpy.types.Scene
+        """
+        # Before frame 0 Blender's subframe is negative, and frame_set takes none that is.
+        now = scene.frame_current + scene.frame_subframe
+        whole = math.floor(now)
+        self.on_restore("frame", lambda: scene.frame_set(whole, subframe=now - whole))
+
+    def keep_all(self, owner: Any) -> None:
+        """Have `restore` bring back every setting of a struct whose settings change one another.
+
+        Parameters
+        ----------
+        owner : bpy.types.bpy_struct
+            The settings of structs in it, too.
+        """
+        before = list(_settings_of(owner))
+
+        def undo() -> None:
+            for _ in range(_PASSES):
+                for struct, name, value in before:
+                    if _plain(getattr(struct, name)) != value:
+                        with contextlib.suppress(TypeError):  # not allowed yet
+                            setattr(struct, name, value)
+            lost = [
+                name for struct, name, value in before if _plain(getattr(struct, name)) != value
+            ]
+            if lost:
+                raise ValueError(f"{', '.join(lost)} cannot be set as before")
+
+        self.on_restore(type(owner).__name__, undo)
+
     def on_restore(self, name: str, undo: Callable[[], None]) -> None:
         """Add a step that takes another change back.
 
@@ -96,6 +136,18 @@ class SettingsRestorer:
             except Exception as error:
                 failures.append(f"{name}: {error}")
         return failures
+
+
+def _settings_of(owner: Any) -> Iterator[tuple[Any, str, Any]]:
+    """Structs, names and values of what can be set in a struct and those in it."""
+    for item in owner.bl_rna.properties:
+        value = getattr(owner, item.identifier)
+        if item.type == "POINTER":
+            if value is not None and item.identifier != "rna_type":
+                yield from _settings_of(value)
+        elif not item.is_readonly and item.type != "COLLECTION" and value != "":
+            # an enumeration that reads "" is unset, and cannot be set so
+            yield owner, item.identifier, _plain(value)
 
 
 def _plain(value: Any) -> Any:

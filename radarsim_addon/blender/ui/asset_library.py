@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import bpy
 
 from ...errors import SceneError
 from ..materials import physical_materials as pm
+from ..materials.library import ASSETS
 from ..rig_settings import beyond_band, carrier_hz
 from .shown_findings import reported
 
@@ -34,69 +34,11 @@ CATALOGUE_IDS = {
 MADE_AT_HZ = 5.3e9
 
 
-@dataclass(frozen=True)
-class Asset:
-    """A material of the library: a medium, and RMS height and correlation length [m].
-
-    The surfaces are typical, not measured.
-    """
-
-    name: str
-    catalogue: str
-    medium: str
-    rms_height_m: float = 0.0
-    correlation_length_m: float = 0.0
-    parameters: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def description(self) -> str:
-        """Tooltip in the Asset Browser: source, band, surface."""
-        model = pm.Medium(self.medium).model
-        surface = "Smooth"
-        if self.rms_height_m:
-            surface = (
-                f"RMS height {self.rms_height_m * 1e3:g} mm, correlation length "
-                f"{self.correlation_length_m * 1e3:g} mm"
-            )
-        given = "".join(f"{key} {value:g}. " for key, value in self.parameters.items())
-        return f"{model.source} ({model.edition}), {model.band_text}. {given}{surface}"
-
-
-ASSETS: tuple[Asset, ...] = (
-    Asset("Concrete, smooth", "Radar/Building", "concrete"),
-    Asset("Concrete, rough", "Radar/Building", "concrete", 2e-3, 2e-2),
-    Asset("Brick", "Radar/Building", "brick", 2e-3, 1.5e-2),
-    Asset("Plasterboard", "Radar/Building", "plasterboard"),
-    Asset("Wood", "Radar/Building", "wood", 0.5e-3, 1e-2),
-    Asset("Chipboard", "Radar/Building", "chipboard"),
-    Asset("Glass", "Radar/Building", "glass"),
-    Asset("Marble", "Radar/Building", "marble"),
-    Asset("Asphalt", "Radar/Ground", "asphalt_concrete", 1.5e-3, 8e-3),
-    Asset("Very dry ground", "Radar/Ground", "very_dry_ground", 1e-2, 8e-2),
-    Asset("Medium dry ground", "Radar/Ground", "medium_dry_ground", 1e-2, 8e-2),
-    Asset("Wet ground", "Radar/Ground", "wet_ground", 1e-2, 8e-2),
-    Asset("Soil, 20 % moisture", "Radar/Ground", "soil", 1e-2, 8e-2, {"moisture": 0.2}),
-    Asset("Ice", "Radar/Water", "ice", 2e-3, 5e-2),
-    Asset("Fresh water", "Radar/Water", "water", 5e-3, 1e-1),
-    Asset("Sea water", "Radar/Water", "sea_water", 1e-2, 1e-1),
-    Asset("Steel", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 1.45e6}),
-    Asset("Aluminium", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 3.8e7}),
-    Asset("Metal, rough", "Radar/Metal", "metal", 2e-3, 1e-2),
-)
-
-
 def make_assets() -> list[Any]:
     """Make the library's materials in the current file, marked as assets, without previews."""
     made = []
     for asset in ASSETS:
-        material = pm.make_physical_material(
-            asset.name,
-            asset.medium,
-            carrier_hz=MADE_AT_HZ,
-            rms_height_m=asset.rms_height_m,
-            correlation_length_m=asset.correlation_length_m,
-            **asset.parameters,
-        )
+        material = asset.material(asset.name, MADE_AT_HZ)
         material.asset_mark()
         data = material.asset_data
         data.catalog_id = CATALOGUE_IDS[asset.catalogue]

@@ -130,6 +130,8 @@ class InteractiveRender:
             self.job.start(task)
             self.job.render(task)
             self.job.finish(task)
+            if self.job.pausing:  # the user interface says what comes before it begins
+                break
         return bool(self.stop_reason)
 
     def _may_write(self) -> bool:

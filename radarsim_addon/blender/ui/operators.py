@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any, ClassVar
 
 import bpy
@@ -15,6 +16,7 @@ from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, sett
 from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
+from .placement import radar_pose
 from .results import ProcessingJob, show_images
 from .shown_findings import findings_text, report_findings, reported
 
@@ -25,7 +27,7 @@ _HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD"
 
 
 class RADARSIM_OT_setup_rig(bpy.types.Operator):
-    """Add a radar: receiver and transmitter under one empty, at the 3D cursor"""
+    """Add a radar at your view, looking at the selected objects: receiver and transmitter"""
 
     bl_idname = "radarsim.setup_rig"
     bl_label = "Set Up Radar"
@@ -33,7 +35,10 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         with reported(self):
+            pose = radar_pose(context)
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
+            if pose is not None:
+                empty.location, empty.rotation_euler = pose
             migrate_scene(context.scene)  # settings of 0.1 that had no radar to go to
             for item in context.selected_objects:
                 item.select_set(False)
@@ -223,7 +228,8 @@ class RADARSIM_OT_render_frames(_TimedOperator):
 
     def _state(self) -> tuple[float, str]:
         job = self._run.job
-        return job.fraction, progress_text(job.done, job.total, job.seconds_left, job.unit)
+        text = progress_text(job.done, job.total, job.seconds_left, job.unit)
+        return job.fraction, f"{text} ({job.stage})" if job.stage else text
 
     def _escape(self, context: Any) -> set[str]:
         self._run.request_stop("stopped by Esc")
@@ -279,7 +285,8 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     _job: ProcessingJob
 
     def _start(self, context: Any) -> list[Finding]:
-        self._job = ProcessingJob(output_folder(active_radar(context.scene)))
+        folder = output_folder(active_radar(context.scene))
+        self._job = ProcessingJob(folder, apart=not bpy.app.background)
         return []
 
     def _tick(self) -> bool:
@@ -292,6 +299,10 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         self._end(context, "Processing stopped")
         return {"CANCELLED"}
 
+    def _end(self, context: Any, text: str) -> None:
+        self._job.close()
+        super()._end(context, text)
+
     def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
@@ -302,8 +313,9 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         """Without a window: at once."""
         with reported(self):
             self._start(context)
-            while not self._job.step():
-                pass
+            with contextlib.closing(self._job):
+                while not self._job.step():
+                    pass
             self._report_end()
             return {"FINISHED"}
         return {"CANCELLED"}

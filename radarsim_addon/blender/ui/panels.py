@@ -41,6 +41,7 @@ from ..scene import (
     scene_extent,
 )
 from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
+from .material_names import draw_suggestions
 from .shown_findings import draw_findings, read_findings
 
 #: Instances looked at while drawing; larger scenes show their number of rings when rendering.
@@ -83,6 +84,7 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         column.prop(state, "preset", text="")
         button = column.operator("radarsim.assign_material", icon="MATERIAL")
         button.preset = state.preset
+        draw_suggestions(context, layout)
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
         item = context.active_object
         if item is not None and item.type == "MESH":

@@ -242,7 +242,8 @@ def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
         column = round(axes.column(-2 * value / wavelength_m))
         canvas[TOP - 5 : TOP + 1, column] = _INK
         _put_text(canvas, _number(value), column, TOP - 18)
-    _put_text(canvas, "Range rate [m/s] (receding: positive)", (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
+    label = f"Range rate [m/s] (receding: positive; folds at +-{high:.3g} m/s)"
+    _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 
 def _colour_bar(canvas: Single, top_db: float, unit: str) -> None:

@@ -3,17 +3,25 @@
 
 from __future__ import annotations
 
+import json
+import os
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ... import contract
+from ... import contract, errors
 from ...array_types import Single
 from ...errors import OutputError
-from ...findings import Finding
-from .pictures import draw_map, draw_profile
+from ...findings import Finding, from_json
+from .processing_worker import MAP_FILE, PROFILE_FILE, processing_records
 
 MAP_IMAGE = "Radar range-Doppler map"
 PROFILE_IMAGE = "Radar range profile"
@@ -23,29 +31,27 @@ _FIT_INTERVAL_S = 0.3
 
 
 class ProcessingJob:
-    """Processing of a run folder in steps.
+    """Processing of a run folder in steps; `close` ends it before its end.
 
-    Parameters
-    ----------
-    folder
-        Run folder.
-
-    Raises
-    ------
-    OutputError
-        The folder contains no run.
+    With `apart` a process of its own does it, so that no step takes long. Raises OutputError for a
+    folder without a run.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, apart: bool = False) -> None:
         if not (folder / contract.RUN_FILE).is_file():
             raise OutputError(
                 f"{folder} contains no run ({contract.RUN_FILE} is missing). "
                 "Press Render Radar Frames first, or choose the folder of a run."
             )
-        # This import is slow, so enabling the add-on must not need it.
-        from ...signal.pipeline import ProcessOptions, process_run
-
-        self._events = process_run(folder, ProcessOptions(plots=False))
+        self._pictures = tempfile.TemporaryDirectory(prefix="radarsim_")
+        self._worker: subprocess.Popen[str] | None = None
+        pictures = Path(self._pictures.name)
+        self._waiting: Iterator[dict[str, Any] | None]
+        if apart and _python() is not None:
+            self._waiting = self._records_of_worker(folder, pictures)
+        else:
+            self._waiting = processing_records(folder, pictures)
+        self._to_show = [(MAP_IMAGE, MAP_FILE), (PROFILE_IMAGE, PROFILE_FILE)]
         self.fraction = 0.0
         self.text = "Processing"
         self.findings: list[Finding] = []
@@ -53,72 +59,80 @@ class ProcessingJob:
         self.images: list[Any] = []
 
     def step(self) -> bool:
-        """Do one step.
+        """Do one step; return whether it was the last one, and `images` are complete.
 
-        Returns
-        -------
-        bool
-            Whether all frames are processed. `images` are complete then.
-
-        Raises
-        ------
-        RadarSimError
-            The run is incomplete or damaged.
+        Raises a `RadarSimError` where the run is incomplete or damaged.
         """
-        event = next(self._events, None)
-        if event is None:
-            return True
-        if hasattr(event, "rd_map"):
-            self._take(event)
-        else:
-            self.fraction = event.done / max(event.total, 1)
-            self.text = event.text
-        return False
+        for record in self._waiting:
+            if record is not None:
+                self._take(record)
+            return False
+        if self._to_show:
+            name, file = self._to_show.pop(0)
+            self.images.append(as_image(name, np.load(Path(self._pictures.name) / file)))
+            return False
+        self.close()
+        return True
 
-    def _take(self, result: Any) -> None:
-        """Draw the pictures of a frame in place of those of the frame before."""
-        title = f"frame {result.frame}, t = {result.time_s:.4g} s"
-        unit = "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB"
-        self.findings += result.findings
-        self.frames.append(result.frame)
-        self.images = [
-            as_image(
-                MAP_IMAGE,
-                draw_map(
-                    result.rd_map.range_m,
-                    result.rd_map.doppler_hz,
-                    result.rd_map.power_db[0],
-                    result.rd_map.radar.waveform.wavelength_m,
-                    f"Range-Doppler map, {title}",
-                    unit,
-                ),
-            ),
-            as_image(
-                PROFILE_IMAGE,
-                draw_profile(
-                    result.profile.range_m, result.profile.power, f"Range profile, {title}", unit
-                ),
-            ),
-        ]
-        self.text = f"Frame {result.frame}: {len(result.files)} files"
-        if result.files:
-            self.text += f" in {result.files[0].parent}"
+    def close(self) -> None:
+        """End the process, if it still runs, and remove its files."""
+        if self._worker is not None:
+            self._worker.kill()
+            self._worker.wait()
+        self._pictures.cleanup()
+
+    def _take(self, record: dict[str, Any]) -> None:
+        if "error" in record:
+            raise getattr(errors, record["kind"], errors.RadarSimError)(record["error"])
+        self.text = record["text"]
+        self.fraction = record.get("fraction", self.fraction)
+        if "frame" in record:
+            self.findings += [from_json(item, "Findings") for item in record["findings"]]
+            self.frames.append(record["frame"])
+
+    def _records_of_worker(self, folder: Path, pictures: Path) -> Iterator[dict[str, Any] | None]:
+        """Records as they come; None while there is none."""
+        root = Path(errors.__file__).parent
+        name = f"{root.name}.blender.ui.processing_worker"
+        complaints = Path(pictures, "errors.txt")
+        with open(complaints, "w", encoding="utf-8") as stderr:
+            self._worker = subprocess.Popen(
+                [str(_python()), "-m", name, str(folder), str(pictures)],
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                encoding="utf-8",
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(root.parent), *sys.path])},
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        stream = self._worker.stdout
+        assert stream is not None
+        reader = threading.Thread(target=_copy, args=(stream, lines), daemon=True)
+        reader.start()
+        while reader.is_alive() or not lines.empty():
+            yield None if lines.empty() else json.loads(lines.get())
+        if self._worker.wait():
+            said = complaints.read_text(encoding="utf-8", errors="replace").strip()
+            raise OutputError(
+                f"Processing ended with code {self._worker.returncode}: {said[-300:] or 'no words'}"
+                f". Process {folder} with `radarsim process` to see all of it."
+            )
+
+
+def _copy(stream: Iterable[str], lines: queue.SimpleQueue[str]) -> None:
+    for line in stream:
+        lines.put(line)
+
+
+def _python() -> str | None:
+    """The Python that Blender brings; None where it names another program."""
+    return sys.executable if "python" in Path(sys.executable or "").name.lower() else None
 
 
 def as_image(name: str, picture: Single) -> Any:
-    """Return a Blender image with these pixels; an image of the same name is reused.
+    """Return a Blender image with these pixels, packed into the file; one of the name is reused.
 
-    Parameters
-    ----------
-    name
-        Name of the data-block.
-    picture
-        sRGB values in 0 to 1, shape (height, width, 3), top row first.
-
-    Returns
-    -------
-    bpy.types.Image
-        Packed, so that it is saved with the file.
+    picture: sRGB values in 0 to 1, shape (height, width, 3), top row first.
     """
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
@@ -148,13 +162,7 @@ def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
 
 
 def show_images(context: Any, images: list[Any]) -> None:
-    """Show images in the open Image Editors; without one, in a new window.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-    images : list of bpy.types.Image
-    """
+    """Show images in the open Image Editors; without one, in a new window."""
     editors = [
         area
         for window in context.window_manager.windows

@@ -6,6 +6,7 @@ In: range-Doppler maps and the tables of a run. Out: records of what was found, 
 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, detect_targets, target_count
+from .doppler_folds import DopplerFolds, velocity_before_folding_mps
 from .moving_targets import SLOWEST_CELLS, find_moving_targets, received_recording
 from .objects import matching_objects, object_echoes
 from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
@@ -21,6 +22,7 @@ __all__ = [
     "CfarResult",
     "Detection",
     "Detections",
+    "DopplerFolds",
     "FrameBudget",
     "FrameStatistics",
     "LeadingEdge",
@@ -41,4 +43,5 @@ __all__ = [
     "received_recording",
     "statistics_findings",
     "target_count",
+    "velocity_before_folding_mps",
 ]

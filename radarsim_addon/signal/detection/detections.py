@@ -36,6 +36,8 @@ class Detection:
         Difference of both: (signal + noise) over noise.
     row, col
         Cell of the map.
+    unfolded_velocity_mps
+        As in `Peak`.
     """
 
     range_m: float
@@ -46,6 +48,7 @@ class Detection:
     snr_db: float
     row: int
     col: int
+    unfolded_velocity_mps: float | None = None
 
 
 @dataclass(frozen=True)

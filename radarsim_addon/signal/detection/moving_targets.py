@@ -11,7 +11,10 @@ over all ranges with echoes in the samples:
 2. the strongest unexplained peak is taken as an echo, its exact response
    (:mod:`.maps.single_echo`) subtracted, and the stationary part estimated again;
 3. a residual is explained if it is below a quarter of the envelope of the subtracted responses, or
-   not above the response of scatterers slower than 1.25 cells at that Doppler.
+   not above the response of scatterers slower than 1.25 cells at that Doppler. A target that takes
+   several echoes is no point: a few points do not have the sidelobes of its scatterers, so up to
+   the whole envelope is taken for them. A residual up to eight times as large (amplitude) is a
+   target only if a moving path is in its range cell and Doppler row, where the paths are known.
 """
 
 from __future__ import annotations
@@ -20,11 +23,12 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
+from ...array_types import Complex
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
 from ..maps import (
@@ -38,7 +42,9 @@ from ..maps import (
 )
 from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
+from .doppler_folds import DopplerFolds
 from .peaks import Peak, local_maxima, peak_to_background_db, pulse_spectra, refine_peak
+from .response_shapes import doppler_line, envelope, ridge_shape, vertex
 
 #: Fewer pulses do not separate moving from stationary targets.
 _MIN_PULSES = 16
@@ -46,8 +52,12 @@ _MIN_PULSES = 16
 SLOWEST_CELLS = 1.5
 #: Fastest scatterer of the ridge [cells], and a margin on its response (amplitude).
 _RIDGE_CELLS, _RIDGE_MARGIN = 1.25, 1.2
-#: Fraction of an echo's envelope down to which its response is trusted (amplitude).
-_TRUST = 0.25
+#: Fraction of an echo's envelope that its subtracted response may leave (amplitude), for a point
+#: and for a target of many scatterers.
+_POINT_LEAVES, _EXTENDED_LEAVES = 0.25, 1.0
+#: Up to so many times that (amplitude) a peak without a moving path is a sidelobe: those of many
+#: scatterers add up to several times those of the few echoes that stand for them.
+_WITHOUT_PATH = 8.0
 #: Smallest level of a target over the mean noise of a cell, and over its surroundings [dB].
 _OVER_NOISE_DB, _OVER_AROUND_DB = 15.0, 10.0
 #: Cells (Doppler, range) around a target in which residuals are its own.
@@ -60,13 +70,28 @@ _FITS = 0.97
 _CUT_ROUNDS = 3
 
 
+class _Echo(NamedTuple):
+    """A subtracted echo, and the cell of its peak."""
+
+    amplitude: complex
+    response: PointResponse
+    row: int
+    col: int
+
+
 @dataclass(frozen=True)
 class _Target:
     """A peak, with the echoes that were subtracted within its guard cells."""
 
     row: int
     col: int
-    echoes: list[tuple[complex, PointResponse]]
+    echoes: list[_Echo]
+
+    @property
+    def leaves(self) -> float:
+        """Fraction of the envelope of its echoes that they may leave (amplitude)."""
+        first, *more = (abs(echo.amplitude) for echo in self.echoes)
+        return min(max(sum(more) / first, _POINT_LEAVES), _EXTENDED_LEAVES)
 
 
 @dataclass(frozen=True)
@@ -120,6 +145,7 @@ def find_moving_targets(
     slowest_cells: float = SLOWEST_CELLS,
     noisy_columns: bool = False,
     recording: Recording | None = None,
+    folds: DopplerFolds | None = None,
 ) -> list[Peak]:
     """Find moving targets within the range limits.
 
@@ -142,6 +168,8 @@ def find_moving_targets(
         a target is at least 15 dB above the median of its range cell.
     recording
         Result of `received_recording`; None: compute it.
+    folds
+        Range rates of the paths; None: an echo may have folded up to twice.
 
     Returns
     -------
@@ -154,7 +182,7 @@ def find_moving_targets(
     recording = recording or received_recording(echoes, rd_map, mti)
     floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
     floor = max(floor, noise_power * 10 ** (_OVER_NOISE_DB / 10))
-    search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns)
+    search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns, folds)
     start_m, stop_m = float(rd_map.range_m[0]), float(rd_map.range_m[-1])
     slack_m = float(rd_map.range_m[1] - start_m) / 2 if rd_map.range_m.size > 1 else 0.0
     found = []
@@ -170,7 +198,7 @@ def find_moving_targets(
 
 
 class _Search:
-    """State of the search: the residual map and the envelope of the subtracted responses."""
+    """State of the search: the residual map, and what the subtracted responses may have left."""
 
     def __init__(
         self,
@@ -179,16 +207,20 @@ class _Search:
         error: float,
         slowest_cells: float,
         noisy_columns: bool,
+        folds: DopplerFolds | None,
     ) -> None:
         rd_map = recording.rd_map
+        self._folds = folds
+        self._pathless = None if folds is None else ~folds.covers(rd_map)
         self._recording, self._floor, self._error = recording, floor, error
         self._pulses = rd_map.values.shape[1]
         self._zero = self._pulses // 2
         self._residual = rd_map.plane.copy()
-        self._envelope = np.zeros(self._residual.shape)
+        #: Amplitude that the subtracted echoes may have left.
+        self._explained = np.zeros(self._residual.shape)
         weight = slow_time_window(rd_map.doppler_taper, self._pulses)
-        self._still = _line(weight, 0.0)
-        self._ridge = _ridge_shape(weight)
+        self._still = doppler_line(weight, 0.0)
+        self._ridge = ridge_shape(weight, _RIDGE_CELLS)
         rows = np.abs(np.arange(self._pulses) - self._zero)
         self._wanted = rows >= max(2, math.floor(slowest_cells))
         self._noisy_columns = noisy_columns
@@ -212,7 +244,9 @@ class _Search:
             if near is None:
                 near = _Target(row, col, [])
                 found.append(near)
+            before = near.leaves if near.echoes else 0.0
             near.echoes.append(self._take(row, col, new=not near.echoes))
+            self._explain(near, before)
             self._take_still()
         return found
 
@@ -222,11 +256,14 @@ class _Search:
         """Return the cell of the strongest unexplained peak, and the target it belongs to."""
         power = np.abs(self._residual) ** 2
         ridge = np.maximum(power[self._zero - 1], power[self._zero + 1])
-        least = np.maximum(self._floor, (_TRUST * self._envelope) ** 2)
+        least = np.maximum(self._floor, self._explained**2)
         least = np.maximum(least, (_RIDGE_MARGIN * self._ridge[:, None]) ** 2 * ridge)
         if self._noisy_columns:
             median = np.median(power, axis=0)
             least = np.maximum(least, 10 ** (_OVER_NOISE_DB / 10) * median)
+        if self._pathless is not None:
+            sidelobes = (_WITHOUT_PATH * self._explained) ** 2
+            least = np.where(self._pathless, np.maximum(least, sidelobes), least)
         peaks = local_maxima(power) & (power > least) & self._wanted[:, None] & ~refused
         rows, cols = np.nonzero(peaks)
         for i in np.argsort(-power[rows, cols], kind="stable"):
@@ -241,8 +278,17 @@ class _Search:
             refused[row, col] = True
         return None
 
-    def _take(self, row: int, col: int, new: bool) -> tuple[complex, PointResponse]:
-        """Subtract the echo that peaks near a cell; return its amplitude and response."""
+    def _explain(self, target: _Target, before: float) -> None:
+        """Add what a target's last echo may leave, and more for all if its fraction has grown."""
+        for echo in target.echoes:
+            more = target.leaves - (0.0 if echo is target.echoes[-1] else before)
+            if more:
+                around = envelope(echo.response, echo.row, echo.col)
+                around = np.maximum(around, self._error / _POINT_LEAVES)
+                self._explained += more * abs(echo.amplitude) * around
+
+    def _take(self, row: int, col: int, new: bool) -> _Echo:
+        """Subtract the echo that peaks near a cell."""
         range_m, cycles = self._place(row, col)
         rows = (row + np.arange(-2, 3)) % self._pulses
         cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
@@ -259,8 +305,9 @@ class _Search:
             own = response.doppler[rows] @ response.ranges[:, cols]
             return _Fit(response, own, *fit_point(own, patch))
 
-        found, folded = fit(range_m, cycles, 0), 0
-        for folds in (-1, 1, -2, 2) if new else ():
+        known = self._known_folds(range_m, cycles)
+        found, folded = fit(range_m, cycles, known), known
+        for folds in (-1, 1, -2, 2) if new and not known else ():
             if found.fraction > _FITS:
                 break
             other = fit(range_m, cycles, folds)
@@ -269,9 +316,15 @@ class _Search:
         if cut:
             found = self._settled(found, patch, range_m, cycles, lambda m, c: fit(m, c, folded))
         self._residual -= found.response.echo(found.amplitude)
-        envelope = np.maximum(_envelope(found.response, row, col), self._error / _TRUST)
-        self._envelope += abs(found.amplitude) * envelope
-        return found.amplitude, found.response
+        return _Echo(found.amplitude, found.response, row, col)
+
+    def _known_folds(self, range_m: float, cycles: float) -> int:
+        """Return the turns per pulse by which the Doppler of the paths there exceeds `cycles`."""
+        if self._folds is None:
+            return 0
+        radar = self._recording.echoes.radar
+        velocity_mps = -cycles * radar.burst.prf_hz * radar.waveform.wavelength_m / 2
+        return -(self._folds.order(range_m, velocity_mps) or 0)
 
     def _settled(
         self,
@@ -311,65 +364,14 @@ class _Search:
         fine = (row - self._zero + np.arange(-16, 17) / 16) / pulses
         spectra = np.abs(np.exp(-2j * np.pi * np.outer(fine, pulse)) @ trains)
         best = int(np.argmax(spectra[1:-1, 1])) + 1
-        cycles = fine[best] + _vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
+        cycles = fine[best] + vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
         step_m = float(range_m[1] - range_m[0]) if range_m.size > 1 else 0.0
-        return float(range_m[col]) + step_m * _vertex(spectra[best]), float(cycles)
+        return float(range_m[col]) + step_m * vertex(spectra[best]), float(cycles)
 
     def refined(self, target: _Target) -> Peak:
         """Return a target's peak in the map without all other targets."""
         values = self._residual.copy()
-        for amplitude, response in target.echoes:
-            values += response.echo(amplitude)
+        for echo in target.echoes:
+            values += echo.response.echo(echo.amplitude)
         alone = dataclasses.replace(self._recording.rd_map, values=values[None])
         return refine_peak(alone, pulse_spectra(alone), target.row, target.col, 0.0)
-
-
-def _line(weight: Real, cells: float) -> Complex:
-    """Return the map's response, row by row, to an echo at a Doppler in cells; 1 at its place."""
-    pulse = np.arange(weight.size)
-    train = weight / weight.sum() * np.exp(2j * np.pi * cells * pulse / weight.size)
-    return np.asarray(np.fft.fftshift(np.fft.fft(train)))
-
-
-def _ridge_shape(weight: Real) -> Real:
-    """Return the largest response of a ridge scatterer per row, relative to that next to 0 Hz.
-
-    Scatterers slower than `_RIDGE_CELLS`, after step 1 of the module.
-    """
-    zero, still = weight.size // 2, _line(weight, 0.0)
-    shape = np.zeros(weight.size)
-    for cells in np.linspace(0.05, _RIDGE_CELLS, 25):
-        line = _line(weight, float(cells))
-        line -= line[zero] * still
-        level = np.abs(line)
-        shape = np.maximum(shape, level / max(level[zero - 1], level[zero + 1]))
-    return np.asarray(np.maximum(shape, np.roll(shape[::-1], 1 - weight.size % 2)))
-
-
-def _envelope(response: PointResponse, row: int, col: int) -> Real:
-    """Return the envelope of a response without nulls between sidelobes, (Doppler, ranges)."""
-    pulses, nodes = response.doppler.shape
-    columns = response.ranges.shape[1]
-    near = response.ranges[:, max(0, col - 4) : col + 5]
-    # also between the rows: an echo on a row has its zeros in all others
-    trains = np.fft.ifft(np.fft.ifftshift(response.doppler, axes=0), axis=0)
-    half = np.exp(-1j * np.pi * np.arange(pulses) / pulses)[:, None]
-    between = np.fft.fftshift(np.fft.fft(trains * half, axis=0), axes=0)
-    lines = np.maximum(np.abs(response.doppler @ near), np.abs(between @ near)).max(axis=1)
-    reach = 1 + math.ceil(nodes / 2)  # range sidelobes of a migrating echo are next to its row
-    doppler = np.max([np.roll(lines, k) for k in range(-reach, reach + 1)], axis=0)
-    profile = np.pad(np.abs(response.ranges).max(axis=0), 2)
-    ranges = np.max([profile[k : k + columns] for k in range(5)], axis=0)
-    envelope = np.outer(doppler, ranges)
-    if response.image is not None:
-        envelope += np.outer(
-            np.abs(response.image.doppler).max(axis=1), np.abs(response.image.ranges).max(axis=0)
-        )
-    return envelope
-
-
-def _vertex(values: Real) -> float:
-    """Return the maximum of a parabola through the logarithms of three values, -1/2 to 1/2."""
-    low, middle, high = np.log(np.maximum(values, 1e-300))
-    bend = low - 2 * middle + high
-    return float(np.clip((low - high) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0

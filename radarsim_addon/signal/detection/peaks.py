@@ -34,6 +34,9 @@ class Peak:
         10 log10 of the power at the interpolated peak.
     peak_to_background_db
         That level over the median of the surroundings [dB].
+    unfolded_velocity_mps
+        Range rate of the paths there [m/s]: `velocity_mps` plus a multiple of lambda PRF / 2.
+        None: not looked up, or no moving path is there.
     """
 
     range_m: float
@@ -41,6 +44,7 @@ class Peak:
     doppler_hz: float
     level_db: float
     peak_to_background_db: float
+    unfolded_velocity_mps: float | None = None
 
 
 @dataclass(frozen=True)

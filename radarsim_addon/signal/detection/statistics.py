@@ -33,6 +33,8 @@ class FrameStatistics:
         One-way ranges of the nearest and the farthest path [m]; None without paths.
     beyond_unambiguous_range, beyond_max_velocity
         Numbers of paths.
+    fastest_mps
+        Largest |range rate| of a path [m/s].
     outside_range_limits
         Number of paths that the range limits exclude (mean over the pulses).
     """
@@ -45,6 +47,7 @@ class FrameStatistics:
     beyond_unambiguous_range: int
     beyond_max_velocity: int
     outside_range_limits: float
+    fastest_mps: float = 0.0
 
 
 class StatisticsSum:
@@ -63,6 +66,7 @@ class StatisticsSum:
         self._counts = PathCounts()
         self._power = self._mixed = 0.0
         self._far = self._fast = 0
+        self._fastest = 0.0
         self._nearest, self._farthest = np.inf, -np.inf
 
     def add(self, paths: Paths) -> None:
@@ -78,6 +82,7 @@ class StatisticsSum:
         self._farthest = max(self._farthest, float(range_m.max()))
         self._far += int(np.count_nonzero(range_m > self._radar.unambiguous_range_m))
         speed = np.abs(paths.range_rate_mps)
+        self._fastest = max(self._fastest, float(speed.max()))
         self._fast += int(np.count_nonzero(speed > self._radar.max_unambiguous_velocity_mps))
 
     def result(self, outside: float) -> FrameStatistics:
@@ -103,6 +108,7 @@ class StatisticsSum:
             beyond_unambiguous_range=self._far,
             beyond_max_velocity=self._fast,
             outside_range_limits=outside,
+            fastest_mps=self._fastest,
         )
 
 
@@ -165,6 +171,8 @@ def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Findi
                 "doppler-ambiguous-paths",
                 count=statistics.beyond_max_velocity,
                 max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
+                fastest_mps=statistics.fastest_mps,
+                prf_hz=radar.prf_for_hz(statistics.fastest_mps),
             )
         )
     if statistics.outside_range_limits >= 0.5:

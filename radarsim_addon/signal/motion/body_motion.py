@@ -233,10 +233,7 @@ class BodyMotion:
             if not rows.size:
                 continue
             moved[rows] = segment.origin(times_s[rows]) - origin
-            if number == 0 and segment.linear is None and self.epoch_offset_s == 0:
-                turned[rows] = rotation_minus_one(segment.vector(times_s[rows]))
-            else:
-                turned[rows] = segment.orientation(times_s[rows]) @ inverse - np.eye(3)
+            turned[rows] = segment.orientation(times_s[rows]) @ inverse - np.eye(3)
         return turned, moved
 
     def rates(self) -> tuple[Real, Real]:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
-from .fit_segments import FittedSegment, quality_of, split_segments
+from .fit_segments import FittedSegment, quality_of, split_segments, within_burst
 from .motion_file import VertexSeries
 from .series_fit import (
+    Burst,
     Series,
     criterion_of,
     degrees_for,
@@ -39,8 +40,10 @@ _TURN_WITH_CENTRE = 0.3
 class _Samples:
     """Poses of one body at the sample times."""
 
-    def __init__(self, times_s: Real, poses: Real, floor_m: float, floor_turn: float) -> None:
-        self.times_s, self.origins = times_s, poses[:, :3, 3]
+    def __init__(
+        self, times_s: Real, poses: Real, floor_m: float, floor_turn: float, burst: Burst
+    ) -> None:
+        self.times_s, self.origins, self.burst = times_s, poses[:, :3, 3], burst
         self.floor_m, self.floor_turn = floor_m, floor_turn
         axes = poses[:, :3, :3]
         self.axes = axes
@@ -59,19 +62,18 @@ class _Samples:
         rows = slice(first, stop)
         times_s = self.times_s[rows]
         start_s = float(times_s[0])
+        move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m, self.burst)
         if not self.rigid:
             flat = self.relative[rows].reshape(-1, 9)
-            axes = fit_series(times_s, flat, start_s, stop_s, self.floor_turn)
-            move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
+            axes = fit_series(times_s, flat, start_s, stop_s, self.floor_turn, self.burst)
             segment = Segment(start_s, stop_s, move.coefficients, linear=axes.coefficients)
             return FittedSegment(segment, move, axes)
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
-        spread = spread_of(design_matrix(times_s, start_s, stop_s, len(turn))) if len(turn) else 0.0
+        spread = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
         turning = Series(turn, criterion, residual, spread, slow)
         bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
-        move = fit_series(times_s, self.origins[rows], start_s, stop_s, self.floor_m)
         pivot = np.zeros(3)
         if len(turn) and np.linalg.norm(bare.vector(times_s), axis=-1).max() > _TURN_WITH_CENTRE:
             move, pivot = self._fit_centre(rows, start_s, stop_s, turned, move)
@@ -148,7 +150,8 @@ class _Samples:
             if criterion < best.criterion:
                 coefficients = solved[:-3].reshape(degree + 1, 3)
                 coefficients[0] += offset
-                spread = spread_of(design) + np.sqrt(6 / len(times_s))
+                spread = spread_of(times_s, start_s, stop_s, degree, self.burst)
+                spread += np.sqrt(6 / len(times_s))
                 slow = slow_noise(times_s, residual, start_s, stop_s, degree)
                 best = Series(coefficients, criterion, residual, spread, slow)
                 pivot = solved[-3:]
@@ -163,51 +166,55 @@ def fit_body(
     *,
     unit_m: float = 1.0,
     corners_s: Sequence[float] = (),
-    reference: int = 0,
+    pose: Real | None = None,
+    epoch_s: float = 0.0,
 ) -> BodyMotion:
     """Fit the motion of one body to its poses.
 
     Parameters
     ----------
     times_s
-        Ascending from 0, (samples,) [s].
+        Ascending, (samples,) [s]. They may begin before 0 and end after the burst.
     poses
         float32 poses in float64, translation in metres, (samples, 4, 4).
     span_s
-        Duration of the burst [s].
+        Duration of the burst, which begins at 0 [s].
     reach_m
         Largest distance of the body's surface from its origin [m].
     unit_m
         Metres per Blender unit, in which translations were rounded.
     corners_s
         Times at which motion may have corners [s].
-    reference
-        Index of the sample at which displacements are 0.
+    pose, epoch_s
+        Pose to which displacements are relative, and its time [s]. None: the first sample's.
 
     Returns
     -------
     BodyMotion
         The fit with its noise and error bound.
     """
-    pose, at_s = poses[reference], float(times_s[reference])
+    if pose is None:
+        pose, epoch_s = poses[0], float(times_s[0])
     if len(times_s) < 2 or np.array_equal(poses, np.broadcast_to(pose, poses.shape)):
-        return BodyMotion(pose, epoch_offset_s=at_s)
+        return BodyMotion(pose, epoch_offset_s=epoch_s)
     floor_m = _rounding(poses[:, :3, 3] / unit_m) * unit_m
     # of turns: relative to the size of the axes
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
     floor_turn = _rounding(poses[:, :3, :3]) / size
-    samples = _Samples(times_s, poses, floor_m, floor_turn)
+    samples = _Samples(times_s, poses, floor_m, floor_turn, Burst(span_s, epoch_s))
     # indices at which a segment may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = split_segments(samples.fit, times_s, 0, len(times_s), span_s, marks, 0)
+    stop_s = max(span_s, float(times_s[-1]))
+    fitted = split_segments(samples.fit, times_s, 0, len(times_s), stop_s, marks, 0)
+    fitted = within_burst(fitted, span_s)
     still = len(fitted) == 1 and _stands_still(fitted[0].segment)
     noise, bound = quality_of(fitted, reach_m, still)
     if not still and noise < 0.8 * floor_m:
         # steps of the rounding that follow the samples: a bias without scatter
         bound += 10 * floor_m if any(len(part.segment.translation) > 1 for part in fitted) else 0.0
     if still:
-        return BodyMotion(pose, (), noise, bound, at_s)
-    return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, at_s)
+        return BodyMotion(pose, (), noise, bound, epoch_s)
+    return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, epoch_s)
 
 
 #: Number of vertices that determine degree and segments of all.
@@ -220,16 +227,17 @@ def fit_vertices(
     span_s: float,
     *,
     corners_s: Sequence[float] = (),
+    epoch_s: float = 0.0,
 ) -> tuple[VertexSeries, float, float]:
     """Fit series to the vertices of a mesh that deforms.
 
     Parameters
     ----------
     times_s
-        Ascending from 0, (samples,) [s].
+        As for `fit_body`, (samples,) [s].
     positions
         Positions in the body's own axes, (samples, vertices, 3) [m].
-    span_s, corners_s
+    span_s, corners_s, epoch_s
         As for `fit_body`.
 
     Returns
@@ -245,18 +253,20 @@ def fit_vertices(
     order = np.argsort(spread)[::-1]
     chosen = np.concatenate([order[: _DECIDING // 2], order[_DECIDING // 2 :: 1 + vertices // 200]])
     some = positions[:, chosen].astype(np.float64).reshape(count, -1)
+    burst = Burst(span_s, epoch_s)
 
     def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
         start_s = float(times_s[first])
-        found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m)
+        found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m, burst)
         no_turn = Series(np.zeros((0, 3)), 0.0, np.zeros((1, 3)), 0.0, 0.0)
         return FittedSegment(Segment(start_s, stop_s, found.coefficients), found, no_turn)
 
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    fitted = split_segments(fit, times_s, 0, count, span_s, marks, 0)
+    last_s = max(span_s, float(times_s[-1]))
+    fitted = within_burst(split_segments(fit, times_s, 0, count, last_s, marks, 0), span_s)
     noise, bound = quality_of(fitted, 0.0, False)
     segments = [part.segment for part in fitted]
-    edges_s = np.array([segment.start_s for segment in segments] + [span_s])
+    edges_s = np.array([segment.start_s for segment in segments] + [segments[-1].stop_s])
     return VertexSeries(edges_s, _vertex_series(times_s, positions, segments)), noise, bound
 
 
@@ -264,16 +274,15 @@ def _vertex_series(
     times_s: Real, positions: NDArray[np.float32], segments: Sequence[Segment]
 ) -> Real:
     """Return the coefficients of all vertices with the degrees of the segments."""
-    count, vertices = positions.shape[:2]
+    vertices = positions.shape[1]
     degrees = max(len(segment.translation) for segment in segments)
     series = np.zeros((len(segments), degrees, vertices, 3))
     starts = [int(np.searchsorted(times_s, segment.start_s)) for segment in segments]
     for number, segment in enumerate(segments):
         own = len(segment.translation)
         first = starts[number]
-        stop = count
-        if number + 1 < len(segments):
-            stop = int(np.searchsorted(times_s, segment.stop_s))
+        stop = int(np.searchsorted(times_s, segment.stop_s))
+        stop += segment.stop_s >= times_s[-1]  # the last segment has the last sample, too
         design = design_matrix(times_s[first:stop], segment.start_s, segment.stop_s, own - 1)
         solver = np.linalg.pinv(design)
         for begin in range(0, vertices, 4096):

@@ -69,6 +69,17 @@ def split_segments(
     return [whole]
 
 
+def within_burst(fitted: Sequence[FittedSegment], span_s: float) -> list[FittedSegment]:
+    """Return the segments that a burst from 0 to `span_s` touches."""
+    last = len(fitted) - 1
+    return [
+        part
+        for number, part in enumerate(fitted)
+        if (part.segment.stop_s > 0 or number == last)
+        and (part.segment.start_s < span_s or number == 0)
+    ]
+
+
 def _is_noise(fitted: FittedSegment) -> bool:
     """Whether the residual looks like rounding: no slow part, no peaks."""
     for series in (fitted.move, fitted.turn):

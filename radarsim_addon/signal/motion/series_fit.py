@@ -8,6 +8,7 @@ the rounding, lower ones miss motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -27,7 +28,7 @@ class Series:
     coefficients: Real  # (degrees, columns)
     criterion: float
     residual: Real  # (samples, columns)
-    spread: float  # largest standard deviation of fit(t) - fit(0), for unit noise
+    spread: float  # largest standard deviation of a displacement, for unit noise; see `spread_of`
     slow: float  # noise that a fit takes for motion, see `slow_noise`
 
     @property
@@ -53,14 +54,34 @@ def degrees_for(samples: int) -> range:
     return range(min(_MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
 
 
-def spread_of(design: Real) -> float:
-    """Return the largest standard deviation of fit(t) - fit(first sample) for unit noise."""
+class Burst(NamedTuple):
+    """Times at which displacements are needed, and the one at which they are 0 [s]."""
+
+    stop_s: float
+    epoch_s: float
+
+
+def spread_of(times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst) -> float:
+    """Return the largest standard deviation of a displacement during a burst, for unit noise.
+
+    It is that of fit(t) - fit(epoch) where the fit contains the epoch, else of both positions.
+    """
+    if stop_s <= 0 or start_s >= burst.stop_s:
+        return 0.0
+    design = design_matrix(times_s, start_s, stop_s, degree)
     inverse = np.linalg.pinv(design.T @ design)
-    difference = design - design[0]
-    return float(np.sqrt(np.einsum("ij,jk,ik->i", difference, inverse, difference).max()))
+    needed_s = np.linspace(max(start_s, 0.0), min(stop_s, burst.stop_s), 33)
+    rows = design_matrix(needed_s, start_s, stop_s, degree)
+    if start_s <= burst.epoch_s <= stop_s:
+        rows = rows - design_matrix(np.array([burst.epoch_s]), start_s, stop_s, degree)
+    else:
+        inverse = 2 * inverse
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, inverse, rows).max()))
 
 
-def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor: float) -> Series:
+def fit_series(
+    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: Burst
+) -> Series:
     """Fit a Chebyshev series of the degree with the least criterion to (samples, columns).
 
     All columns get one degree; x is -1 at `start_s` and 1 at `stop_s`. Nothing below the rounding
@@ -84,7 +105,7 @@ def fit_series(times_s: Real, values: Real, start_s: float, stop_s: float, floor
             break
     criterion, solved, residual = fits[best]
     solved[0] += offset
-    spread = spread_of(design_matrix(times_s, start_s, stop_s, best)) if best else 0.0
+    spread = spread_of(times_s, start_s, stop_s, best, burst)
     slow = slow_noise(times_s, residual, start_s, stop_s, best)
     return Series(solved, criterion, residual, spread, slow)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...array_types import Real
-from ..detection import Detection, Peak, target_count
+from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
 from ..maps import RangeDopplerMap, power_to_db
 from .cells import CellAxis, cell_axis, strongest
 from .figure import new_figure, scale_on_top
@@ -176,7 +176,10 @@ def _label_axes(axis: Axes, axes: MapAxes) -> None:
     )
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
     if factor:
-        scale_on_top(axis, factor, f"range rate $v$ [{axes.rate_unit.name}]")
+        limit = abs(factor) * (axes.doppler.end - axes.doppler.low) / 2
+        unit = axes.rate_unit.name
+        label = f"range rate $v$ [{unit}], folds at $\\pm${limit:.3g} {unit}"
+        scale_on_top(axis, factor, label)
 
 
 def _mark_noise(bar: Colorbar, noise_db: float) -> None:
@@ -321,6 +324,9 @@ def _label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) 
     speed = fixed(item.velocity_mps / rate.size, speed_digits, signed=True)
     doppler = fixed(item.doppler_hz / hertz.size, decimals_for(step_hz / hertz.size), signed=True)
     lines = [text, f"{speed} {rate.name}"]
+    true_mps = velocity_before_folding_mps(item)
+    if true_mps is not None:
+        lines.append(f"true {fixed(true_mps / rate.size, speed_digits, signed=True)} {rate.name}")
     if float(doppler):
         lines.append(f"{doppler} {hertz.name}")
     return with_minus("\n".join(lines))

@@ -136,7 +136,7 @@ def _print_frame(result: FrameResult) -> None:
         print(
             f"  moving target {digits.range_text(peak.range_m)}   "
             f"level {peak.level_db:z8.2f} {unit}   "
-            f"{digits.motion_text(peak.velocity_mps, peak.doppler_hz)}   "
+            f"{digits.motion_text(peak)}   "
             f"{peak.peak_to_background_db:.1f} dB above its surroundings"
         )
     if result.detections is not None:

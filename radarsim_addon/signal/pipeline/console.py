@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ..detection import Detection
+from ..detection import Detection, Peak, velocity_before_folding_mps
 from ..maps import RangeDopplerMap
 from ..pictures import cell_width, decimals_for, fixed
 
@@ -28,11 +28,15 @@ class Digits:
         """A range in metres, right-aligned."""
         return f"{fixed(range_m, self.range):>10} m"
 
-    def motion_text(self, velocity_mps: float, doppler_hz: float) -> str:
+    def motion_text(self, target: Peak | Detection) -> str:
         """Range rate and Doppler, right-aligned; a rate of 0 has no sign."""
-        rate = fixed(velocity_mps, self.rate, signed=True)
-        doppler = fixed(doppler_hz, self.doppler, signed=True)
-        return f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"
+        rate = fixed(target.velocity_mps, self.rate, signed=True)
+        doppler = fixed(target.doppler_hz, self.doppler, signed=True)
+        text = f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"
+        true_mps = velocity_before_folding_mps(target)
+        if true_mps is None:
+            return text
+        return f"{text}   folded, true range rate {fixed(true_mps, self.rate, signed=True)} m/s"
 
 
 def map_digits(rd_map: RangeDopplerMap | None) -> Digits:
@@ -56,7 +60,7 @@ def detection_lines(
     digits = map_digits(rd_map)
     lines = [
         f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
-        f"{digits.motion_text(t.velocity_mps, t.doppler_hz)}"
+        f"{digits.motion_text(t)}"
         for t in targets[:most]
     ]
     if len(targets) > most:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Generator
 
@@ -12,6 +13,7 @@ from ..detection import (
     SLOWEST_CELLS,
     BudgetReport,
     Detections,
+    DopplerFolds,
     FrameBudget,
     FrameStatistics,
     Peak,
@@ -91,7 +93,7 @@ def frame_steps(
     """Process one radar frame step by step, as `process_frame`; yield what was done."""
     number, radar = frame_input.frame.number, frame_input.radar
     echo_sum = _EchoSum(frame_input, options)
-    statistics_sum = StatisticsSum(radar, options.receiver_gain)
+    statistics_sum, folds = StatisticsSum(radar, options.receiver_gain), DopplerFolds(radar)
     profile_sum = ProfileAccumulator(
         radar,
         frame_input.range_limits_m,
@@ -106,6 +108,7 @@ def frame_steps(
     for ring, chunk in enumerate(chunks):
         paths = echo_sum.add(chunk)
         statistics_sum.add(paths)
+        folds.add(paths)
         if not spread:
             profile_sum.add(paths)
         if not frame_input.tables:
@@ -136,12 +139,12 @@ def frame_steps(
         rd_map=rd_map,
         mti=options.mti,
         edges=find_edges(profile),
-        moving_targets=_moving_targets(frame_input, options, received, first_map, recording),
+        moving_targets=_moving_targets(frame_input, options, received, first_map, recording, folds),
         budget=report,
         findings=_findings(frame_input, statistics, report, speckle, expected, received),
         expected=expected,
         speckle=speckle.report(),
-        detections=_detections(options, first_map, recording),
+        detections=_detections(options, first_map, recording, folds),
     )
     yield f"frame {number}: echoes, map"
     return result
@@ -224,12 +227,13 @@ def _moving_targets(
     received: ReceivedSignal,
     rd_map: RangeDopplerMap,
     recording: Recording,
+    folds: DopplerFolds,
 ) -> list[Peak]:
     radar, receiver = frame_input.radar, options.receiver
     # rounding follows the strong echoes: from pulse to pulse it may add up in phase
     noise_w = received.noise_power_w + received.rounding_power_w * radar.burst.pulses
     blended = len(frame_input.tables) > 1
-    return find_moving_targets(
+    found = find_moving_targets(
         received.echoes.channel(0),
         rd_map,
         options.mti,
@@ -238,16 +242,19 @@ def _moving_targets(
         slowest_cells=_SLOWEST_BLENDED_CELLS if blended else SLOWEST_CELLS,
         noisy_columns=receiver.phase_noise is not None or receiver.adc_bits is not None,
         recording=recording,
+        folds=folds,
     )
+    return folds.unfolded(found)
 
 
 def _detections(
-    options: ResolvedOptions, rd_map: RangeDopplerMap, recording: Recording
+    options: ResolvedOptions, rd_map: RangeDopplerMap, recording: Recording, folds: DopplerFolds
 ) -> Detections | None:
     if options.cfar is None:
         return None
     dynamics = dynamics_db(options.tolerance)
-    return detect_targets(rd_map, options.cfar, dynamics, wide=recording.rd_map)
+    found = detect_targets(rd_map, options.cfar, dynamics, wide=recording.rd_map)
+    return dataclasses.replace(found, targets=folds.unfolded(found.targets))
 
 
 def _findings(

@@ -40,6 +40,7 @@ _UNITS = {
     "level_db": "dB",  # dBW where powers are watts, see `level_unit`
     "noise_db": "dB",
     "snr_db": "dB",
+    "unfolded_velocity_mps": "m/s",
     "row": "1",
     "col": "1",
 }
@@ -172,7 +173,8 @@ def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> N
     group.attrs["cells_above_threshold"] = found.cells
     group.attrs["independent_training_cells"] = found.independent_cells
     for field in dataclasses.fields(Detection):
-        column = np.array([getattr(target, field.name) for target in found.targets])
+        values = [getattr(target, field.name) for target in found.targets]
+        column = np.array([np.nan if value is None else value for value in values])
         unit = _UNITS[field.name]
         if field.name in ("level_db", "noise_db"):
             unit = unit_of_levels

@@ -9,6 +9,7 @@ Eq. 12 of the paper carries the opposite sign, its Fig. 9 the one used here.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 from ...errors import ConfigError
@@ -127,6 +128,12 @@ class Radar:
     def max_unambiguous_velocity_mps(self) -> float:
         """Largest unambiguous |range rate|, lambda PRF / 4 [m/s]."""
         return self.waveform.wavelength_m * self.burst.prf_hz / 4
+
+    def prf_for_hz(self, velocity_mps: float) -> float:
+        """PRF that holds range rates up to +- `velocity_mps`, rounded up to three digits [Hz]."""
+        prf_hz = 4 * abs(velocity_mps) / self.waveform.wavelength_m
+        step_hz = 10.0 ** (math.floor(math.log10(max(prf_hz, 1.0))) - 2)
+        return math.ceil(prf_hz / step_hz) * step_hz
 
     @property
     def velocity_resolution_mps(self) -> float:

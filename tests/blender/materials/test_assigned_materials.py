@@ -321,6 +321,18 @@ def test_group_behind_a_mix_is_named() -> None:
     assert (found.code, found.subjects) == ("medium-not-connected", ("Soil",))
 
 
+def test_unused_materials_are_not_named(tmp_path: Path) -> None:
+    """Kept by a fake user, without its table: it is in no result."""
+    rh.add_box((0, 0, 0), (1, 1, 1), soil())
+    spare = soil()
+    spare.use_fake_user = True
+    spare[pm.MEDIUM], spare[pm.PATH] = "table", str(tmp_path / "missing.csv")
+    assert pm.update_materials(RUN_HZ) == []
+    rh.add_box((3, 0, 0), (4, 1, 1), spare)
+    with pytest.raises(ConfigError, match="missing"):
+        pm.update_materials(RUN_HZ)
+
+
 def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) -> None:
     made = soil()
     group = pm.group_node(made).node_tree

@@ -14,6 +14,7 @@ from radarsim_addon.signal import PathFlag
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.physics.fresnel import unpolarised_reflectance
 from radarsim_addon.signal.decoding.path_class_pixels import first_vertex_order_2
 from tests.blender import path_helpers as ph
@@ -147,6 +148,47 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     error = np.linalg.norm(found - first, axis=1) * conditioning
     assert error.max() < 1e-4
     assert not np.any(two["flags"] & PathFlag.NO_FIRST_VERTEX)
+
+
+@pytest.mark.parametrize("slope", [0.05, 0.2])
+def test_order_2_between_rough_metals_has_its_length(tmp_path: Path, slope: float) -> None:
+    """The default range encoding: lengths against both vertices, and nothing mixed."""
+    rs.new_scene()
+    ph.field_of_view(50)
+    ph.radar_at((0, 0, 2))
+    metal = pm.make_physical_material(
+        "Metal", "conductor", carrier_hz=5.3e9, conductivity_s_per_m=1e7, rms_slope=slope
+    )
+    ph.quad("Floor", [(-10, 2, 0), (10, 2, 0), (10, 12, 0), (-10, 12, 0)], metal)
+    ph.quad("Wall", [(-10, 12, 0), (10, 12, 0), (10, 12, 10), (-10, 12, 10)], metal)
+    run = ph.run_paths(tmp_path, width_px=48, height_px=48, options={"max_reflections": 2})
+    rows = run.table()
+    two = rows[rows["order"] == 2]
+    assert two.size > 500
+    camera = np.array([0.0, 0.0, 2.0])
+    # The first vertex on its plane along the ray, the last one on the other plane, in float64.
+    direction, on_floor = two["direction"], two["first_scatterer_m"][:, 2] < 1e-3
+    reach = np.where(on_floor, -2 / direction[:, 2], 12 / direction[:, 1])
+    first = camera + reach[:, None] * direction
+    onward = two["last_scatterer_m"] - first
+    stretch = np.where(on_floor, (12 - first[:, 1]) / onward[:, 1], -first[:, 2] / onward[:, 2])
+    last = first + stretch[:, None] * onward
+    length = reach + np.linalg.norm(last - first, axis=1) + np.linalg.norm(last - camera, axis=1)
+    power = two["power_w"] / two["power_w"].sum()
+    beyond = np.abs(two["length_m"] - length) > 5 * two["length_sigma_m"]
+    assert power[beyond].sum() < 0.01
+    assert power[two["flags"] & PathFlag.MIXED > 0].sum() < 0.01
+    assert "facets-encode-range" not in {item.code for item in run.job.findings}
+
+
+def test_facets_that_encode_the_range_are_said(tmp_path: Path) -> None:
+    rs.new_scene()
+    metal = pm.make_physical_material("Metal", "metal", carrier_hz=5.3e9, rms_slope=0.1)
+    rs.add_plate(10, preset=None).data.materials.append(metal)
+    options = {"max_reflections": 2, "range_encoding": "materials"}
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options=options)
+    codes = {item.code for item in run.job.findings}
+    assert ("facets-encode-range" in codes) == pm.EXACT_FACETS
 
 
 def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:

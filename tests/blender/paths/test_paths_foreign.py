@@ -13,6 +13,7 @@ bpy = pytest.importorskip("bpy")
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
 from tests.blender import radar_scenes as rs
+from tests.blender.state.test_settings_restore import snapshot
 
 pytestmark = pytest.mark.blender
 
@@ -34,9 +35,9 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     bpy.data.objects["POINT"].lightgroup = "Theirs"
     for number, item in enumerate(bpy.data.objects):
         item.pass_index = 100 + number
-    before = ps.everything(scene)
+    before = snapshot(scene)
     run = ph.run_paths(tmp_path / "cluttered", options=options, **size)
-    after = ps.everything(scene)
+    after = snapshot(scene)
     for name in before.keys() | after.keys():
         assert after.get(name) == before.get(name), name
     rows = run.table()
@@ -50,7 +51,7 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
 def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
     ps.furnished_scene(clutter=True)
     scene = bpy.context.scene
-    before = ps.everything(scene)
+    before = snapshot(scene)
     from radarsim_addon.blender.paths import PathJob
     from radarsim_addon.blender.plan import PathOptions
 
@@ -66,6 +67,6 @@ def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
                 raise RuntimeError("power cut")
             job.render(task)
             job.finish(task)
-    after = ps.everything(scene)
+    after = snapshot(scene)
     for name in before.keys() | after.keys():
         assert after.get(name) == before.get(name), name

@@ -125,8 +125,9 @@ def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("frames/*/paths.npy"))) == 3
     assert {path: path.stat().st_mtime_ns for path in tables} == times
     assert not list(tmp_path.rglob("*.part*"))
-    assert (run.job.done, run.job.total) == (3, 3)
-    assert stopped.job.done < 3
+    # Steps: one replicate of one tile, and the table, of three frames.
+    assert (run.job.done, run.job.total) == (6, 6)
+    assert stopped.job.done < 6
     # A damaged table is made again, a good one is not.
     tables[0].write_bytes(tables[0].read_bytes()[:-1])
     run = ph.run_paths(tmp_path, frames=(1, 2, 3))

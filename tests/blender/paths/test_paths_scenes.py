@@ -15,6 +15,7 @@ from radarsim_addon.blender import nodes
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
 from tests.blender import radar_scenes as rs
+from tests.blender.state.test_settings_restore import snapshot
 
 pytestmark = pytest.mark.blender
 
@@ -99,9 +100,9 @@ def test_linked_library(tmp_path: Path) -> None:
     path = tmp_path / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    before = ps.everything(bpy.context.scene)
+    before = snapshot(bpy.context.scene)
     run = ph.run_paths(tmp_path / "run", width_px=48, height_px=48)
-    after = ps.everything(bpy.context.scene)
+    after = snapshot(bpy.context.scene)
     for name in before.keys() | after.keys():
         assert after.get(name) == before.get(name), name
     rows, record = run.table(), run.record()

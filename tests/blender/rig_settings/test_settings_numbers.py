@@ -62,7 +62,7 @@ def test_frames() -> None:
         ({"snapshots": 3}, "Number of snapshots is 3"),
         ({"snapshot_interval_s": 0.0}, "Snapshot interval is 0.0 s"),
         ({"frames": ()}, "No frame"),
-        ({"frames": (-1,)}, "Frames -1 to -1"),
+        ({"frames": (-1_000_000,)}, "Frames -1000000 to -1000000"),
         ({"width_px": 0}, "Width is 0"),
         ({"width_px": 65536, "height_px": 65536}, "65536 x 65536"),
         ({"samples": 0}, "Samples is 0"),
@@ -115,6 +115,18 @@ def test_no_finding_where_all_fits() -> None:
     assert config_findings(PAPER, 1, 200e3 * 0.7, sampling_mode="paths") == []
 
 
+def test_objects_faster_than_the_prf_holds_are_named_with_the_prf_that_does() -> None:
+    """The paper's 5.3 GHz and 1 kHz hold 14.14 m/s."""
+    speeds = {"Ground": 0.0, "Walker": 1.5, "Bus": 14.2, "Car": 30.0}
+    (found,) = config_findings(PAPER, 21, 5000.0, speeds_mps=speeds)
+    assert found.code == "scene-beyond-unambiguous-velocity"
+    assert found.subjects == ("Car", "Bus")
+    # 4 x 30 / 0.0565646
+    assert "at least 2.13 kHz" in found.remedy
+    faster = dataclasses.replace(PAPER, burst=Burst(2130.0, 128))
+    assert config_findings(faster, 21, 5000.0, speeds_mps=speeds) == []
+
+
 @pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
 def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(sampling_mode: str) -> None:
     narrow = dataclasses.replace(PAPER, waveform=Waveform(5.3e9, 150.0, 2.5e-6, 60e6))
@@ -164,6 +176,14 @@ def test_recorded_code_length_is_the_one_of_the_shader() -> None:
     assert plan.metres_per_unit / float(inverse) == pytest.approx(
         plan.range_encoding_length_m, rel=1e-15
     )
+
+
+def test_an_interval_below_blenders_steps_is_refused_before_the_render() -> None:
+    fast = dataclasses.replace(PAPER, snapshot_interval_s=1e-5)
+    plan = make_plan(fast, 1.0, 24.0, Extent())
+    assert plan.instants(1)[1].time_s - plan.instants(1)[0].time_s == pytest.approx(1e-5, rel=0.01)
+    with pytest.raises(ConfigError, match=r"1e-05 s, but at frame 10000 .* steps of 4.07e-05 s"):
+        plan.instants(10_000)
 
 
 def test_recorded_time_is_what_blender_evaluates() -> None:

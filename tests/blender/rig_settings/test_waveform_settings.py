@@ -79,6 +79,10 @@ def test_a_radar_file_in_the_panel_and_on_the_command_line(scene: Any, tmp_path:
         properties.read_measurement(scene)
     rs.radar().waveform_file = str(file)
     assert properties.read_measurement(scene).radar == found.radar
+    # Materials follow the file, not the field, which keeps its 5.3 GHz.
+    assert properties.carrier_hz(scene) == 77e9
+    rs.radar().waveform_kind = "lfm"
+    assert properties.carrier_hz(scene) == 5.3e9
 
 
 def test_an_fmcw_run_is_rendered_and_processed(scene: Any, tmp_path: Path) -> None:

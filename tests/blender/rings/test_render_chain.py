@@ -100,6 +100,30 @@ def test_velocity_of_a_plate(tmp_path: Path, speed_mps: float) -> None:
     assert truth.objects[0].range_rate_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
+@pytest.mark.parametrize("frame", [32, 250, 10_000, -7])
+def test_velocity_at_any_frame(tmp_path: Path, frame: int) -> None:
+    """Between two keys 20 frames apart, around the frame; the scene's time comes back."""
+    scene, speed_mps = rs.new_scene(), 10.0
+    plate = rs.add_plate(10.0, size=40.0)
+    for passed in (-10, 10):
+        plate.location.y = 10.0 + speed_mps * passed / scene.render.fps
+        plate.keyframe_insert("location", index=1, frame=frame + passed)
+    for curve in rs.animation_curves(plate.animation_data):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    scene.frame_set(frame - 3, subframe=0.25)
+    before = scene.frame_current, scene.frame_subframe
+    changes = {"snapshots": 2, "snapshot_interval_s": 0.01, "rings": 1, "ring_step_m": 40.0}
+    rs.run(tmp_path, frames=(frame,), **changes)
+    assert (scene.frame_current, scene.frame_subframe) == before
+    found = signal.open_run(tmp_path).frame(frame)
+    paths = signal.frame_paths(found)
+    _, y, _ = directions(signal.decode(*found.image(0, 0)))
+    assert len(paths) == 32 * 32
+    rates_mps = paths.range_rate_mps * y[paths.row, paths.col]
+    np.testing.assert_allclose(rates_mps, speed_mps, rtol=0, atol=2e-3)
+
+
 def test_rings_add_up_to_the_ungated_render(tmp_path: Path) -> None:
     """Every path is in exactly one ring, also with soft materials and many samples."""
     rs.new_scene()

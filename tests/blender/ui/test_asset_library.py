@@ -11,6 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import physical_materials as pm
+from radarsim_addon.blender.materials.library import ASSETS
 from radarsim_addon.blender.nodes import groups
 from radarsim_addon.blender.ui import asset_library as al
 from radarsim_addon.errors import SceneError
@@ -25,7 +26,7 @@ def empty_file() -> None:
 
 def test_blender_lists_every_asset() -> None:
     with bpy.data.libraries.load(str(al.BLEND), assets_only=True) as (found, _):
-        assert sorted(found.materials) == sorted(asset.name for asset in al.ASSETS)
+        assert sorted(found.materials) == sorted(asset.name for asset in ASSETS)
     assert al.BLEND.stat().st_size < 2e6
 
 
@@ -34,7 +35,7 @@ def test_appended_materials_are_whole() -> None:
     with bpy.data.libraries.load(str(al.BLEND)) as (found, wanted):
         wanted.materials = found.materials
     pictures = []
-    for asset in al.ASSETS:
+    for asset in ASSETS:
         material = bpy.data.materials[asset.name]
         assert pm.is_physical(material)
         assert pm.medium_of(material) == pm.Medium(asset.medium, asset.parameters)

@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.blender.ui import interactive
+from radarsim_addon.blender.ui import interactive, operators
 from radarsim_addon.blender.ui.interactive import InteractiveRender
 from tests.blender import radar_scenes as rs
 
@@ -127,3 +127,23 @@ def test_saving_in_the_middle_saves_the_users_settings(
     scene = bpy.context.scene
     assert scene.render.resolution_x == 1920
     assert attributes.ATTR_RING_MAX not in scene
+
+
+def test_progress_of_a_single_frame_moves(scene: Any, tmp_path: Path) -> None:
+    """One tile of four replicates: five steps, each shown, and what is done in words."""
+    settings = rs.radar()
+    settings.sampling_mode, settings.output_folder = "paths", str(tmp_path)
+    job = operators._job_of(bpy.context)
+    job.prepare()
+    run = InteractiveRender(job, bpy.context.preferences)
+    shown, stages = [], []
+    try:
+        while not run.tick():
+            shown.append(job.fraction)
+            stages.append(job.stage)
+    finally:
+        run.close()
+    assert job.total == job.done == 5
+    assert 0.8 in shown  # before the table is written
+    assert stages[-1] == "frame 1, motion and path table"
+    assert {stage.partition(",")[0] for stage in stages} == {"frame 1"}

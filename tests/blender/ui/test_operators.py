@@ -12,7 +12,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.ui import panels, pictures, results
-from radarsim_addon.errors import FrameFileError
 from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
@@ -115,11 +114,3 @@ def test_set_up_and_assign_operators(addon: Any) -> None:
     bpy.ops.mesh.primitive_cube_add()
     assert bpy.ops.radarsim.assign_material(preset="metal") == {"FINISHED"}
     assert panels.echoes(bpy.context.object)
-
-
-def test_processing_needs_a_whole_run(scene: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path, limit=1)
-    job = results.ProcessingJob(tmp_path)
-    with pytest.raises(FrameFileError, match="lacks"):
-        while not job.step():
-            pass

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Blender's animation can do between samples: keyframes, steps, and simulations.
+
+Within 1e-4 frames of a keyframe, Blender's F-curves give the value of the key itself. A sample
+there has the pose of another moment, so none is taken: see `SamplingPlan`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..scene import animation_curves
+
+#: Simulations that Blender stores at whole frames and interpolates linearly.
+_SIMULATING_MODIFIERS = {
+    "CLOTH",
+    "DYNAMIC_PAINT",
+    "FLUID",
+    "MESH_SEQUENCE_CACHE",
+    "PARTICLE_SYSTEM",
+    "SOFT_BODY",
+}
+#: Animated properties that move a surface.
+_MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offset\w*|strength)$")
+
+
+def key_frames(first: float, last: float) -> list[float]:
+    """Return frames at which an F-curve of the file may have a corner.
+
+    Parameters
+    ----------
+    first, last
+        Limits of these Blender frames.
+
+    Returns
+    -------
+    list of float
+        Ascending: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
+    """
+    found: set[float] = set()
+    for action in bpy.data.actions:
+        for curve in _curves_of(action):
+            found.update(_key_frames(curve, first, last))
+    for strip in _strips():
+        for curve in _curves_of(strip.action):
+            frames = (float(key.co[0]) for key in curve.keyframe_points)
+            found.update(_in_scene(strip, np.unique([*frames]), first, last))
+    return sorted(found)
+
+
+def _curves_of(action: Any) -> Iterator[Any]:
+    if not hasattr(action, "layers"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                yield from bag.fcurves
+
+
+def _key_frames(curve: Any, first: float, last: float) -> Iterator[float]:
+    keys = np.empty(2 * len(curve.keyframe_points))
+    if not keys.size:
+        return
+    curve.keyframe_points.foreach_get("co", keys)
+    frames = keys[::2]
+    yield from frames[(frames >= first) & (frames <= last)].tolist()
+    for modifier in curve.modifiers:
+        if modifier.mute:
+            continue
+        if modifier.type == "CYCLES" and frames[-1] > frames[0]:
+            period = frames[-1] - frames[0]
+            for number in range(
+                *_counts((first - frames[0]) / period, (last - frames[0]) / period)
+            ):
+                repeated = frames + number * period
+                yield from repeated[(repeated >= first) & (repeated <= last)].tolist()
+        if modifier.type == "STEPPED":
+            step, offset = modifier.frame_step, modifier.frame_offset
+            for number in range(*_counts((first - offset) / step, (last - offset) / step)):
+                yield offset + number * step
+
+
+def _counts(low: float, high: float) -> tuple[int, int]:
+    """Return a range of whole numbers that contains both limits, of 10 000 at most."""
+    start = int(np.floor(low))
+    return start, min(int(np.ceil(high)) + 1, start + 10_000)
+
+
+def _strips() -> Iterator[Any]:
+    """Yield all NLA strips of the file that have an action."""
+    for collection in bpy.data.bl_rna.properties:
+        if collection.type != "COLLECTION":
+            continue
+        for item in getattr(bpy.data, collection.identifier):
+            for track in getattr(getattr(item, "animation_data", None), "nla_tracks", ()):
+                yield from (strip for strip in track.strips if strip.action is not None)
+
+
+def _in_scene(strip: Any, frames: Any, first: float, last: float) -> Iterator[float]:
+    """Yield the scene's frames at which a strip shows these frames of its action."""
+    length = strip.action_frame_end - strip.action_frame_start
+    along = (frames - strip.action_frame_start) * strip.scale
+    if strip.use_reverse:
+        along = length * strip.scale - along
+    for repeat in range(int(np.ceil(min(strip.repeat, 1000)))):
+        shown = strip.frame_start + along + repeat * length * strip.scale
+        yield from shown[(shown >= first) & (shown <= last)].tolist()
+    yield from (at for at in (strip.frame_start, strip.frame_end) if first <= at <= last)
+
+
+def movers(item: Any) -> list[Any]:
+    """Return an object with its parents, constraints' targets and modifiers' objects."""
+    found: dict[Any, None] = {}
+    waiting = [item]
+    while waiting:
+        one = waiting.pop()
+        if one is None or one in found:
+            continue
+        found[one] = None
+        waiting.append(one.parent)
+        bones = one.pose.bones if one.pose is not None else ()
+        for owner in (one, *bones):
+            waiting += [getattr(constraint, "target", None) for constraint in owner.constraints]
+        waiting += [getattr(modifier, "object", None) for modifier in one.modifiers]
+    return list(found)
+
+
+def simulated(item: Any) -> bool:
+    """Return whether a simulation, stored at whole frames, moves an object or its surface."""
+    return any(_simulates(one) for one in movers(item))
+
+
+def _simulates(item: Any) -> bool:
+    body = item.rigid_body
+    if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
+        return True
+    if any(constraint.type == "TRANSFORM_CACHE" for constraint in item.constraints):
+        return True
+    return any(
+        modifier.type in _SIMULATING_MODIFIERS
+        or (modifier.type == "NODES" and _has_simulation(modifier.node_group))
+        for modifier in item.modifiers
+        if modifier.show_render
+    )
+
+
+def _has_simulation(tree: Any) -> bool:
+    if tree is None:
+        return False
+    return any(
+        node.bl_idname == "GeometryNodeSimulationOutput"
+        or _has_simulation(getattr(node, "node_tree", None))
+        for node in tree.nodes
+    )
+
+
+def moves_in_steps(item: Any, first: float, last: float) -> bool:
+    """Return whether an F-curve holds a value between `first` and `last`, then jumps."""
+    return any(
+        _MOVES.search(curve.data_path) and _has_step(curve, first, last)
+        for one in movers(item)
+        for owner in (one, getattr(one.data, "shape_keys", None))
+        if owner is not None
+        for curve in animation_curves(owner.animation_data)
+    )
+
+
+def _has_step(curve: Any, first: float, last: float) -> bool:
+    keys = curve.keyframe_points
+    if any(modifier.type == "STEPPED" and not modifier.mute for modifier in curve.modifiers):
+        return len(keys) > 1
+    return any(
+        key.interpolation == "CONSTANT"
+        and key.co[1] != after.co[1]
+        and key.co[0] <= last
+        and after.co[0] >= first
+        for key, after in itertools.pairwise(keys)
+    )

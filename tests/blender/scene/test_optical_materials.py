@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ordinary scenes: what is said of their materials, and radar materials by their names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.materials import physical_materials as pm
+from radarsim_addon.blender.materials.library import READY, suggest_material
+from radarsim_addon.blender.nodes.materials import has_interior, is_radar_material
+from radarsim_addon.blender.scene import replace_material, suggest_materials
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+from tests.blender import render_helpers as rh
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.mark.parametrize(
+    ("names", "ready"),
+    [
+        (("Asphalt_02",), "Asphalt"),
+        (("CarPaint.001",), "Metal, rough"),
+        (("windshieldGlass",), "Glass"),
+        (("Metallic red",), "Metal, rough"),
+        (("brushed-steel",), "Metal, rough"),
+        (("Tires",), "Rubber"),
+        (("M_Wood_Oak_4K",), "Wood"),
+        (("Skin",), "Skin"),
+        (("Material.003", "Road"), "Asphalt"),
+        (("Material.003", "Cube"), None),
+        (("device",), None),
+        (("Headlight",), None),
+        (("Concrete Wall",), "Concrete, rough"),
+    ],
+)
+def test_names(names: tuple[str, ...], ready: str | None) -> None:
+    assert suggest_material(*names) == ready
+
+
+@pytest.mark.parametrize("ready", sorted(READY))
+def test_every_ready_material_can_be_made(ready: str) -> None:
+    rh.new_scene()
+    assert pm.is_physical(READY[ready].material(ready, 5.3e9))
+
+
+def test_skin_is_that_of_the_tables() -> None:
+    """Dry skin after Gabriel (1996): 35.6 and 3.2 S/m at 5.3 GHz, 6.6 and 36 S/m at 77 GHz."""
+    for carrier_hz, real, conductivity in ((5.3e9, 35.6, 3.2), (77e9, 6.6, 36.4)):
+        skin = READY["Skin"]
+        epsilon = pm.Medium(skin.medium, skin.parameters).index(carrier_hz) ** 2
+        assert epsilon.real == pytest.approx(real, rel=0.1)
+        imaginary = conductivity / (2 * 3.141592653589793 * carrier_hz * 8.8541878e-12)
+        assert epsilon.imag == pytest.approx(imaginary, rel=0.15)
+
+
+def street() -> dict[str, Any]:
+    """A closed block, an open pane, a road; materials of light alone."""
+    made = {
+        name: ph.principled(name, (0.4, 0.4, 0.4)) for name in ("Wood", "Window", "Mat.001", "Misc")
+    }
+    rh.add_box((-2, 8, -1), (0, 9, 1), made["Wood"]).name = "Block"
+    ph.quad("Pane", [(1, 8, -1), (2, 8, -1), (2, 8, 1), (1, 8, 1)], made["Window"])
+    ph.quad("Road", [(-9, 1, -2), (9, 1, -2), (9, 20, -2), (-9, 20, -2)], made["Mat.001"])
+    ph.quad("Thing", [(3, 8, -1), (4, 8, -1), (4, 8, 1), (3, 8, 1)], made["Misc"])
+    return made
+
+
+def test_suggestions_and_replacement() -> None:
+    rs.new_scene()
+    made = street()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = {item.name: ready for item, ready in suggest_materials(depsgraph).items()}
+    assert found == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt", "Misc": None}
+    new = {
+        name: replace_material(made[name], ready, 5.3e9, bpy.context.evaluated_depsgraph_get())
+        for name, ready in found.items()
+        if ready is not None
+    }
+    assert bpy.data.objects["Road"].data.materials[0] == new["Mat.001"]
+    assert has_interior(new["Wood"])  # closed
+    assert pm.is_sheet(new["Window"])  # a pane as one face
+    assert is_radar_material(new["Mat.001"]) and not has_interior(new["Mat.001"])  # open
+    assert made["Wood"].users == 1 and made["Wood"].use_fake_user  # kept for the way back
+    assert bpy.data.objects["Thing"].data.materials[0] == made["Misc"]
+
+
+def test_the_list_in_the_window(addon: Any) -> None:
+    rs.new_scene()
+    made = street()
+    state = bpy.context.window_manager.radarsim
+    assert bpy.ops.radarsim.suggest_materials() == {"FINISHED"}
+    rows = {row.material: row for row in state.suggestions}
+    assert {name: row.ready for name, row in rows.items()} == {
+        "Wood": "Wood",
+        "Window": "Glass",
+        "Mat.001": "Asphalt",
+        "Misc": "KEEP",
+    }
+    rows["Window"].ready, rows["Misc"].ready = "KEEP", "Plastic"  # the user's review
+    assert bpy.ops.radarsim.apply_materials() == {"FINISHED"}
+    assert not state.suggestions
+    assert bpy.data.objects["Pane"].data.materials[0] == made["Window"]
+    assert bpy.data.objects["Thing"].data.materials[0].name == "Misc (Plastic)"
+    bpy.ops.radarsim.suggest_materials()
+    assert [row.material for row in state.suggestions] == ["Window"]
+    bpy.ops.radarsim.apply_materials(discard=True)
+    assert not state.suggestions
+    assert bpy.data.objects["Pane"].data.materials[0] == made["Window"]
+
+
+def test_said_once_for_the_scene(tmp_path: Path) -> None:
+    rs.new_scene()
+    street()
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, frames=(1, 2))
+    said = [item for item in run.job.findings if item.code == "optical-material"]
+    assert [sorted(item.subjects) for item in said] == [["Block", "Pane", "Road", "Thing"]]

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processing for the window: in a process of its own, no step of which holds the window up."""
+
+from __future__ import annotations
+
+import contextlib
+import stat
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.ui import results
+from radarsim_addon.blender.ui.results import ProcessingJob
+from radarsim_addon.errors import FrameFileError, OutputError
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture
+def scene(addon: Any) -> Any:
+    return rs.ring_scene()
+
+
+def pixels(job: ProcessingJob) -> list[np.ndarray]:
+    found = []
+    for image in job.images:
+        values = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
+        image.pixels.foreach_get(values)
+        found.append(values)
+    return found
+
+
+def test_steps_are_short_and_the_pictures_the_same(scene: Any, tmp_path: Path) -> None:
+    """0.2 s of this thread at most, whatever the processing takes; progress is seen on the way."""
+    rs.run(tmp_path, snapshots=2)
+    with contextlib.closing(ProcessingJob(tmp_path, apart=True)) as apart:
+        longest_s, fractions, ended = 0.0, set(), False
+        while not ended:
+            start_s = time.thread_time()
+            ended = apart.step()
+            longest_s = max(longest_s, time.thread_time() - start_s)
+            fractions.add(apart.fraction)
+            time.sleep(0.005)
+        shown = pixels(apart)
+    assert longest_s < 0.2
+    assert len(fractions) > 3 and max(fractions) == 1.0
+    assert apart.frames == [1]
+    with contextlib.closing(ProcessingJob(tmp_path)) as here:
+        while not here.step():
+            pass
+        assert here.text == apart.text
+        assert here.findings == apart.findings
+        for one, other in zip(shown, pixels(here), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_processing_needs_a_whole_run(scene: Any, tmp_path: Path, apart: bool) -> None:
+    rs.run(tmp_path, limit=1)
+    job = ProcessingJob(tmp_path, apart)
+    with contextlib.closing(job), pytest.raises(FrameFileError, match="lacks"):
+        while not job.step():
+            time.sleep(0.005)
+
+
+def test_a_stop_ends_the_process(scene: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path)
+    job = ProcessingJob(tmp_path, apart=True)
+    assert not job.step()
+    worker, pictures = job._worker, Path(job._pictures.name)
+    assert worker is not None and worker.poll() is None and pictures.is_dir()
+    job.close()
+    assert worker.poll() is not None
+    assert not pictures.exists()
+    job.close()
+
+
+def test_a_worker_that_fails_is_named(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rs.run(tmp_path / "run")
+    broken = tmp_path / "python"
+    broken.write_text("#!/bin/sh\necho 'no numpy here' >&2\nexit 3\n")
+    broken.chmod(broken.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setattr(results, "_python", lambda: str(broken))
+    job = ProcessingJob(tmp_path / "run", apart=True)
+    with contextlib.closing(job), pytest.raises(OutputError, match="code 3: no numpy here"):
+        while not job.step():
+            time.sleep(0.005)
