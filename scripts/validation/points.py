@@ -86,7 +86,9 @@ def apparent_range_m(radar: Radar, range_m: float, rate_mps: float) -> float:
     """
     waveform = radar.waveform
     time_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
-    if isinstance(waveform, PmcwWaveform):
+    if isinstance(waveform, Waveform):
+        time_s += waveform.carrier_hz / waveform.fm_rate_hz_per_s
+    elif isinstance(waveform, PmcwWaveform):
         time_s += waveform.duration_s / 2
     elif isinstance(waveform, LineWaveform):
         slope_hz_per_s = waveform.grid_step_hz / waveform.grid_interval_s

@@ -19,6 +19,7 @@ MODULES = (
     "antennas",
     "speckle",
     "paper_chain",
+    "moving_echoes",
     "detection",
     "energy",
 )

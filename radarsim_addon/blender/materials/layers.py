@@ -22,6 +22,7 @@ from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.materials import has_interior
 from ..nodes.physical_material import EXTINCTION, KIND
+from ..nodes.sheet import KIND as SHEET_KIND
 from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
 
@@ -178,6 +179,22 @@ def is_entered(material: Any) -> bool:
     """
     node = group_node(material)
     return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND and has_interior(material)
+
+
+def passes_by_polarisation(material: Any) -> bool:
+    """Return whether waves pass a material by Fresnel's equations for each polarisation.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool : True for thin panes, and for physical materials with an interior
+    """
+    node = group_node(material)
+    sheet = node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
+    return sheet or is_entered(material)
 
 
 def thinnest(item: Any, depsgraph: Any) -> float:

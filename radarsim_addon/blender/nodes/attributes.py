@@ -20,6 +20,10 @@ ATTR_WAVELENGTH = "radarsim_wavelength"
 unit."""
 ATTR_POLARISATION = "radarsim_polarisation"
 """Polarisation relative to world Z: 0 mean of both, 1 vertical, 2 horizontal."""
+ATTR_BY_POLARISATION = "radarsim_by_polarisation"
+"""1: the channels carry the two polarisations through all faces that a path of one reflection
+passes: red p on both ways, green s on the way from the receiver, blue s on that to the transmitter.
+0: each face takes the mean of both."""
 ATTR_FACET_FRESNEL = "radarsim_facet_fresnel"
 """1: rough physical materials evaluate Fresnel's equations at each facet, which Cycles does from
 Blender 5.0 on. 0: at normal incidence on the facet, which is exact in backscatter."""

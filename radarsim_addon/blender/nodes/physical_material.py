@@ -81,9 +81,9 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     weight = _facet_weight(build, power, reflects, is_rough)
     coded = math("GREATER_THAN", "coded by materials", inverse_k, 0.0)
     rough = _facet_lobes(build, n, kappa, roughness, code, weight, coded)
-    passed = math("MULTIPLY", "T, scaled", power.passed, _transmission(build, cosine))
+    passed = build.scale("T, scaled", power.passed, _transmission(build, cosine))
     through = build.transparent(
-        "Transmission", math("MULTIPLY", "T, or 0 at the gate", passed, transmits)
+        "Transmission", build.scale("T, or 0 at the gate", passed, transmits)
     )
     reflected = build.add_shaders("Reflection", mirror, rough)
     build.group_output("Surface", build.add_shaders("Surface", reflected, through))
@@ -190,7 +190,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=3,
+    version=4,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

@@ -22,6 +22,7 @@ from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
+from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
@@ -85,9 +86,15 @@ class FrameWork:
     """
 
     def __init__(
-        self, tracer: ViewTracer, motion: BurstMotion, folder: Path, progress: Progress
+        self,
+        tracer: ViewTracer,
+        motion: BurstMotion,
+        hits: HitPoints,
+        folder: Path,
+        progress: Progress,
     ) -> None:
         self._tracer, self._motion, self._progress = tracer, motion, progress
+        self._hits = hits
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -260,12 +267,15 @@ class FrameWork:
         renders = 0
         with self._parts.writer(key) as part:
             for replicate in range(count):
-                rows, traced = yield from self._tracer.replicate_tasks(number, tile, replicate)
+                rows, origin_m, traced = yield from self._tracer.replicate_tasks(
+                    number, tile, replicate
+                )
                 renders += traced.renders
                 quality.add_view(traced, watts_per_unit / count)
                 # One replicate of each tile of the unrefined frame asked for more than its paths.
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
+                self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)

@@ -8,6 +8,7 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -166,6 +167,7 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
     sign = np.where(normal[np.arange(len(normal)), np.abs(normal).argmax(axis=1)] < 0, -1.0, 1.0)
     normal, offset = normal * sign[:, None], offset * sign
     entered = np.array([item.entered for item in found])
+    boxes = np.concatenate([np.stack([item.low, item.high], axis=1) for item in found])
     pairs: set[tuple[int, int]] = set()
     # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
     for shift in (0.0, 0.5):
@@ -181,7 +183,7 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
         most = np.maximum.reduceat(owners, begin)
         for group in np.flatnonzero(least != most):
             members = order[begin[group] : end[group]]
-            _pairs_in_plane(members, owner, offset, found, entered, tolerance, pairs)
+            _pairs_in_plane(members, owner, offset, boxes, entered, tolerance, pairs)
     named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
     return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
 
@@ -190,31 +192,46 @@ def _pairs_in_plane(
     members: Indices,
     owner: Indices,
     offset: Real,
-    found: list[Faces],
+    boxes: Real,
     entered: NDArray[np.bool_],
     tolerance: float,
     pairs: set[tuple[int, int]],
 ) -> None:
-    """Add pairs of owners whose faces in one plane overlap."""
-    first = np.concatenate([[0], np.cumsum([len(item.offset) for item in found])])
-    owners = np.unique(owner[members])
-    for index, a in enumerate(owners):
-        mine = members[owner[members] == a][:_MOST_FACES]
-        for b in owners[index + 1 :]:
-            if not (entered[a] or entered[b]) or (int(a), int(b)) in pairs:
-                continue
-            others = members[owner[members] == b][:_MOST_FACES]
-            one, two = found[a], found[b]
-            if len(mine) * len(others) > _MOST_FACES * 100:
-                others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
-            low = np.maximum(one.low[mine - first[a]][:, None], two.low[others - first[b]][None])
-            high = np.minimum(one.high[mine - first[a]][:, None], two.high[others - first[b]][None])
-            # Overlap along at least two directions: faces that touch at an edge do not coincide.
-            wide = (high - low > 100 * tolerance).sum(axis=-1) >= 2
-            apart = np.any(high - low < -tolerance, axis=-1)
-            near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
-            if np.any(wide & ~apart & near):
-                pairs.add((int(a), int(b)))
+    """Add pairs of owners whose faces in one plane overlap; boxes of faces are (n, 2, 3)."""
+    members = members[np.argsort(owner[members], kind="stable")]
+    owners, start = np.unique(owner[members], return_index=True)
+    low = np.minimum.reduceat(boxes[members, 0], start)
+    high = np.maximum.reduceat(boxes[members, 1], start)
+    faces = np.split(members, start[1:])
+    for i, j in _overlapping(low, high, tolerance):
+        a, b = sorted((int(owners[i]), int(owners[j])))
+        if not (entered[a] or entered[b]) or (a, b) in pairs:
+            continue
+        mine, others = faces[i][:_MOST_FACES], faces[j][:_MOST_FACES]
+        if len(mine) * len(others) > _MOST_FACES * 100:
+            others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
+        shared = np.minimum(boxes[mine, 1][:, None], boxes[others, 1][None])
+        shared -= np.maximum(boxes[mine, 0][:, None], boxes[others, 0][None])
+        # Overlap along at least two directions: faces that touch at an edge do not coincide.
+        wide = (shared > 100 * tolerance).sum(axis=-1) >= 2
+        apart = np.any(shared < -tolerance, axis=-1)
+        near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
+        if np.any(wide & ~apart & near):
+            pairs.add((a, b))
+
+
+def _overlapping(low: Real, high: Real, tolerance: float) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of boxes (n, 3) that overlap, by a sweep along the axis where they spread."""
+    axis = int(np.ptp(low, axis=0).argmax())
+    order = np.argsort(low[:, axis])
+    low, high = low[order], high[order]
+    end = np.searchsorted(low[:, axis], high[:, axis] + tolerance, side="right")
+    for index in range(len(order) - 1):
+        after = slice(index + 1, end[index])
+        meets = np.all(low[after] <= high[index] + tolerance, axis=1)
+        meets &= np.all(high[after] >= low[index] - tolerance, axis=1)
+        for other in np.flatnonzero(meets) + index + 1:
+            yield int(order[index]), int(order[other])
 
 
 def _nested_too_deep(found: list[Faces]) -> list[Finding]:

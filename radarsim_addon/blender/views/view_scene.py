@@ -113,6 +113,7 @@ class PathScene:
                 attributes.ATTR_SURFACE_STOP,
                 attributes.ATTR_VERTEX_SCALE,
                 attributes.ATTR_WORLD_CODE,
+                attributes.ATTR_BY_POLARISATION,
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
@@ -121,6 +122,11 @@ class PathScene:
         except BaseException:
             self.restore()
             raise
+
+    @property
+    def all_opaque(self) -> bool:
+        """Whether no surface that is rendered lets anything through."""
+        return len(self.opaque | self.hidden) == len(self.objects)
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
@@ -196,6 +202,7 @@ class PathScene:
         if request.vertex and vertex is not None:
             scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
             scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
+        scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
         if self._world_encoding:
             self._set_channels(request)

@@ -196,6 +196,9 @@ class EchoOptions:
     range_folding
         Whether echoes later than the pulse interval fall into the window of a later pulse. False:
         they stand at their true delay.
+    motion_within_pulse
+        Whether paths move while a pulse is under way. False: "stop and go". Of FMCW and stepped
+        frequency they always do.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
     speckle_seed
@@ -210,6 +213,7 @@ class EchoOptions:
     tolerance: float = TOLERANCE
     slow_time_transform: Method = "auto"
     range_folding: bool = True
+    motion_within_pulse: bool = True
     chunk: int = 1 << 17
     speckle_seed: int | None = None
 

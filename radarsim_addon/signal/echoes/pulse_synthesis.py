@@ -4,8 +4,8 @@
     s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
 
 is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by
-:mod:`.spectrum.accumulator`. t_m = m/PRF from the frame's time t. Stop and go: nothing moves while
-a pulse travels.
+:mod:`.spectrum.accumulator`. t_m = m/PRF from the frame's time t. The pulse that comes back is
+scaled in time by the range rate, see :mod:`.spectrum.pulse_motion`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion
 from ..paths import Paths
-from ..radar import Channel, Radar, replica_count, replica_spectrum
+from ..radar import Channel, Radar, replica, replica_count, replica_spectrum
 from ..scattering import Link
-from ..spectrum import FrequencyGrid, ReceiveWindow, SpectrumAccumulator, smooth_size
+from ..spectrum import FrequencyGrid, PulseShape, ReceiveWindow, SpectrumAccumulator, smooth_size
 from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
 
@@ -79,6 +79,9 @@ class EchoSynthesizer:
         self._half_s = (chirp - 1) / 2 / rate_hz
         self._first_s = start_s - self._half_s
         self._grid = FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size)
+        self._pulse: PulseShape | None = None
+        if options.motion_within_pulse:
+            self._pulse = PulseShape(replica(radar.waveform), rate_hz, size)
         self._window = ReceiveWindow(
             start_s - 2 * self._half_s,
             stop_s + 2 * self._half_s,
@@ -96,6 +99,7 @@ class EchoSynthesizer:
             method=options.slow_time_transform,
             backend=options.nufft_backend,
             listening=self._window,
+            pulse=self._pulse,
             chunk=options.chunk,
         )
 
@@ -111,7 +115,9 @@ class EchoSynthesizer:
         k = np.fft.fftfreq(size, 1 / size)
         turns = self._grid.step_hz * self._first_s
         shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
-        filter_ = replica_spectrum(self.radar.waveform, size) * shift
+        filter_ = shift
+        if self._pulse is None:
+            filter_ = replica_spectrum(self.radar.waveform, size) * shift
         samples = np.empty((len(spectra), pulses, self._count), dtype=np.complex128)
         for channel, spectrum in zip(samples, spectra, strict=True):
             if spectrum.moving is None:

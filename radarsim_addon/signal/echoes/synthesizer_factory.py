@@ -78,6 +78,7 @@ def synthesize(
     tolerance: float = TOLERANCE,
     slow_time_transform: Method = "auto",
     range_folding: bool = True,
+    motion_within_pulse: bool = True,
     chunk: int = 1 << 17,
     speckle_seed: int | None = None,
     link: Link | None = None,
@@ -96,7 +97,7 @@ def synthesize(
         outside are cut at the edge, not folded.
     amplitude_model, receiver_gain, nufft_backend, tolerance, slow_time_transform, range_folding
         See :class:`.echoes.EchoOptions`.
-    chunk, speckle_seed
+    motion_within_pulse, chunk, speckle_seed
         See :class:`.echoes.EchoOptions`.
     link, antennas
         See :func:`synthesizer_for`.
@@ -108,8 +109,10 @@ def synthesize(
 
     Notes
     -----
-    Stop and go: a path's delay is that of the time of the pulse in whose window it is received.
-    A folded echo has the carrier phase of its true delay, for the oscillator runs on.
+    A pulse comes back scaled in time by the range rate: its echo has the Doppler shift, and so the
+    range-Doppler coupling, of a moving target. The delay is that of the wave which meets the path
+    half its delay after its emission. A folded echo has the carrier phase of its true delay, for
+    the oscillator runs on.
     """
     options = EchoOptions(
         amplitude_model=amplitude_model,
@@ -118,6 +121,7 @@ def synthesize(
         tolerance=tolerance,
         slow_time_transform=slow_time_transform,
         range_folding=range_folding,
+        motion_within_pulse=motion_within_pulse,
         chunk=chunk,
         speckle_seed=speckle_seed,
     )

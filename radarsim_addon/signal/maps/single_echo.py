@@ -28,6 +28,8 @@ from .range_doppler_map import RangeDopplerMap, range_doppler
 _NODE_ERROR = 1e-4
 #: Maximum number of nodes: a migration of some ten range cells.
 _MAX_NODES = 24
+#: Echoes at rest; what moves within a pulse stands at its apparent range.
+_AT_REST = EchoOptions(nufft_backend="direct", motion_within_pulse=False)
 #: Nearest echo: delays below 0 are not received [m].
 _NEAREST_M = 1e-6
 
@@ -208,7 +210,7 @@ def _unit_echo(
     """Echoes of one scatterer with amplitude 1 in the recording's receive window."""
     aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
     limits_m = recording.echoes.range_limits_m
-    synthesizer = synthesizer_for(radar, limits_m, EchoOptions(nufft_backend="direct"))
+    synthesizer = synthesizer_for(radar, limits_m, _AT_REST)
     synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
     return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
 

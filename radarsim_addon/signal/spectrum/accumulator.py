@@ -19,8 +19,9 @@ Every waveform is built on this sum, tau_i = l_i / c:
     spectrum.values                        # (pulses, frequencies)
     print(*spectrum.report.lines(), sep="\\n")
 
-Stop and go: tau_i is taken at the pulse time t_m, nothing moves while the pulse is under way. With
-a :class:`Ramp` the frequencies come one after the other, and paths move meanwhile, see
+tau_i is taken at the pulse time t_m: nothing moves while the pulse is under way. With a
+:class:`PulseShape` paths move meanwhile, see :mod:`.spectrum.pulse_motion`; S is then multiplied by
+the pulse's spectrum. With a :class:`Ramp` the frequencies come one after the other, see
 :mod:`.spectrum.ramp`; it brings the residual video phase with it.
 
 The choice: stationary paths are transformed once for all pulses (1-D type 1). Lengths
@@ -59,6 +60,7 @@ from .moving import Method, MovingPathAccumulator
 from .nufft import Backend, choose_backend
 from .ordered_executor import OrderedExecutor, available_threads
 from .pulse_blocks import PulseBlock, TransformPool
+from .pulse_shape import PulseShape
 from .report import SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
 from .varying import VaryingPathAccumulator
@@ -68,6 +70,7 @@ __all__ = [
     "ExtraCycles",
     "FrequencyGrid",
     "Method",
+    "PulseShape",
     "Ramp",
     "ReceiveWindow",
     "Spectrum",
@@ -81,6 +84,7 @@ TOLERANCE = 1e-6
 _BLOCKS = 4
 
 _GAIN_NOTE = "Antenna gains change during the burst: amplitudes are those of every pulse."
+_PULSE_NOTE = "Paths move while a pulse is under way, at a constant rate."
 _RAMP_NOTE = "Moving paths move while the frequencies go by, to the second order in time."
 
 
@@ -140,6 +144,9 @@ class SpectrumAccumulator:
     ramp
         Frequencies come one after the other; `times_s` are then those of frequency count//2 of
         each pulse. None: all at once. Not with `extra_cycles` or folding in range.
+    pulse
+        What is sent, for motion while it is under way: values are then those of the received
+        pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
     interval_s
         From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
     chunk
@@ -166,6 +173,7 @@ class SpectrumAccumulator:
         extra_cycles: ExtraCycles | None = None,
         listening: ReceiveWindow | None = None,
         ramp: Ramp | None = None,
+        pulse: PulseShape | None = None,
         interval_s: float | None = None,
         chunk: int = 1 << 17,
         threads: int | None = None,
@@ -180,7 +188,9 @@ class SpectrumAccumulator:
         if times_s.ndim != 1 or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
             raise ConfigError("Pulse times must be finite numbers in rising order.")
         self.grid, self.times_s = grid, times_s
-        self._sums = SynthesisContext.of(grid, listening or ReceiveWindow(), extra_cycles, ramp)
+        self._sums = SynthesisContext.of(
+            grid, listening or ReceiveWindow(), extra_cycles, ramp, pulse
+        )
         self._tolerance = tolerance
         self._method: Method = method
         self._backend = choose_backend("direct" if method == "direct" else backend)
@@ -229,8 +239,8 @@ class SpectrumAccumulator:
                 f"{amplitude.size} amplitudes for {moving.size} paths; expected one for each."
             )
         check_finite(amplitude, slice(0, amplitude.size), "amplitude", self._added)
-        # one pulse without a ramp sees no motion
-        frozen = self.times_s.size == 1 and self._sums.ramp is None
+        # one pulse sees no motion unless it takes its time
+        frozen = self.times_s.size == 1 and self._sums.ramp is None and self._sums.pulse is None
         for start in range(0, moving.size, self._block):
             part = slice(start, min(start + self._block, moving.size))
             here = moving[part] | varies[part]
@@ -259,8 +269,10 @@ class SpectrumAccumulator:
             part.flush()
         self._lanes.close()
         self._wall_s += time.perf_counter() - started
-        values = self._moving_values()
-        return Spectrum(self._still, values, self.grid, self.times_s, self._finish(values))
+        values, still = self._moving_values(), self._still
+        if self._sums.pulse is not None:
+            still = still * self._sums.pulse.spectrum
+        return Spectrum(still, values, self.grid, self.times_s, self._finish(still, values))
 
     def _moving_values(self) -> Complex | None:
         """Sum of what moves and of what varies, (pulses, frequencies); None without either."""
@@ -302,12 +314,14 @@ class SpectrumAccumulator:
         way: Transform = "direct sum" if self._backend == "direct" else "once"
         self._report.count("still", way, length_m.size, len(blocks), cpu_s)
 
-    def _finish(self, values: Complex | None) -> SynthesisReport:
+    def _finish(self, still_values: Complex, values: Complex | None) -> SynthesisReport:
         """The report, as things are now."""
         pulses, energy = self.times_s.size, 0.0
-        for pulse in range(pulses if values is not None else 1):
-            line = self._still if values is None else self._still + values[pulse]
+        for number in range(pulses if values is not None else 1):
+            line = still_values if values is None else still_values + values[number]
             energy += float(np.vdot(line, line).real)
+        if self._sums.pulse is not None:
+            energy /= self._sums.pulse.rms**2
         if values is None:
             energy *= pulses
         still, parts = self._still_error, (self._moving, self._varying)
@@ -332,6 +346,7 @@ class SpectrumAccumulator:
             wall_s=self._wall_s,
             notes=[
                 *([_RAMP_NOTE] if values is not None and self._sums.ramp is not None else []),
+                *([_PULSE_NOTE] if values is not None and self._sums.pulse is not None else []),
                 *([_GAIN_NOTE] if self._varying.values is not None else []),
             ],
         )

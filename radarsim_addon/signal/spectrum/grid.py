@@ -16,6 +16,7 @@ from ...array_types import Real
 from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .phase import CycleRate
+from .pulse_shape import PulseShape
 
 Weights = NDArray[np.inexact[Any]]
 
@@ -172,6 +173,7 @@ class SynthesisContext:
     shift_centre: float
     shift_step: float
     ramp: Ramp | None = None
+    pulse: PulseShape | None = None
 
     @classmethod
     def of(
@@ -180,8 +182,11 @@ class SynthesisContext:
         listening: ReceiveWindow,
         extra_cycles: ExtraCycles | None,
         ramp: Ramp | None = None,
+        pulse: PulseShape | None = None,
     ) -> SynthesisContext:
         """For a grid and a window; a ramp takes no other phases and no folding (`ConfigError`)."""
+        if pulse is not None and (ramp is not None or extra_cycles is not None):
+            raise ConfigError("A pulse goes with neither a ramp nor further phases.")
         if ramp is not None:
             if extra_cycles is not None or listening.period_s is not None:
                 raise ConfigError("A ramp brings its own phase and does not fold in delay.")
@@ -198,29 +203,30 @@ class SynthesisContext:
             float(centre - round(centre)),
             float(step - round(step)),
             ramp,
+            pulse,
         )
 
 
 def place(
-    sums: SynthesisContext, length_m: Real, amplitude: Weights
-) -> tuple[Real, Weights, Real | None, int]:
-    """Lengths [m], amplitudes and orders q of the echoes that are received at one pulse, and how
-    many of the paths (n,) are among them. Rows are left out, or repeated where an echo stands in
-    the window twice; q is None where all are 0.
+    sums: SynthesisContext, length_m: Real
+) -> tuple[slice | NDArray[np.intp], Real | None, int]:
+    """Rows of the paths whose echoes are received at one pulse, their orders q, and how many paths
+    are among them. A row is repeated where its echo stands in the window twice; q is None where all
+    are 0.
     """
     listening = sums.listening
+    everything = slice(None), None, length_m.size
     if length_m.size == 0:
-        return length_m, amplitude, None, 0
+        return everything
     scale = 1 / SPEED_OF_LIGHT_MPS
     if listening.covers(float(length_m.min()) * scale, float(length_m.max()) * scale):
-        return length_m, amplitude, None, length_m.size
+        return everything
     delay_s = length_m * scale
     low, high = listening.orders(delay_s, delay_s)
     copies = (high - low + 1).astype(np.intp)
-    kept = int(np.count_nonzero(copies))
     rows = np.repeat(np.arange(copies.size), copies)
     order = repeat_orders(low, copies)
-    return length_m[rows], amplitude[rows], order if order.any() else None, kept
+    return rows, order if order.any() else None, int(np.count_nonzero(copies))
 
 
 def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:

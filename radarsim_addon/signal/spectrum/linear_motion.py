@@ -26,6 +26,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
 from .nufft import TIGHTEST, nufft2d3
 from .phase import phasors, reduce_cycles, reduced_cycles
+from .pulse_motion import joined_error, moved_m, stretch
 from .transform import RANDOM_STATE, ErrorSum, engine_tolerance
 
 #: Points of the fine grid of one transform (16 bytes each, twice over) and targets (100 bytes).
@@ -87,7 +88,9 @@ class LinearPlan:
     pulses_s: float
 
 
-def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> LinearPlan:
+def plan_linear(
+    rows: LinearRows, sums: SynthesisContext, times_s: Real, tolerance: float
+) -> LinearPlan:
     """How type 3 would be done, and what it costs compared with one transform per pulse."""
     grid = sums.grid
     pulses = times_s.size
@@ -98,6 +101,9 @@ def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> Line
     burst_s = float(times_s.max() - times_s.min())
     if sums.ramp is not None:
         burst_s += grid.count * sums.ramp.interval_s
+    if sums.pulse is not None:
+        burst_s += 2 * sums.pulse.half_s
+        pulses *= sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
     fast = 4 * max(abs(grid.step_hz) * grid.count * (spread_s + spread_rate * burst_s), 8.0)
     slow = 4 * grid.highest_hz * spread_rate * burst_s
     blocks = max(
@@ -105,7 +111,7 @@ def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> Line
         math.ceil(fast * slow / _MAX_GRID),
         math.ceil(pulses * grid.count / _MAX_TARGETS),
     )
-    blocks = min(blocks, pulses)
+    blocks = min(blocks, times_s.size)
     points = fast * max(slow / blocks, 32.0)
     terms = rows.amplitude.shape[1] if rows.amplitude.ndim > 1 else 1
     type3 = (
@@ -116,7 +122,7 @@ def plan_linear(rows: LinearRows, sums: SynthesisContext, times_s: Real) -> Line
     if points > 4 * _MAX_GRID:
         type3 = math.inf  # paths so far apart in delay that one transform does not hold them
     each = _PATH_1 * len(rows) + _FREQUENCY_1 * grid.count + _PULSE_1
-    edges = np.linspace(0, pulses, blocks + 1).astype(int).tolist()
+    edges = np.linspace(0, times_s.size, blocks + 1).astype(int).tolist()
     return LinearPlan([slice(a, b) for a, b in itertools.pairwise(edges)], type3, pulses * each)
 
 
@@ -134,14 +140,24 @@ def linear_block(
     """
     start = time.thread_time()
     grid, times = sums.grid, times_s[pulses]
-    middle_s = float(times[0] + times[-1]) / 2
-    moved_m = rows.rate_mps * (middle_s - rows.time_s)
-    reference_m = float(rows.length_m[0])
     period_s = sums.listening.period_s or 0.0
-    delay = (rows.length_m - reference_m + moved_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
+    nodes = 1
+    parts: Complex | None = None
+    if sums.pulse is not None:
+        nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
+        offsets_s, parts = sums.pulse.parts(nodes)
+        times = (times[:, None] + offsets_s).ravel()
+    middle_s = float(times[0] + times[-1]) / 2
+    rate_mps, later_s = rows.rate_mps, middle_s - rows.time_s
+    shift_m = rate_mps * later_s
+    if parts is not None:
+        shift_m = moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
+        rate_mps = rate_mps / (1 - rate_mps / (2 * SPEED_OF_LIGHT_MPS))
+    reference_m = float(rows.length_m[0])
+    delay = (rows.length_m - reference_m + shift_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
     cycles = rows.order * sums.shift_centre
     cycles -= reduced_cycles(rows.length_m, sums.centre)
-    cycles -= reduced_cycles(moved_m, sums.centre)
+    cycles -= reduced_cycles(shift_m, sums.centre)
     amplitude = rows.amplitude.T
     values = np.empty(amplitude.shape, dtype=np.complex128)
     if amplitude.ndim == 1:
@@ -149,6 +165,8 @@ def linear_block(
     else:
         turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
         np.multiply(amplitude, turns, out=values)
+    if parts is not None:
+        values *= stretch(rows.rate_mps)
     k = np.arange(grid.count) - grid.count // 2
     frequency_hz = float(grid.exact_centre_hz) + k * grid.step_hz
     shape = (times.size, grid.count)
@@ -159,12 +177,12 @@ def linear_block(
     slow = (2 * np.pi * since_s * frequency_hz).ravel()
     size = np.abs(values) if values.ndim == 1 else np.abs(values).sum(axis=0)
     squares, total = float(np.dot(size, size)), float(size.sum())
-    rate = rows.rate_mps / SPEED_OF_LIGHT_MPS
+    rate = rate_mps / SPEED_OF_LIGHT_MPS
     expected = math.sqrt(grid.count * times.size * squares)
     for engine in (engine_tolerance(tolerance), TIGHTEST):
         result = nufft2d3(delay, rate, values, fast, slow, engine).reshape(-1, *shape)
         if terms is not None:
-            result *= terms[pulses].T[:, :, None]
+            result *= np.repeat(terms[pulses], nodes, axis=0).T[:, :, None]
         result = result.sum(axis=0) if result.shape[0] > 1 else result[0]
         if RANDOM_STATE * engine * expected <= tolerance / 3 * float(np.linalg.norm(result)):
             break
@@ -173,4 +191,7 @@ def linear_block(
     turn = reduce_cycles(np.asarray(-k * fraction, dtype=np.float64))
     result *= np.exp(2j * np.pi * turn)
     error = ErrorSum.of(engine, shape[0] * shape[1], squares, total)
+    if parts is not None:
+        result = np.einsum("pjf,jf->pf", result.reshape(-1, *parts.shape), parts)
+        error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
     return BlockResult(pulses, result, error, time.thread_time() - start)

@@ -2,7 +2,7 @@
 """Spectra of moving paths: which way each kind of motion goes, and going it.
 
 See :mod:`.spectrum.accumulator` for what is chosen. A ramp (:class:`.spectrum.grid.Ramp`) asks for
-lengths at three times of each pulse; they come the same ways.
+lengths at three times of each pulse, a pulse that is under way for two; they come the same ways.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from .linear_motion import LinearRows, linear_block, plan_linear
 from .nufft import Backend
 from .ordered_executor import OrderedExecutor
 from .pulse_blocks import PulseBlock, TransformPool
+from .pulse_motion import PulseMotionTransform, pulse_left_out_rad
 from .ramp import RampTransform, left_out_rad
 from .report import Motion, SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
@@ -37,10 +38,13 @@ AmplitudesAt = Callable[[slice, slice], Weights]
 
 #: Fraction of the tolerance for fitted motion.
 _MOTION_SHARE = 0.25
-#: A ramp takes phase, rate and acceleration from three lengths: their errors add up to so many.
-_RAMP_SHARE = 4.0
+#: Rate and acceleration come from two or three lengths: their errors add up to so many.
+_OFFSETS_SHARE = 4.0
 #: Lengths (rows x times) asked of a motion at a time: 16 MB.
 _MAX_LENGTHS = 1 << 21
+#: Blocks of pulses, at least: so many that threads have work, not their number, on which sums of
+#: errors would hang.
+_BLOCKS = 8
 #: Rows of constant rate that wait for one transform: 25 MB.
 _MAX_LINEAR = 1 << 19
 #: Rows times terms of amplitudes that vary, the same: 67 MB.
@@ -81,14 +85,18 @@ class MovingPathAccumulator:
         self._added = 0
         self._linear_rows: list[LinearRows] = []
         self._smooth_rows: list[tuple[Real, Weights]] = []
-        transform = PulseTransform if sums.ramp is None else RampTransform
+        transform: type[PulseTransform | RampTransform | PulseMotionTransform] = PulseTransform
+        # times at which a pulse wants lengths, from its own
+        self._offsets_s, first_s = np.zeros(1), 0.0
+        if sums.ramp is not None:
+            transform, first_s = RampTransform, -sums.ramp.half_s(sums.grid.count)
+            self._offsets_s = np.array([first_s, 0.0, -first_s])
+        if sums.pulse is not None:
+            transform, self._offsets_s = PulseMotionTransform, np.array([0.0, sums.pulse.half_s])
         self._pool = TransformPool(
             lambda: transform(sums, tolerance, backend), sums.grid.count, lanes.threads
         )
-        # times at which a pulse wants lengths, from its own
-        half_s = 0.0 if sums.ramp is None else sums.ramp.half_s(sums.grid.count)
-        self._offsets_s = np.array([0.0] if sums.ramp is None else [-half_s, 0.0, half_s])
-        span_s = np.array([times_s[0] - half_s, times_s[-1] + half_s])
+        span_s = np.array([times_s[0] + first_s, times_s[-1] + self._offsets_s[-1]])
         self._basis = BurstBasis(span_s) if span_s[1] > span_s[0] else None
         self._amplitude_basis: BurstBasis | None = None
         if times_s.size > 1:
@@ -101,7 +109,7 @@ class MovingPathAccumulator:
 
     @property
     def left_out_rad(self) -> float:
-        """Largest phase of the motion within a ramp that is left out [rad]."""
+        """Largest phase of the motion within a ramp or pulse that is left out [rad]."""
         return max(self._left_rad)
 
     def flush(self) -> None:
@@ -113,11 +121,17 @@ class MovingPathAccumulator:
         """Times at which these pulses want lengths, (pulses x offsets,) [s]."""
         return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
 
-    def _by_ramp(self, lengths_m: Real) -> Real:
-        """(pulses x offsets, rows) to (pulses, rows), or with a ramp (pulses, 3, rows)."""
+    def _by_pulses(self, lengths_m: Real) -> Real:
+        """(pulses x offsets, rows) to (pulses, rows), with a ramp to (pulses, 3, rows), with a
+        pulse to lengths and rates (pulses, 2, rows).
+        """
         if self._offsets_s.size == 1:
             return lengths_m
-        return lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
+        found = lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
+        if self._sums.pulse is not None:
+            rate_mps = (found[:, 1] - found[:, 0]) / self._sums.pulse.half_s
+            found = np.stack([found[:, 0], rate_mps], axis=1)
+        return found
 
     def add(
         self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights, first: int
@@ -161,7 +175,7 @@ class MovingPathAccumulator:
 
     def _length_bound_m(self) -> float:
         """Error of a length that costs the fraction of the tolerance set aside for motion [m]."""
-        share = 1.0 if self._sums.ramp is None else _RAMP_SHARE
+        share = 1.0 if self._offsets_s.size == 1 else _OFFSETS_SHARE
         cycles = self._phase_bound_rad / share / (2 * np.pi)
         return cycles * SPEED_OF_LIGHT_MPS / max(self._sums.grid.highest_hz, 1.0)
 
@@ -228,7 +242,7 @@ class MovingPathAccumulator:
         if rows.amplitude.ndim > 1:
             rows = replace(rows, amplitude=used_terms(rows.amplitude))
             terms = self._terms(slice(None), rows.amplitude.shape[1])
-        plan = plan_linear(rows, self._sums, self._times_s)
+        plan = plan_linear(rows, self._sums, self._times_s, self._tolerance)
         if self._method != "type3" and plan.pulses_s < plan.type3_s:
             self._linear_by_pulse(rows, rows.order)
             return
@@ -255,8 +269,12 @@ class MovingPathAccumulator:
         """Pulse by pulse at constant rates; with `order` the rows are counted already."""
 
         def lengths_m(part: slice, pulses: slice) -> Real:
-            since_s = self._lengths_at(pulses)[:, None] - rows.time_s[part]
-            return self._by_ramp(rows.length_m[part] + rows.rate_mps[part] * since_s)
+            length_m, rate_mps, time_s = rows.length_m[part], rows.rate_mps[part], rows.time_s[part]
+            if self._sums.pulse is not None:  # exact, without a difference
+                middle_m = length_m + rate_mps * (self._times_s[pulses, None] - time_s)
+                return np.stack([middle_m, np.broadcast_to(rate_mps, middle_m.shape)], axis=1)
+            since_s = self._lengths_at(pulses)[:, None] - time_s
+            return self._by_pulses(length_m + rate_mps * since_s)
 
         self._by_pulse("linear", lengths_m, rows.amplitude, order=order)
 
@@ -271,7 +289,7 @@ class MovingPathAccumulator:
 
         def lengths_m(part: slice, pulses: slice) -> Real:
             at_pulses = basis.at(self._lengths_at(pulses))
-            return self._by_ramp(np.asarray(at_pulses @ coefficients_m[part].T))
+            return self._by_pulses(np.asarray(at_pulses @ coefficients_m[part].T))
 
         self._by_pulse("smooth", lengths_m, amplitude)
 
@@ -295,7 +313,7 @@ class MovingPathAccumulator:
             if rates.shape[1]:
                 fast[part] |= rates.max(axis=1) > self._fast_mps
             first = (pulses.start - wanted.start) * each
-            return self._by_ramp(np.ascontiguousarray(found[:, first:].T))
+            return self._by_pulses(np.ascontiguousarray(found[:, first:].T))
 
         self._by_pulse("sampled", lengths_m, amplitude, ahead=True, at=at)
         self.fast += int(np.count_nonzero(fast))
@@ -326,7 +344,7 @@ class MovingPathAccumulator:
         pulses, moving = self._times_s.size, self._matrix()
         largest = max(self._offsets_s.size * min(self._rows, count), self._sums.grid.count)
         most = _MAX_LENGTHS // largest
-        length = max(1, min(most, -(-pulses // self._lanes.threads)))
+        length = max(1, min(most, -(-pulses // _BLOCKS)))
         blocks = [slice(at, min(at + length, pulses)) for at in range(0, pulses, length)]
         cpu_s, transforms = 0.0, 0
         for start in range(0, count, self._rows):
@@ -337,7 +355,7 @@ class MovingPathAccumulator:
                 if ahead:
                     found = lengths()
                     lengths = lambda: found  # noqa: E731
-                if self._sums.ramp is not None and motion != "linear":
+                if self._offsets_s.size > 1 and motion != "linear":
                     lengths = partial(self._watched, lengths, block)
                 folds = None if order is None else order[part]
                 weights: Weights | Callable[[], Weights] = amplitude[part]
@@ -360,7 +378,8 @@ class MovingPathAccumulator:
     def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
         """These lengths; remembers what is left out of the motion within the ramps."""
         found = lengths_m()
-        self._left_rad.append(left_out_rad(found, self._sums, self._times_s[pulses]))
+        left_out = pulse_left_out_rad if self._sums.ramp is None else left_out_rad
+        self._left_rad.append(left_out(found, self._sums, self._times_s[pulses]))
         return found
 
     def _matrix(self) -> Complex:

@@ -35,6 +35,11 @@ class CycleRate:
     head: float
     tail: float
 
+    @property
+    def rate(self) -> float:
+        """Both parts as one number [1/m]."""
+        return self.head + self.tail
+
     @classmethod
     def of(cls, frequency_hz: Fraction | float) -> CycleRate:
         """Of a frequency: f / c [1/m]."""

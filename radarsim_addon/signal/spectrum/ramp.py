@@ -26,6 +26,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
 from .nufft import Backend, Type1
 from .phase import phasors, reduce_cycles, reduced_cycles
+from .pulse_shape import nodes_for
 from .transform import RANDOM_STATE, ErrorSum, PulseResult, engines_for
 
 #: Largest bend of a group's paths from their mean [rad]; 16 nodes for 5e-8.
@@ -150,15 +151,6 @@ class RampTransform:
             phase -= np.outer(curve[part], self._square)
             total += amplitude[part] @ np.exp(2j * np.pi * reduce_cycles(phase))
         return total
-
-
-def nodes_for(bend_rad: float, tolerance: float) -> int:
-    """Nodes for exp(j L p), |p| <= 1, L = `bend_rad`, to be within the tolerance."""
-    nodes, left = 1, 4 * (bend_rad / 2)
-    while left > tolerance or nodes < bend_rad / 2:
-        nodes += 1
-        left *= bend_rad / 2 / nodes
-    return nodes
 
 
 def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,6 +65,12 @@ class ErrorSum:
         self.bound += other.bound
         self.energy += other.energy
 
+    def of_each(self, parts: int) -> ErrorSum:
+        """Of one of several parts that share it evenly."""
+        return ErrorSum(
+            self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
+        )
+
     def beside(self, other: ErrorSum) -> None:
         """Add the error of results of other pulses."""
         self.random = math.hypot(self.random, other.random)
@@ -101,10 +107,26 @@ class PulseTransform:
         """
         count, kept = self._sums.grid.count, length_m.size
         if order is None:
-            length_m, amplitude, order, kept = place(self._sums, length_m, amplitude)
+            rows, order, kept = place(self._sums, length_m)
+            length_m, amplitude = length_m[rows], amplitude[rows]
         if length_m.size == 0:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
-        squares, total = self._fill(length_m, amplitude, order)
+        found = self.spectrum(length_m, amplitude, order)
+        return replace(found, kept=kept)
+
+    def spectrum(
+        self,
+        length_m: Real,
+        amplitude: Weights,
+        order: Real | None,
+        moved_m: Real | None = None,
+    ) -> PulseResult:
+        """The same sum over all paths, folded by `order`, None: by none.
+
+        `moved_m` adds to the lengths, without their rounding.
+        """
+        count = self._sums.grid.count
+        squares, total = self._fill(length_m, amplitude, order, moved_m)
         points, values = self._points[: length_m.size], self._values[: length_m.size]
         expected = math.sqrt(count * squares)
         for engine, transform in self._engines:
@@ -116,9 +138,13 @@ class PulseTransform:
         if self._engines[0][1].backend == "direct":
             engine = 0.0
         folded = 0 if order is None else int(np.count_nonzero(order))
-        return PulseResult(result, ErrorSum.of(engine, count, squares, total), kept, folded)
+        return PulseResult(
+            result, ErrorSum.of(engine, count, squares, total), length_m.size, folded
+        )
 
-    def _fill(self, length_m: Real, amplitude: Weights, order: Real | None) -> tuple[float, float]:
+    def _fill(
+        self, length_m: Real, amplitude: Weights, order: Real | None, moved_m: Real | None
+    ) -> tuple[float, float]:
         """Points and phasors into the buffers; returns sum |c|^2 and sum |c|."""
         size = length_m.size
         if self._points.size < size:
@@ -131,10 +157,15 @@ class PulseTransform:
             points = reduced_cycles(length, sums.step, self._points[part])
             cycles = reduced_cycles(length, sums.centre)
             np.negative(cycles, out=cycles)
+            if moved_m is not None:
+                cycles -= moved_m[part] * sums.centre.rate
+                points += moved_m[part] * sums.step.rate
             if order is not None:
                 cycles += reduce_cycles(order[part] * sums.shift_centre)
                 points -= order[part] * sums.shift_step
+            if moved_m is not None or order is not None:
                 reduce_cycles(points)
+                reduce_cycles(cycles)
             if sums.extra_cycles is not None:
                 cycles += sums.extra_cycles(length / SPEED_OF_LIGHT_MPS)
                 reduce_cycles(cycles)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.signal import FmcwWaveform, range_doppler, synthesize
+from radarsim_addon.signal import FmcwWaveform, Waveform, range_doppler, synthesize
 from radarsim_addon.signal.echoes import line_times_s
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.motion import LinearMotion
@@ -112,6 +112,9 @@ def test_fmcw_mover_stands_where_it_will_be() -> None:
     assert rd_map.velocity_mps[row] == pytest.approx(rate_mps, abs=radar.velocity_resolution_mps)
 
 
+PULSE = Waveform(77e9, 150e6, 10e-6, 180e6)
+
+
 class _BurstOnly(LinearMotion):
     """Known from 0 to the end of the burst alone, as motion sampled from an animation."""
 
@@ -122,7 +125,7 @@ class _BurstOnly(LinearMotion):
         return super().lengths_m(times_s, rows)
 
 
-@pytest.mark.parametrize("waveform", [FmcwWaveform(77e9, 1e9, 64, 5e6), STEPPED, PMCW])
+@pytest.mark.parametrize("waveform", [FmcwWaveform(77e9, 1e9, 64, 5e6), STEPPED, PMCW, PULSE])
 def test_motion_is_asked_for_within_the_burst_alone(waveform: AnyWaveform) -> None:
     radar = burst_of(waveform, 6)
     paths = unit_paths(radar, [5.0], [3.0])

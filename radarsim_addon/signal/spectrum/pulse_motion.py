@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pulses that are scaled in time by the motion of the paths while they are under way.
+
+What a pulse emits at t_m + u comes back after the delay tau(t_m + u), so that with the delay's own
+rate beta
+
+    s(t_m, f) = (1 + beta) int w(u) exp(-j 2 pi (f0 + f) [tau(t_m) + beta u]) exp(-j 2 pi f u) du
+
+The exponential in u is interpolated between Chebyshev nodes u_j of the pulse by their Lagrange
+polynomials L_j: s = sum_j W_j(f) S(tau(t_m) + beta u_j) (1 + beta), with W_j the spectrum of w L_j
+and S that of paths at rest. Phases within +-L over the pulse take M nodes with an error of
+4 (L/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler coupling and the
+stretched envelope are all in it. Nothing is left out at a constant rate.
+
+The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2), which for a
+length l(t) = l + r (t - t_m) is tau = l / (c - r / 2), exact for one reflection and antennas at one
+place.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...array_types import Real
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .grid import SynthesisContext, Weights, place
+from .nufft import TIGHTEST, Backend
+from .pulse_shape import NODES_SHARE
+from .transform import ErrorSum, PulseResult, PulseTransform
+
+
+def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
+    """Largest phase of an acceleration within pulses of lengths and rates (pulses, 2, rows).
+
+    The acceleration is that between pulses; of a single one it is unknown.
+    """
+    assert sums.pulse is not None
+    if times_s.size < 2:
+        return 0.0
+    change = np.abs(np.diff(lengths_m[:, 1], axis=0)) / np.diff(times_s)[:, None]
+    # half of it over the pulse, and as much in the rate, which is that of its second half
+    left_m = float(change.max(initial=0.0)) * sums.pulse.half_s**2
+    return 2 * math.pi * sums.grid.highest_hz * left_m / SPEED_OF_LIGHT_MPS
+
+
+def moved_m(length_m: Real, rate_mps: Real, later_s: Real | float) -> Real:
+    """c tau of what is emitted `later_s` later, less the length, (n,) [m]."""
+    retarded = rate_mps / (2 * SPEED_OF_LIGHT_MPS)
+    return np.asarray((rate_mps * later_s + length_m * retarded) / (1 - retarded))
+
+
+def stretch(rate_mps: Real) -> Real:
+    """1 + beta, (n,): how much longer a pulse is received than it was sent."""
+    return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
+
+
+def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
+    """Error of a sum over nodes whose spectra (count values) each have this one."""
+    if nodes == 1:
+        return error
+    lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
+    return ErrorSum(
+        lebesgue * error.random + left,
+        lebesgue * error.bound + left * math.sqrt(count),
+        error.energy,
+    )
+
+
+class PulseMotionTransform:
+    """As :class:`.spectrum.transform.PulseTransform`, times the pulse's spectrum, for lengths in
+    the middle of a pulse and their rates.
+    """
+
+    def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
+        assert sums.pulse is not None
+        self._sums, self._pulse = sums, sums.pulse
+        self._tolerance = TIGHTEST if backend == "direct" else tolerance
+        self._transform = PulseTransform(sums, tolerance, backend)
+
+    def __call__(
+        self, length_m: Real, amplitude: Weights, order: Real | None = None
+    ) -> PulseResult:
+        """Lengths [m] and rates [m/s], (2, rows); with `order` all are received, folded by it."""
+        sums, pulse = self._sums, self._pulse
+        middle, rate_mps = length_m
+        kept, count = middle.size, sums.grid.count
+        if order is None:
+            rows, order, kept = place(sums, middle)
+            middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
+        if not middle.size:
+            return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
+        amplitude = amplitude * stretch(rate_mps)
+        folded_s = 0.0 if order is None else order * (sums.listening.period_s or 0.0)
+        times_s, spectra = pulse.parts(pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance))
+        values, error = np.zeros(count, dtype=np.complex128), ErrorSum()
+        for time_s, spectrum in zip(times_s, spectra, strict=True):
+            later_m = moved_m(middle, rate_mps, time_s - folded_s)
+            found = self._transform.spectrum(middle, amplitude, order, later_m)
+            values += spectrum * found.values
+            error = max(error, found.error, key=lambda one: one.random)
+        error = joined_error(error, times_s.size, self._tolerance, count)
+        return PulseResult(values, error, kept, found.folded)
