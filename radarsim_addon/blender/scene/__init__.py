@@ -17,6 +17,7 @@ from .instance_poses import (
 )
 from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
@@ -60,6 +61,7 @@ __all__ = [
     "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "no_echo_findings",
     "pose_in_metres",
     "radar_of",
     "radars",
