@@ -11,7 +11,12 @@ import bpy
 import numpy as np
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials import EXACT_FACETS, set_layer_normals, update_materials
+from radarsim_addon.blender.materials import (
+    EXACT_FACETS,
+    set_layer_normals,
+    settle_interiors,
+    update_materials,
+)
 from radarsim_addon.blender.materials.library import ASSETS
 from radarsim_addon.blender.materials.physical_materials import Medium
 from radarsim_addon.blender.nodes import attributes
@@ -191,6 +196,7 @@ def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
     update_materials(CARRIER_HZ)
     material = bpy.data.materials[name]
     if thickness_m:
+        settle_interiors(SettingsRestorer(), [material])
         add_box("Slab", (-501.0, -499.0, -thickness_m), (497.0, 503.0, 0.0), material)
     else:
         plate = facing_plate((0.0, 0.0, 0.0), 1e3, 90.0, spin_deg=13.0)

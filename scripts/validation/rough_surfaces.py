@@ -212,7 +212,7 @@ def order_2_lengths(bench: Bench) -> list[Check]:
             "Wall": [(-10, 12, -2), (10, 12, -2), (10, 12, 8), (-10, 12, 8)],
         }
         for name, vertices in corners.items():
-            add_mesh(name, np.array(vertices, dtype=float), [(0, 1, 2, 3)], metal)
+            add_mesh(name, vertices, [(0, 1, 2, 3)], metal)
         rows = acquire(bench, 64, 1, max_reflections=2, refine_for="objects").rows
         two = rows[rows["order"] == 2]
         # Vertices moved along their rays onto the planes z = -2 and y = 12, in float64.

@@ -4,14 +4,27 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import bpy
 import numpy as np
 
 from radarsim_addon.blender import nodes
 
-from .case import Bench, Case, Check, Group, power_check, relative_check
-from .scenes import Acquired, acquire, add_box, add_plate, facing_plate, lambert, new_scene
+from .case import Bench, Case, Check, Group, absolute_check, power_check, relative_check
+from .scenes import (
+    Acquired,
+    acquire,
+    add_box,
+    add_plate,
+    add_sphere,
+    facing_plate,
+    lambert,
+    new_scene,
+    wavelength,
+)
 
+MILLIMETRE_HZ = 77e9
 UNITS_PER_M = (1e-3, 1.0, 1e3)
 
 
@@ -115,13 +128,72 @@ def near_clip(bench: Bench) -> list[Check]:
     return checks
 
 
+def exact_lengths(bench: Bench) -> list[Check]:
+    """A tilted plate and a ball of triangles behind it, off all axes, near and far."""
+    turn = 0.5
+    away = np.array([-math.sin(turn), math.cos(turn), 0.0])
+    checks = []
+    for range_m in (10.0, 100.0, 1e3, 1e4):
+        for at_origin in ("radar", "objects"):
+            new_scene(2 * math.degrees(math.atan(0.6 / range_m)))
+            start_m = 0.0 * away if at_origin == "radar" else -range_m * away
+            place_m = start_m + range_m * away
+            items = [
+                add_plate("Plate", facing_plate(tuple(place_m), 0.7, 40.0), lambert(0.6)),
+                add_sphere("Ball", place_m + away, 0.5, lambert(0.6), 2),
+            ]
+            radar = bpy.data.objects["Radar"]
+            radar.location, radar.rotation_euler.z = start_m, radar.rotation_euler.z + turn
+            run = acquire(bench, 48, 1, carrier_hz=MILLIMETRE_HZ)
+            origin_m = np.array(run.record.receiver.matrix_world)[:3, 3]
+            triangles = np.concatenate([_world_triangles(item) for item in items])
+            exact_m = 2 * _first_hits(origin_m, run.rows["direction"], triangles)
+            error_m = (run.rows["length_m"] - exact_m)[np.isfinite(exact_m)]
+            check = absolute_check(
+                f"rms error of {error_m.size} lengths at 77 GHz from {range_m:g} m, {at_origin} "
+                "at the world's origin",
+                0.0,
+                float(np.sqrt(np.mean(error_m**2))) / wavelength(MILLIMETRE_HZ),
+                1e-3,
+                "ray and triangles in float64",
+                unit="wavelengths",
+            )
+            checks.append(check)
+    return checks
+
+
+def _world_triangles(item: Any) -> np.ndarray:
+    """Corners (m, 3, 3) of a mesh of triangles and quadrilaterals as Blender holds it [m]."""
+    bpy.context.view_layer.update()
+    pose = np.array(item.matrix_world, dtype=np.float64)
+    corners = np.array([tuple(vertex.co) for vertex in item.data.vertices], dtype=np.float64)
+    item.data.calc_loop_triangles()
+    faces = np.array([tuple(face.vertices) for face in item.data.loop_triangles])
+    return np.asarray((corners @ pose[:3, :3].T + pose[:3, 3])[faces])
+
+
+def _first_hits(origin: np.ndarray, directions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Distance to the first triangle, (n,); infinite where there is none."""
+    best = np.full(len(directions), np.inf)
+    for a, b, c in triangles:
+        normal = np.cross(b - a, c - a)
+        way = ((a - origin) @ normal) / (directions @ normal)
+        point = origin + way[:, None] * directions
+        inside = way > 0
+        for start, end in ((a, b), (b, c), (c, a)):
+            inside &= np.cross(end - start, point - start) @ normal >= 0
+        best = np.where(inside & (way < best), way, best)
+    return best
+
+
 GROUP = Group(
     "scale",
     "Scale of the scene",
     "The same metres at 0.001, 1 and 1000 Blender units per metre: a floor, plates, a penetrable "
-    "wall, two reflections.",
+    "wall, two reflections. Lengths at 77 GHz from 10 m to 10 km, whatever is at the origin.",
     (
         Case("three scales", scales, 20.0),
         Case("near clip", near_clip, 10.0),
+        Case("lengths at 77 GHz", exact_lengths, 30.0),
     ),
 )

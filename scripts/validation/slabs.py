@@ -64,8 +64,7 @@ def measure(
     length over the expected; expected power of both passages.
     """
     new_scene(FOV_DEG)
-    metal = nodes.make_material("Metal", METAL.real, METAL.imag, 0.0, 0.5, penetrable=False)
-    add_plate("Plate", facing_plate((0.0, TARGET_M, 0.0), 2.0), metal)
+    add_plate("Plate", facing_plate((0.0, TARGET_M, 0.0), 2.0), _metal())
     if medium is None:
         wall = make_physical_material(
             "Wall", "index", carrier_hz=carrier_hz, n=index.real, k=index.imag
@@ -124,6 +123,76 @@ def angles(bench: Bench, index: complex, polarisations: Sequence[str]) -> list[C
             label = f"n = {index:g}, 0.2 m, {angle_deg:g} deg, {polarisation}"
             checks += _checks(label, found)
     return checks
+
+
+def several(bench: Bench) -> list[Check]:
+    """One to four walls in a row, of equal and of unlike media, in the mean of polarisations."""
+    checks = []
+    permittivities = (4.2 + 0j, 5.24 + 0.57j, 1.99 + 0.09j, 2.7 + 0.05j)
+    for count, media in ((1, (4.2,)), (2, (4.2,) * 2), (4, (4.2,) * 4), (4, permittivities)):
+        for angle_deg in (37.0, 58.0, 70.0):
+            found = []
+            for used in ((), media):
+                new_scene(0.2)
+                add_plate("Plate", facing_plate((0.0, 100.0, 0.0), 4.0), _metal())
+                powers, longer_m = np.ones(2), 0.0
+                for number, eps in enumerate(used):
+                    index = complex(np.sqrt(eps))
+                    wall = make_physical_material(
+                        "Wall", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
+                    )
+                    place_m = (0.0, 20.0 + 15.0 * number, 0.0)
+                    add_wall(f"Wall {number}", place_m, 0.05, angle_deg, wall, 30.0)
+                    cosine = np.array(math.cos(math.radians(angle_deg)))
+                    s, p, more_m = passage(index, 0.05, wavelength_of(5.3e9), cosine)
+                    powers, longer_m = powers * (s, p), longer_m + 2 * float(more_m)
+                rows = acquire(bench, 8, 1, carrier_hz=5.3e9, refine_for="objects").of("Plate")
+                power_w = float(rows["power_w"].sum())
+                found.append((power_w, float(rows["power_w"] @ rows["length_m"]) / power_w))
+            label = f"{count} walls{' of four media' if media is permittivities else ''}"
+            label += f", {angle_deg:g} deg"
+            want, got = float(powers.mean() ** 2), found[1][0] / found[0][0]
+            source = "mean over s and p of the product of all walls, each way"
+            row = power_check(f"{label}: power, two ways", want, got, POWER_DB, source, unit="dB")
+            got_m = found[1][1] - found[0][1]
+            checks += [
+                row,
+                absolute_check(f"{label}: longer", longer_m, got_m, 2e-4, SOURCE, unit="m"),
+            ]
+    return checks
+
+
+def hollow(bench: Bench) -> list[Check]:
+    """A room that Solidify makes hollow: a plate in it, and behind it."""
+    checks, index, thickness_m = [], complex(np.sqrt(4.2 + 0.1j)), 0.2
+    for angle_deg in (0.0, 20.0, 40.0):
+        for target_m, walls in ((20.0, 1), (40.0, 2)):
+            found = []
+            for used in (False, True):
+                new_scene(0.3)
+                add_plate("Plate", facing_plate((0.0, target_m, 0.0), 2.0), _metal())
+                if used:
+                    wall = make_physical_material(
+                        "Room", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
+                    )
+                    add_wall("Room", (0.0, 20.0, 0.0), 10.0, angle_deg, wall, 5.0)
+                    solidify = bpy.data.objects["Room"].modifiers.new("Walls", "SOLIDIFY")
+                    solidify.thickness, solidify.use_even_offset = thickness_m, True
+                rows = acquire(bench, 8, 1, carrier_hz=5.3e9, refine_for="objects").of("Plate")
+                power_w = float(rows["power_w"].sum())
+                found.append((power_w, float(rows["power_w"] @ rows["length_m"]) / power_w))
+            cosine = np.array(math.cos(math.radians(angle_deg)))
+            s, p, longer_m = passage(index, thickness_m, wavelength_of(5.3e9), cosine)
+            label = f"room, {angle_deg:g} deg, plate {'behind' if walls == 2 else 'inside'}"
+            want, got = float((s**walls + p**walls) / 2) ** 2, found[1][0] / found[0][0]
+            checks.append(power_check(f"{label}: power", want, got, POWER_DB, SOURCE, unit="dB"))
+            got_m, want_m = found[1][1] - found[0][1], 2 * walls * float(longer_m)
+            checks.append(absolute_check(f"{label}: longer", want_m, got_m, 2e-4, SOURCE, unit="m"))
+    return checks
+
+
+def _metal() -> object:
+    return nodes.make_material("Metal", METAL.real, METAL.imag, 0.0, 0.5, penetrable=False)
 
 
 def lossless(bench: Bench) -> list[Check]:
@@ -242,6 +311,8 @@ GROUP = Group(
     (
         Case("lossless wall", lossless, 30.0),
         Case("lossy wall", lossy, 60.0, True),
+        Case("several walls", several, 60.0),
+        Case("hollow room", hollow, 40.0),
         Case("behind concrete", concrete, 20.0),
         Case("100 dB", hundred_db, 10.0, True),
         Case("limits of float32", limits, 10.0),

@@ -6,7 +6,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .interiors import settle_interiors
-from .layers import beyond_float32, is_entered, set_layer_normals
+from .layers import beyond_float32, is_entered, passes_by_polarisation, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
@@ -29,6 +29,7 @@ __all__ = [
     "is_physical",
     "make_physical_material",
     "media_beyond_their_band",
+    "passes_by_polarisation",
     "refresh_materials",
     "roughness_of",
     "set_layer_normals",

@@ -5,10 +5,12 @@ In: the animation. Out: motion records and deforming surfaces in metres and seco
 """
 
 from .animation import key_frames
+from .bodies import Bodies
 from .burst_motion import BurstMotion
 from .samples import SamplingPlan
 
 __all__ = [
+    "Bodies",
     "BurstMotion",
     "SamplingPlan",
     "key_frames",

@@ -39,7 +39,19 @@ class Part:
 
 
 class Bodies:
-    """Surfaces of a scene at the time of `depsgraph`, which must not change during labelling."""
+    """Surfaces of a scene at one moment.
+
+    Parameters
+    ----------
+    names
+        Objects in the order of their numbers, from 1.
+    poses
+        Poses of the objects.
+    depsgraph : bpy.types.Depsgraph
+        At that moment; it must not change while rows are labelled.
+    metres_per_unit
+        Length of a Blender unit [m].
+    """
 
     def __init__(
         self, names: Sequence[str], poses: Poses, depsgraph: Any, metres_per_unit: float

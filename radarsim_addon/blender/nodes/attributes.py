@@ -20,6 +20,10 @@ ATTR_WAVELENGTH = "radarsim_wavelength"
 unit."""
 ATTR_POLARISATION = "radarsim_polarisation"
 """Polarisation relative to world Z: 0 mean of both, 1 vertical, 2 horizontal."""
+ATTR_BY_POLARISATION = "radarsim_by_polarisation"
+"""1: the channels carry the two polarisations through all faces that a path of one reflection
+passes: red p on both ways, green s on the way from the receiver, blue s on that to the transmitter.
+0: each face takes the mean of both."""
 ATTR_FACET_FRESNEL = "radarsim_facet_fresnel"
 """1: rough physical materials evaluate Fresnel's equations at each facet, which Cycles does from
 Blender 5.0 on. 0: at normal incidence on the facet, which is exact in backscatter."""
@@ -29,6 +33,11 @@ for absorption and delay at an angle. Absent: those of normal incidence at all a
 OBJECT_LAYER_THICKNESS = "radarsim_layer_thickness"
 """Custom property of an object: distance between these faces, in the object's own units. Shaders
 use it to find rays that began inside, so that echoes between the faces keep their polarisation."""
+
+OBJECT_SHELL_THICKNESS = "radarsim_shell_thickness"
+"""Custom property of an object whose walls are all of one thickness, in any directions: this
+thickness, Blender units. Each face that a ray meets from inside absorbs and delays for the wall
+that it crossed, at its own angle, in place of the volume. 0 or absent: no such object."""
 
 # Path class of a render in the sampling mode "paths" (absent: all paths). Half-integers, so that no
 # comparison in a shader depends on rounding.

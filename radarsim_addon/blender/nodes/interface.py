@@ -44,7 +44,8 @@ class Wave(NamedTuple):
 class InterfacePower(NamedTuple):
     """Fractions of the power that is incident on a face from the ray's side, as the run polarises.
 
-    `reference` is the unpolarised reflectance from outside, as a Metallic BSDF has it.
+    `passed` is a colour, see `passed_by_channel`; `reference` is the unpolarised reflectance from
+    outside, as a Metallic BSDF has it.
     """
 
     reflected: Any
@@ -102,11 +103,13 @@ def interface_power(
     entering = weighted("T_in", weight_p, s.entering, p.entering)
     reflected_in = weighted("R_in", weight_p, s.reflected, p.reflected)
     arriving = weighted("sum v t", left_p, s.entering, p.entering)
+    square_s = math("MULTIPLY", "d_s^2", s.there_and_back, s.there_and_back)
+    square_p = math("MULTIPLY", "d_p^2", p.there_and_back, p.there_and_back)
     both = weighted(
         "sum v d^2",
         left_p,
-        math("MULTIPLY", "d_s^2", s.there_and_back, s.there_and_back),
-        math("MULTIPLY", "d_p^2", p.there_and_back, p.there_and_back),
+        square_s,
+        square_p,
     )
     inside = weighted(
         "sum v t R",
@@ -118,13 +121,42 @@ def interface_power(
     reflected_out = math("DIVIDE", "R_out", inside, arriving)
     back = build.node("ShaderNodeNewGeometry", "Side").outputs["Backfacing"]
     passed = build.select("T", back, entering, leaving)
+    by_s, by_p = (
+        build.select(
+            f"T_{name}",
+            back,
+            one.entering,
+            math("DIVIDE", f"d_{name}^2 / t_{name}", square, one.entering),
+        )
+        for name, one, square in (("s", s, square_s), ("p", p, square_p))
+    )
+    # Echoes between the faces of a layer keep the polarisation that entered it.
+    entered = math("LESS_THAN", "no echo inside", echoes, 0.5)
+    by_channel = passed_by_channel(build, passed, by_s, by_p, entered)
     reflected = build.select("R", back, reflected_in, reflected_out)
     total = math("ADD", "R_s + R_p", s.reflected, p.reflected)
     return InterfacePower(
         reflected=math("MINIMUM", "R, at most 1", reflected, 1.0),
-        passed=math("MULTIPLY", "T, or 0 for a conductor", passed, is_open(build, n, kappa)),
+        passed=build.scale("T, or 0 for a conductor", by_channel, is_open(build, n, kappa)),
         reference=math("MULTIPLY", "F", total, 0.5, clamp=True),
     )
+
+
+def passed_by_channel(build: TreeBuilder, mean: Any, s: Any, p: Any, allowed: Any = 1.0) -> Any:
+    """Add nodes for the passing power as a colour: the mean, or each polarisation by itself.
+
+    See `attributes.ATTR_BY_POLARISATION`; where `allowed` is 0 it is the mean in any case.
+    """
+    math = build.math
+    asked = build.scene_attribute(attributes.ATTR_BY_POLARISATION)
+    chosen = math("MULTIPLY", "by polarisation", asked, allowed)
+    bounces = build.node("ShaderNodeLightPath", "Way of the path").outputs["Ray Depth"]
+    first_way = math("LESS_THAN", "from the receiver", bounces, 0.5)
+    green = build.select("T on the way from the receiver", first_way, p, s)
+    blue = build.select("T on the way to the transmitter", first_way, s, p)
+    channels = enumerate((("R", p), ("G", green), ("B", blue)))
+    inputs = {i: build.select(f"T in {name}", chosen, mean, t) for i, (name, t) in channels}
+    return build.node("ShaderNodeCombineXYZ", "T by channel", inputs).outputs[0]
 
 
 def _powers(build: TreeBuilder, wave: Wave) -> tuple[_Power, _Power, Any]:

@@ -19,7 +19,7 @@ from typing import Any
 from .build import GroupDefinition, TreeBuilder, float_input
 from .complex_nodes import Pair, difference, power, product, scaled, total
 from .fresnel import cos_incidence
-from .interface import Wave, excess, polarisation, wave_inside
+from .interface import Wave, excess, passed_by_channel, polarisation, wave_inside
 from .outputs import SURFACE, any_inverse_code_length, wavelength
 from .radar_material import EXTINCTION, INDEX, INDEX_AT_CARRIER, camera_lobes
 from .range_encoding import inverse_code_length, range_code, ray_length
@@ -58,7 +58,8 @@ def _draw(build: TreeBuilder) -> None:
         both = math("MULTIPLY", f"p of {label}", weight_p, p)
         return math("MULTIPLY_ADD", label, weight_s, s, both, clamp=True)
 
-    passed = math("MULTIPLY", "T, or 0 at the gate", mean("T", passed_s, passed_p), transmits)
+    by_channel = passed_by_channel(build, mean("T", passed_s, passed_p), passed_s, passed_p)
+    passed = build.scale("T, or 0 at the gate", by_channel, transmits)
     back = math("MULTIPLY", "R, or 0 before the gate", mean("R", back_s, back_p), reflects)
 
     # Delay d (Re q - c); Ray Length continues outside.
@@ -67,7 +68,7 @@ def _draw(build: TreeBuilder) -> None:
     with build.prefixed("Delay: "):
         delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
     mirror_colour = build.scale("Mirror colour", code, back)
-    delayed = build.scale("Delayed", delay, passed)
+    delayed = build.vector_math("MULTIPLY", "Delayed", {0: delay, 1: passed})
     mirror = build.glossy("Mirror", mirror_colour, 0.0)
     through = build.transparent("Transmission", delayed)
     build.group_output("Surface", build.add_shaders("Surface", mirror, through))
@@ -97,7 +98,7 @@ def _slab(
 RADAR_SHEET = GroupDefinition(
     kind=KIND,
     name="Radar Sheet",
-    version=2,
+    version=3,
     description=(
         "A thin pane modelled as one face: all echoes between its two sides interfere. For panes, "
         "radomes and panels with a thickness of at most a few wavelengths"

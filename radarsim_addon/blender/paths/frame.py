@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import math
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -22,6 +22,7 @@ from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
+from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
@@ -81,13 +82,22 @@ class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
-    `progress` is told of every tile.
+    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
+    the objects that were seen.
     """
 
     def __init__(
-        self, tracer: ViewTracer, motion: BurstMotion, folder: Path, progress: Progress
+        self,
+        tracer: ViewTracer,
+        motion: BurstMotion,
+        hits: HitPoints,
+        folder: Path,
+        progress: Progress,
+        no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
+        self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
+        self._hits = hits
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -260,12 +270,15 @@ class FrameWork:
         renders = 0
         with self._parts.writer(key) as part:
             for replicate in range(count):
-                rows, traced = yield from self._tracer.replicate_tasks(number, tile, replicate)
+                rows, origin_m, traced = yield from self._tracer.replicate_tasks(
+                    number, tile, replicate
+                )
                 renders += traced.renders
                 quality.add_view(traced, watts_per_unit / count)
                 # One replicate of each tile of the unrefined frame asked for more than its paths.
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
+                self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -338,7 +351,11 @@ class FrameWork:
     def _findings(self, quality: QualitySums) -> list[Finding]:
         """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
-        findings = quality.findings(self._run.measurement.waveform.wavelength_m, scene.objects)
+        wavelength_m = self._run.measurement.waveform.wavelength_m
+        findings = quality.findings(wavelength_m, scene.objects, target)
+        if quality.total_w == 0:
+            seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]
+            findings += self._no_echo(seen)
         met = quality.seen | quality.echoing | scene.hidden
         findings += missed_objects_findings(
             self._motion.poses, scene.objects, met, self._receiver, self._whole

@@ -20,14 +20,16 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
+from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets, passes_by_polarisation
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
+from ..scene import no_echo_findings
 from ..state import evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
+from .hit_points import HitPoints
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -138,6 +140,7 @@ class PathJob(MeasurementJob):
             self.options,
             self.code_world,
             self.deterministic,
+            self._polarising(),
             self.versions,
         )
         self._count_tiles()
@@ -267,14 +270,29 @@ class PathJob(MeasurementJob):
             self.path_scene.objects,
             sampling,
             self.path_scene.kind,
-            frozen=self.options.motion == "off",
+            motion=self.options.motion,
             render=render,
         )
         depsgraph = motion.begin()
-        antennas = self._antenna_records(depsgraph, units)
-        self.path_scene.place(depsgraph)
-        tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
-        work = FrameWork(tracer, motion, self.folder / contract.burst_dir(frame, render), self)
+        receiver, transmitter = self._antenna_records(depsgraph, units)
+        receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
+        tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter)
+        hits = HitPoints(
+            motion.bodies,
+            depsgraph,
+            units,
+            self._measurement.waveform.wavelength_m,
+            self.path_scene.all_opaque,
+        )
+        folder = self.folder / contract.burst_dir(frame, render)
+        work = FrameWork(
+            tracer,
+            motion,
+            hits,
+            folder,
+            self,
+            lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
+        )
         stop_reason = yield from work.measure()
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame
@@ -286,6 +304,14 @@ class PathJob(MeasurementJob):
         self.summary = (
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
+        )
+
+    def _polarising(self) -> bool:
+        """Whether waves pass physical materials, in the mean of both polarisations."""
+        return self._measurement.polarisation == "average" and any(
+            passes_by_polarisation(material)
+            for assigned in assigned_materials(evaluated_depsgraph(self._view_layer))
+            for material in assigned.materials
         )
 
     # -- progress of a frame -----------------------------------------------------------------------

@@ -28,11 +28,15 @@ from ..views import (
     TraceLimits,
     View,
     ViewWindow,
+    ray_origins,
     replicate_seed,
     rows_of_replicate,
     trace_replicate,
 )
 from .tiles import Tile
+
+#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
+_ONE_PLACE = 0.01
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,8 @@ class PathRun:
 
     `world_encoding` says whether a world volume carries the range encoding instead of the
     materials; `deterministic` whether Radar Materials choose their lobes by the path class;
-    `versions` are those of the programs.
+    `polarising` whether waves pass materials in the mean of two polarisations; `versions` are those
+    of the programs.
     """
 
     scene: PathScene
@@ -50,6 +55,7 @@ class PathRun:
     options: PathOptions
     world_encoding: bool
     deterministic: bool
+    polarising: bool
     versions: dict[str, str]
 
     @cached_property
@@ -160,8 +166,10 @@ class ViewTracer:
 
     def replicate_tasks(
         self, number: int, tile: Tile, replicate: int
-    ) -> Generator[PathTask, None, tuple[PathRows, TracedReplicate]]:
-        """Make all renders of a tile replicate; return its rows, and what was found."""
+    ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
+        """Make all renders of a tile replicate; return its rows, where their rays start, and all
+        that was found.
+        """
         run, window = self.run, tile.window
         seed = replicate_seed(run.measurement.seed, window, replicate)
         receiver = run.scene.look(window, replicate_offset_px(replicate), seed)
@@ -190,7 +198,21 @@ class ViewTracer:
             number,
             replicate,
         )
-        return rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map), traced
+        rows = rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map)
+        return rows, ray_origins(traced, rays.origin_m), traced
+
+    def _polarised_from(self) -> int | None:
+        """Return the depth from which polarisations are carried through; None for not at all.
+
+        A single wall takes the mean of both itself. With the antennas in one place both ways pass
+        the same surfaces.
+        """
+        run = self.run
+        if not (run.polarising and run.deterministic):
+            return None
+        place_m = np.asarray(self.receiver.matrix_world, dtype=np.float64)[:3, 3]
+        apart_m = float(np.linalg.norm(self.transmitter_m - place_m))
+        return 2 if apart_m <= _ONE_PLACE * run.plan.extent.from_receiver_m else 0
 
     def _limits(self, probe: bool) -> TraceLimits:
         run = self.run
@@ -202,6 +224,7 @@ class ViewTracer:
             world_encoding=run.world_encoding,
             amplitude_channel=run.options.amplitude_channel,
             probe=probe,
+            polarised_from=self._polarised_from(),
             opaque=run.scene.opaque,
         )
 

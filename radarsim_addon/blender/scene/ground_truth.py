@@ -141,6 +141,7 @@ def object_records(
     """
     receiver = _origin(rig.camera, depsgraph)
     nearest: dict[str, tuple[float, contract.ObjectRecord]] = {}
+    collections = _collections_of_objects()
     for one in _rendered_surfaces(depsgraph):
         known = nearest[one.label][0] if one.label in nearest else math.inf
         corners = _corners(one) - receiver
@@ -157,13 +158,18 @@ def object_records(
         rate_mps = None
         if origin_later_m is not None and interval_s > 0:
             rate_mps = (origin_later_m - origin_m) / interval_s
-        record = _object_record(one, distance * metres_per_unit, origin_m, rate_mps)
+        held_by = collections.get(one.original.name_full, [])
+        record = _object_record(one, held_by, distance * metres_per_unit, origin_m, rate_mps)
         nearest[one.label] = (distance, record)
     return [record for _, (_, record) in sorted(nearest.items())]
 
 
 def _object_record(
-    one: EvaluatedObject, nearest_m: float, origin_m: float, rate_mps: float | None
+    one: EvaluatedObject,
+    collections: list[str],
+    nearest_m: float,
+    origin_m: float,
+    rate_mps: float | None,
 ) -> contract.ObjectRecord:
     rms_height_m, correlation_length_m = roughness_of(one.evaluated)
     return contract.ObjectRecord(
@@ -176,7 +182,7 @@ def _object_record(
             for material in slot_materials(one.evaluated)
             if material is not None and material.name != ABSORBER_NAME
         ],
-        collections=_collections_of(one.original),
+        collections=collections,
         rms_height_m=rms_height_m,
         correlation_length_m=correlation_length_m,
     )
@@ -186,20 +192,16 @@ def _origin_range(one: EvaluatedObject, receiver: Real) -> float:
     return float(np.linalg.norm(one.matrix[:3, 3] - receiver))
 
 
-def _collections_of(item: Any) -> list[str]:
-    """Return the names of the collections of an object and of their parents, sorted."""
-    held = set(item.users_collection)
-    while True:
-        parents = {
-            outer
-            for outer in bpy.data.collections
-            if outer not in held and any(child in held for child in outer.children)
-        }
-        if not parents:
-            break
-        held |= parents
-    # The scene's own root collection is not among those of the file.
-    return sorted(held_by.name for held_by in held if held_by.name in bpy.data.collections)
+def _collections_of_objects() -> dict[str, list[str]]:
+    """Return the names of the collections that hold each object, also indirectly, sorted.
+
+    One pass over the file's collections: an object's own list of its users takes a walk each.
+    """
+    holding: dict[str, set[str]] = {}
+    for collection in bpy.data.collections:
+        for item in collection.all_objects:
+            holding.setdefault(item.name_full, set()).add(collection.name)
+    return {name: sorted(held) for name, held in holding.items()}
 
 
 def _surface_distance(one: EvaluatedObject, point: Real) -> float | None:

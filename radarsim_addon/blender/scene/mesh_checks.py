@@ -8,8 +8,9 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ _MOST_NESTED = 31
 _COINCIDENT = 2e-7
 #: Maximum number of faces of one object in one plane that are compared with another object.
 _MOST_FACES = 4000
+#: Time in which Cycles tests an object against one with an interior, and when to say so [s].
+_TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
 
@@ -61,39 +64,49 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         Empty if no object has an interior.
     """
     found: list[Faces] = []
+    shapes: dict[tuple[int, bool], _Shape | None] = {}
     for one in evaluated_objects(depsgraph):
         item = one.evaluated
         if item.type != "MESH" or item.hide_render:
             continue
         name = item.name if one.instancer is None else f"{item.name} (instance)"
         entered = any(has_interior(slot.material) for slot in item.material_slots)
-        faces = _faces(item.data, one.matrix, name, entered)
+        key = item.data.as_pointer(), entered
+        if key not in shapes:
+            shapes[key] = _shape(item.data, entered)
+        shape = shapes[key]
+        faces = None if shape is None else _faces(shape, one.matrix, name, entered)
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
         return []
-    return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found)]
+    return [
+        *_defects(found),
+        *_coincident_faces(found),
+        *_nested_too_deep(found),
+        *_slow_for_cycles(found),
+    ]
 
 
-def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
-    count, corners = len(mesh.polygons), len(mesh.loops)
-    if not count:
+class _Shape(NamedTuple):
+    """A mesh in its own axes: vertices of all corners, first corner and normal of each face."""
+
+    at_corner: Real
+    start: Indices
+    normal: Real
+    defect: str
+
+
+def _shape(mesh: Any, entered: bool) -> _Shape | None:
+    """Return a mesh as numbers; its defect is looked for where waves enter. None without faces."""
+    corners = len(mesh.loops)
+    if not len(mesh.polygons):
         return None
-    points = read_numbers(mesh.vertices, "co", 3)
+    points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
     start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
     corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
-    local = read_numbers(mesh.polygons, "normal", 3)
-    linear = matrix[:3, :3]
-    world = points.astype(np.float64) @ linear.T + matrix[:3, 3]
-    determinant = float(np.linalg.det(linear))
-    if determinant == 0:
-        return None
-    normal = local.astype(np.float64) @ np.linalg.inv(linear)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    at_corner = world[corner]
-    low = np.minimum.reduceat(at_corner, start, axis=0)
-    high = np.maximum.reduceat(at_corner, start, axis=0)
-    offset = np.einsum("ij,ij->i", normal, at_corner[start])
+    normal = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
+    at_corner = points[corner]
     defect = ""
     if entered:
         following = corner.copy()
@@ -102,8 +115,22 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
         flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
         defect = _mesh_defect(corner, following, flat)
         if not defect and not flat:
-            defect = _inside_out(at_corner, start, normal, determinant < 0)
-    return Faces(name, entered, normal, offset, low, high, defect)
+            defect = _inside_out(at_corner, start)
+    return _Shape(at_corner, start, normal, defect)
+
+
+def _faces(shape: _Shape, matrix: Real, name: str, entered: bool) -> Faces | None:
+    """Return the faces of an object or instance in world space; None where it is flattened."""
+    linear = matrix[:3, :3]
+    if np.linalg.det(linear) == 0:
+        return None
+    at_corner = shape.at_corner @ linear.T + matrix[:3, 3]
+    normal = shape.normal @ np.linalg.inv(linear)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    low = np.minimum.reduceat(at_corner, shape.start, axis=0)
+    high = np.maximum.reduceat(at_corner, shape.start, axis=0)
+    offset = np.einsum("ij,ij->i", normal, at_corner[shape.start])
+    return Faces(name, entered, normal, offset, low, high, shape.defect)
 
 
 def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
@@ -125,7 +152,7 @@ def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: 
     return "" if np.array_equal(directed, opposite) else "open"
 
 
-def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -> str:
+def _inside_out(at_corner: Real, start: Indices) -> str:
     """Return "inside out" if the normals of a closed mesh point inwards: its volume is negative."""
     centre = at_corner.mean(axis=0)
     end = np.append(start[1:], len(at_corner))
@@ -137,7 +164,17 @@ def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -
         for step in range(1, int(sides) - 1):
             second, third = at_corner[first + step] - centre, at_corner[first + step + 1] - centre
             volume += float(np.einsum("ij,ij->", origin, np.cross(second, third)))
-    return "inside out" if (volume < 0) != mirrored else ""
+    return "inside out" if volume < 0 else ""
+
+
+def _slow_for_cycles(found: list[Faces]) -> list[Finding]:
+    """Find whether Cycles, which tests each object against each interior, takes long to begin."""
+    entered = [item.name for item in found if item.entered]
+    seconds = len(entered) * len(found) * _TEST_S
+    if seconds < _LONG_S:
+        return []
+    numbers = {"count": len(entered), "total": len(found), "seconds": seconds}
+    return [finding("many-interiors", *dict.fromkeys(entered), **numbers)]
 
 
 def _defects(found: list[Faces]) -> list[Finding]:
@@ -166,6 +203,7 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
     sign = np.where(normal[np.arange(len(normal)), np.abs(normal).argmax(axis=1)] < 0, -1.0, 1.0)
     normal, offset = normal * sign[:, None], offset * sign
     entered = np.array([item.entered for item in found])
+    boxes = np.concatenate([np.stack([item.low, item.high], axis=1) for item in found])
     pairs: set[tuple[int, int]] = set()
     # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
     for shift in (0.0, 0.5):
@@ -181,7 +219,7 @@ def _coincident_faces(found: list[Faces]) -> list[Finding]:
         most = np.maximum.reduceat(owners, begin)
         for group in np.flatnonzero(least != most):
             members = order[begin[group] : end[group]]
-            _pairs_in_plane(members, owner, offset, found, entered, tolerance, pairs)
+            _pairs_in_plane(members, owner, offset, boxes, entered, tolerance, pairs)
     named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
     return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
 
@@ -190,31 +228,46 @@ def _pairs_in_plane(
     members: Indices,
     owner: Indices,
     offset: Real,
-    found: list[Faces],
+    boxes: Real,
     entered: NDArray[np.bool_],
     tolerance: float,
     pairs: set[tuple[int, int]],
 ) -> None:
-    """Add pairs of owners whose faces in one plane overlap."""
-    first = np.concatenate([[0], np.cumsum([len(item.offset) for item in found])])
-    owners = np.unique(owner[members])
-    for index, a in enumerate(owners):
-        mine = members[owner[members] == a][:_MOST_FACES]
-        for b in owners[index + 1 :]:
-            if not (entered[a] or entered[b]) or (int(a), int(b)) in pairs:
-                continue
-            others = members[owner[members] == b][:_MOST_FACES]
-            one, two = found[a], found[b]
-            if len(mine) * len(others) > _MOST_FACES * 100:
-                others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
-            low = np.maximum(one.low[mine - first[a]][:, None], two.low[others - first[b]][None])
-            high = np.minimum(one.high[mine - first[a]][:, None], two.high[others - first[b]][None])
-            # Overlap along at least two directions: faces that touch at an edge do not coincide.
-            wide = (high - low > 100 * tolerance).sum(axis=-1) >= 2
-            apart = np.any(high - low < -tolerance, axis=-1)
-            near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
-            if np.any(wide & ~apart & near):
-                pairs.add((int(a), int(b)))
+    """Add pairs of owners whose faces in one plane overlap; boxes of faces are (n, 2, 3)."""
+    members = members[np.argsort(owner[members], kind="stable")]
+    owners, start = np.unique(owner[members], return_index=True)
+    low = np.minimum.reduceat(boxes[members, 0], start)
+    high = np.maximum.reduceat(boxes[members, 1], start)
+    faces = np.split(members, start[1:])
+    for i, j in _overlapping(low, high, tolerance):
+        a, b = sorted((int(owners[i]), int(owners[j])))
+        if not (entered[a] or entered[b]) or (a, b) in pairs:
+            continue
+        mine, others = faces[i][:_MOST_FACES], faces[j][:_MOST_FACES]
+        if len(mine) * len(others) > _MOST_FACES * 100:
+            others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
+        shared = np.minimum(boxes[mine, 1][:, None], boxes[others, 1][None])
+        shared -= np.maximum(boxes[mine, 0][:, None], boxes[others, 0][None])
+        # Overlap along at least two directions: faces that touch at an edge do not coincide.
+        wide = (shared > 100 * tolerance).sum(axis=-1) >= 2
+        apart = np.any(shared < -tolerance, axis=-1)
+        near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
+        if np.any(wide & ~apart & near):
+            pairs.add((a, b))
+
+
+def _overlapping(low: Real, high: Real, tolerance: float) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of boxes (n, 3) that overlap, by a sweep along the axis where they spread."""
+    axis = int(np.ptp(low, axis=0).argmax())
+    order = np.argsort(low[:, axis])
+    low, high = low[order], high[order]
+    end = np.searchsorted(low[:, axis], high[:, axis] + tolerance, side="right")
+    for index in range(len(order) - 1):
+        after = slice(index + 1, end[index])
+        meets = np.all(low[after] <= high[index] + tolerance, axis=1)
+        meets &= np.all(high[after] >= low[index] - tolerance, axis=1)
+        for other in np.flatnonzero(meets) + index + 1:
+            yield int(order[index]), int(order[other])
 
 
 def _nested_too_deep(found: list[Faces]) -> list[Finding]:

@@ -114,6 +114,9 @@ class TraceLimits:
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
     probe
         One more render says how much power is in the next `_PROBED_ORDERS` orders.
+    polarised_from
+        Transparent surfaces from which on both polarisations are carried through all of them at
+        order 1, with `deterministic_transmission`; None: each surface takes the mean.
     opaque
         Numbers of objects that let nothing through, whatever the ray.
     """
@@ -125,6 +128,7 @@ class TraceLimits:
     world_encoding: bool = False
     amplitude_channel: str = "mean"
     probe: bool = False
+    polarised_from: int | None = None
     opaque: frozenset[int] = frozenset()
 
 
@@ -313,6 +317,12 @@ class _Tracer:
             plain = yield RenderRequest(path_class, encoded=False, region=region)
             self._found.renders += 1
         amplitude = self.amplitude(plain or encoded)
+        if self._is_polarised(path_class, depth) and np.any(amplitude > 0):
+            view = yield RenderRequest(
+                path_class, encoded=False, by_polarisation=True, region=region
+            )
+            self._found.renders += 1
+            amplitude = mean_of_polarisations(view, amplitude)
         vertex = None
         if order > 1 and np.any(amplitude > 0):
             vertex = yield RenderRequest(
@@ -325,8 +335,24 @@ class _Tracer:
             self._found.layers.append(layer)
         return layer
 
+    def _is_polarised(self, path_class: PathClass, depth: int) -> bool:
+        least = self._limits.polarised_from
+        return path_class.surface_depth is not None and least is not None and depth >= least
+
     def _spent(self, left: Real) -> bool:
         return self.power(np.abs(left)) <= self._limits.max_unfollowed_fraction * self._found.total
+
+
+def mean_of_polarisations(view: View, amplitude: Real) -> Real:
+    """Return the amplitude with the mean of both polarisations on each of the two ways.
+
+    The view has p on both ways in red, s on the first or the last way in green and blue. s on both
+    follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both_s = view.green * view.blue / view.red
+    mean = (view.red + view.green + view.blue + both_s) / 4
+    return np.where((view.red > 0) & (amplitude > 0), mean, amplitude)
 
 
 def _is_coloured(view: View) -> bool:

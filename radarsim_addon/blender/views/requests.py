@@ -71,6 +71,9 @@ class RenderRequest:
         Pixels per side of the blocks that have one ray, for sums that need no more.
     all_channels
         Range encoding in blue, too.
+    by_polarisation
+        Red, green and blue are the two polarisations instead of the range encoding: see
+        `attributes.ATTR_BY_POLARISATION`.
     probe
         Asks for more than the paths, of all pixels whosever they are.
     """
@@ -81,6 +84,7 @@ class RenderRequest:
     region: Region | None = None
     coarse: int = 1
     all_channels: bool = False
+    by_polarisation: bool = False
     probe: bool = False
 
 

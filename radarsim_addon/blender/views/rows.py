@@ -44,6 +44,26 @@ def rows_of_replicate(
     return np.concatenate(parts) if parts else np.empty(0, dtype=PATH_DTYPE)
 
 
+def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
+    """Return where the rays of these rows start, (paths, 3), or (3,) where it is one place for all.
+
+    Parameters
+    ----------
+    traced
+        What was found.
+    origin_m
+        Of all pixels, (3,) or (h, w, 3).
+
+    Returns
+    -------
+    ndarray
+    """
+    if origin_m.ndim == 1:
+        return origin_m
+    parts = [origin_m[layer.amplitude > 0] for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty((0, 3))
+
+
 def _pixels(
     layer: PathClassLayer,
     index: tuple[Indices, Indices],

@@ -9,8 +9,6 @@ Where the materials do not carry the range encoding, a world volume does.
 from __future__ import annotations
 
 import shutil
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -18,6 +16,7 @@ import numpy as np
 
 from ... import contract
 from ...errors import RenderError
+from ...processes import temporary_folder
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
@@ -80,7 +79,7 @@ class PathScene:
         self._inverse_k = metres_per_unit / range_encoding_length_m
         self._world_encoding = world_encoding
         self._recorder = SettingsRestorer()
-        self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
+        self._folder = temporary_folder()
         self._recorder.on_restore(
             "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
         )
@@ -113,6 +112,7 @@ class PathScene:
                 attributes.ATTR_SURFACE_STOP,
                 attributes.ATTR_VERTEX_SCALE,
                 attributes.ATTR_WORLD_CODE,
+                attributes.ATTR_BY_POLARISATION,
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
@@ -122,18 +122,31 @@ class PathScene:
             self.restore()
             raise
 
+    @property
+    def all_opaque(self) -> bool:
+        """Whether no surface that is rendered lets anything through."""
+        return len(self.opaque | self.hidden) == len(self.objects)
+
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
         return self._recorder.restore()
 
     # -- antennas at the scene's present time ------------------------------------------------------
 
-    def place(self, depsgraph: Any) -> None:
-        """Put our camera where the receiver is at the depsgraph's time."""
+    def place(self, depsgraph: Any) -> list[list[float]]:
+        """Put our camera where the receiver is at the depsgraph's time; return its pose in metres.
+
+        Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
+        """
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
         # The pose is kept as location and angles: what comes back differs by float32 rounding, and
         # is what Cycles renders with.
         self._view_layer.update()
+        return self._pose()
+
+    def _pose(self) -> list[list[float]]:
+        pose: list[list[float]] = rigid_pose(self._view.matrix_world, self._units).tolist()
+        return pose
 
     def look(
         self, window: ViewWindow, offset_px: tuple[float, float], seed: int
@@ -157,7 +170,7 @@ class PathScene:
         left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
         return contract.ReceiverRecord(
             kind=self.kind,
-            matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
+            matrix_world=self._pose(),
             left=left,
             right=left + (right - left) * window.width_px / across,
             bottom=top - (top - bottom) * window.height_px / down,
@@ -196,6 +209,7 @@ class PathScene:
         if request.vertex and vertex is not None:
             scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
             scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
+        scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
         if self._world_encoding:
             self._set_channels(request)

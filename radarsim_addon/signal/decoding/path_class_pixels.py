@@ -15,6 +15,10 @@ from .cameras import PixelRays
 #: Rounding of one float32 operation, relative (one standard deviation).
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 _TINY = float(np.finfo(np.float32).tiny)
+#: Error of a length over a position, in roundings of the larger of its distances from the world's
+#: origin and from the receiver: the geometric mean of what is seen, 0.4 to 4 up to 60 degrees of
+#: incidence, more at grazing.
+_POSITION_ROUNDINGS = 2.0
 #: |G B/R^2 - 1| above which a pixel holds several paths. float32 noise is below 4e-6; 1e-5 is a
 #: spread of ranges (rms, one-way) of 0.16 % of the range encoding length.
 MIXED_TOLERANCE = 1e-5
@@ -219,8 +223,12 @@ def _one_reflection(
     transmitter_m: Real,
 ) -> _Vertices:
     """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
-    scale_m = np.max(np.abs(pixels.position_m), axis=-1, initial=0.0)
-    position_sigma_m = np.maximum(1e-9, scale_m * _EPS32)
+    # Rounding of the world's coordinates, and of the ray, which ends beside the pixel's own.
+    scale_m = np.maximum(
+        np.max(np.abs(pixels.position_m), axis=-1, initial=0.0),
+        np.linalg.norm(pixels.position_m - origin_m, axis=-1),
+    )
+    position_sigma_m = np.maximum(1e-9, _POSITION_ROUNDINGS * _EPS32 * scale_m)
     along_m = _range_of_length(origin_m, direction, transmitter_m, encoded_m)
     point_m = origin_m + along_m[:, None] * direction
     by_encoding = np.ones(encoded_m.size, dtype=bool)

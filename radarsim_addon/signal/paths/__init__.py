@@ -21,6 +21,7 @@ from .table_files import (
     read_paths_record,
     usable,
 )
+from .triangles import TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
@@ -34,6 +35,7 @@ __all__ = [
     "Paths",
     "Points",
     "Steps",
+    "TriangleMesh",
     "channel_lengths",
     "edge_variances",
     "frame_motion",

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Vertices of paths in float64: known rays intersected again with the meshes that they met.
+
+Cycles gives hit points in float32 of world coordinates, and traces rays in float32 of the distance
+from the camera. The ray of a pixel is known in float64, and so is the mesh in the object's own
+space; the hit point tells which triangle was met.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Indices, Real
+from ...signal.paths import PathFlag, PathRows, TriangleMesh
+from ..motion import Bodies
+from ..state import evaluated_mesh, evaluated_objects, read_triangles
+
+_EPS32 = float(np.finfo(np.float32).eps) / 2
+#: Largest error of a hit point, in roundings of its distances from the origin and from the ray's
+#: start (7 standard deviations of what was seen).
+_ROUNDINGS = 4.0
+#: Error of a length over that of its point: twice, and as much again where the ray is slanted.
+_LENGTH_OVER_POINT = 4.0
+#: Error of a vertex from the transmitter's colours over the length of the path: the largest, and a
+#: standard deviation along one axis.
+_LARGEST_COLOUR_ERROR, _COLOUR_ERROR = 1e-6, 7e-8
+#: Standard deviations of such a vertex within which a mirrored ray is taken to have met it.
+_MIRRORED_SIGMAS = 6.0
+#: Standard deviations of an encoded length within which it is taken to be right.
+_LARGEST_SIGMAS = 20.0
+#: Path lengths are computed again where float32 may be off by more than this [wavelengths].
+TOLERANCE_WAVELENGTHS = 1e-3
+
+
+class HitPoints:
+    """Meshes of a scene at one moment, and the rays that hit them.
+
+    Parameters
+    ----------
+    bodies
+        Those whose numbers the rows have.
+    depsgraph : bpy.types.Depsgraph
+        At that moment. It must not change while rows are refined.
+    metres_per_unit
+        Length of a Blender unit [m].
+    wavelength_m
+        Of the carrier.
+    opaque
+        Whether nothing in the scene lets power through, so that no path is delayed.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        depsgraph: Any,
+        metres_per_unit: float,
+        wavelength_m: float,
+        opaque: bool,
+    ) -> None:
+        self._bodies, self._depsgraph, self._units = bodies, depsgraph, metres_per_unit
+        self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
+        self._opaque = opaque
+        #: Mesh of each body, by the address of its data; 0: none.
+        self._data: Indices = np.zeros(0, dtype=np.intp)
+        self._meshes: dict[int, TriangleMesh | None] = {0: None}
+        self._inverse: Real = np.zeros((0, 4, 4))
+        self._stretch: Real = np.zeros(0)
+
+    def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
+        """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
+
+        `origin_m` is where the rays start, (3,) or (n, 3).
+        """
+        origins_m = np.broadcast_to(origin_m, rows["direction"].shape)
+        flags = rows["flags"]
+        one_path = flags & PathFlag.MIXED == 0
+        seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
+        one = np.flatnonzero((rows["order"] == 1) & seen)
+        self._refine_order_1(rows, one, origins_m[one], transmitter_m)
+        later = np.flatnonzero((rows["order"] > 1) & one_path)
+        self._refine_later(rows, later, origins_m[later], transmitter_m)
+
+    def _refine_order_1(
+        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+    ) -> None:
+        points_m = rows["last_scatterer_m"][chosen]
+        reach_m = _reach_m(points_m, origins_m)
+        needed = _LENGTH_OVER_POINT * reach_m > self._tolerance_m
+        chosen, points_m, origins_m = chosen[needed], points_m[needed], origins_m[needed]
+        mine = rows[chosen]
+        reach_m = reach_m[needed]
+        way_m, normal = self._hit(
+            mine["last_body"], origins_m, mine["direction"], points_m, reach_m
+        )
+        found_m = origins_m + way_m[:, None] * mine["direction"]
+        length_m = way_m + np.linalg.norm(found_m - transmitter_m, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
+            # surface it tells where another one hit, a little beside. It is too short where Cycles
+            # lifts the start of shadow rays off smooth meshes (shadow terminator).
+            cosine = np.abs(np.sum(mine["direction"] * normal, axis=1))
+            grazed_m = 2 * reach_m * np.linalg.norm(normal, axis=1) / cosine
+            delay_m = mine["length_m"] - length_m
+            undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
+        encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
+        hit = np.isfinite(way_m) & (~encoded | undelayed)
+        sure, found_m, length_m = chosen[hit], found_m[hit], length_m[hit]
+        rows["last_scatterer_m"][sure] = rows["first_scatterer_m"][sure] = found_m
+        rows["length_m"][sure] = length_m
+        # Behind transparent surfaces a delay below the encoding's noise goes unnoticed.
+        direct = rows["transparent_depth"][sure] == 0
+        rows["length_sigma_m"][sure[direct]] = _sigma_m(found_m, length_m)[direct]
+        rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
+
+    def _refine_later(
+        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+    ) -> None:
+        """Orders above 1: the first vertex along its ray, the last one along the last segment."""
+        needed = _LARGEST_SIGMAS * rows["length_sigma_m"][chosen] > self._tolerance_m
+        chosen, origins_m = chosen[needed], origins_m[needed]
+        mine = rows[chosen]
+        direction, first_m = mine["direction"], mine["first_scatterer_m"]
+        coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
+        reach_m = coloured_m + _reach_m(first_m, origins_m)
+        way_m, normal = self._hit(mine["first_body"], origins_m, direction, first_m, reach_m)
+        seen = np.isfinite(way_m)
+        first_m = np.where(seen[:, None], origins_m + way_m[:, None] * direction, first_m)
+
+        last_m = mine["last_scatterer_m"]
+        reach_m = coloured_m + _reach_m(last_m, transmitter_m)
+        start_m = np.broadcast_to(transmitter_m, last_m.shape)
+        share, _ = self._hit(mine["last_body"], start_m, last_m - start_m, last_m, reach_m)
+        lit = np.isfinite(share)
+        last_m = np.where(lit[:, None], start_m + share[:, None] * (last_m - start_m), last_m)
+        # Where the first surface is a mirror, its ray tells the second vertex better.
+        two = seen & lit & (mine["order"] == 2)
+        with np.errstate(invalid="ignore"):
+            turn = 2 * np.sum(direction * normal, axis=1) / np.sum(normal**2, axis=1)
+        mirrored = direction - turn[:, None] * normal
+        further_m, _ = self._hit(
+            np.where(two, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
+        )
+        reflected_m = first_m + further_m[:, None] * mirrored
+        with np.errstate(invalid="ignore"):
+            off_m = np.linalg.norm(reflected_m - last_m, axis=1)
+            exact = off_m <= _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
+        last_m = np.where(exact[:, None], reflected_m, last_m)
+        rows["first_scatterer_m"][chosen], rows["last_scatterer_m"][chosen] = first_m, last_m
+
+        between_m, back_m = last_m - first_m, last_m - transmitter_m
+        far_m, near_m = np.linalg.norm(between_m, axis=1), np.linalg.norm(back_m, axis=1)
+        length_m = way_m + far_m + near_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # how the length changes as the last vertex moves
+            slope = np.linalg.norm(between_m / far_m[:, None] + back_m / near_m[:, None], axis=1)
+            sigma_m = np.where(
+                exact, _sigma_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
+            )
+            # What a pane between the vertices delays, geometry cannot see.
+            agrees_m = 2 * coloured_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
+            known = two & self._opaque & (np.abs(length_m - mine["length_m"]) <= agrees_m)
+        sure = chosen[known]
+        rows["length_m"][sure], rows["length_sigma_m"][sure] = length_m[known], sigma_m[known]
+        rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
+
+    # -- meshes ------------------------------------------------------------------------------------
+
+    def _hit(
+        self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
+    ) -> tuple[Real, Real]:
+        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3).
+
+        NaN where nothing is hit.
+        """
+        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan)
+        known = np.flatnonzero((bodies > 0) & np.isfinite(near_m).all(axis=1))
+        if not known.size:
+            return found, normals
+        if not self._data.size:
+            self._survey()
+        data = self._data[bodies[known] - 1]
+        for address in np.unique(data).tolist():
+            mesh = self._mesh(address, int(bodies[known[data == address][0]]))
+            if mesh is None:
+                continue
+            mine = known[data == address]
+            part = bodies[mine] - 1
+            # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
+            inverse = self._inverse[part]
+            turn, move = inverse[:, :3, :3], inverse[:, :3, 3]
+            found[mine], normal = mesh.hit(
+                np.einsum("nij,nj->ni", turn, origins_m[mine]) + move,
+                np.einsum("nij,nj->ni", turn, directions[mine]),
+                np.einsum("nij,nj->ni", turn, near_m[mine]) + move,
+                reach_m[mine] * self._stretch[part],
+            )
+            normals[mine] = np.einsum("nij,ni->nj", turn, normal)
+        return found, normals
+
+    def _survey(self) -> None:
+        """Find which mesh each body has; read those that geometry nodes made for instances."""
+        place = {(part.name, part.key): index for index, part in enumerate(self._bodies.parts)}
+        self._data = np.zeros(len(self._bodies.parts), dtype=np.intp)
+        for one in evaluated_objects(self._depsgraph):
+            index = place.get((one.original.name, one.key))
+            if index is None or one.evaluated.data is None:
+                continue
+            address = one.evaluated.data.as_pointer()
+            self._data[index] = address
+            own = one.original.evaluated_get(self._depsgraph).data
+            if address not in self._meshes and (own is None or own.as_pointer() != address):
+                self._meshes[address] = self._read(one.evaluated)
+        poses = np.stack([part.instance.pose for part in self._bodies.parts])
+        flat = np.abs(np.linalg.det(poses)) < np.finfo(np.float64).tiny
+        poses[flat] = np.eye(4)  # nothing is seen of it
+        self._inverse = np.linalg.inv(poses)
+        self._stretch = np.linalg.norm(self._inverse[:, :3, :3], ord=2, axis=(1, 2))
+        self._data[flat] = 0
+
+    def _mesh(self, address: int, body: int) -> TriangleMesh | None:
+        if address not in self._meshes:
+            original = self._bodies.originals[self._bodies.parts[body - 1].number]
+            self._meshes[address] = self._read(original.evaluated_get(self._depsgraph))
+        return self._meshes[address]
+
+    def _read(self, evaluated: Any) -> TriangleMesh | None:
+        with evaluated_mesh(evaluated) as mesh:
+            if mesh is None:
+                return None
+            vertices, triangles = read_triangles(mesh)
+        return TriangleMesh(vertices.astype(np.float64) * self._units, triangles)
+
+
+def _reach_m(points_m: Real, start_m: Real) -> Real:
+    """Largest error of hit points of rays from `start_m`, (n,)."""
+    away_m = np.linalg.norm(points_m, axis=1) + np.linalg.norm(points_m - start_m, axis=1)
+    return np.asarray(_ROUNDINGS * _EPS32 * away_m)
+
+
+def _sigma_m(points_m: Real, length_m: Real) -> Real:
+    """Standard deviation of lengths that were computed in float64, (n,), within a factor of 2."""
+    return np.asarray(np.spacing(np.maximum(length_m, np.abs(points_m).max(axis=1))))
