@@ -64,6 +64,14 @@ SCENE = {
         "The interiors beyond this limit have no effect.",
         "Join some of the objects, or disconnect their Volume, which makes them opaque.",
     ),
+    "many-interiors": Kind(
+        "caution",
+        "{count:,} of {total:,} objects and instances have an interior ({subjects}).",
+        "Before the first pixel Cycles tests each object against each interior, for about "
+        "{seconds:.0f} s.",
+        "Where nothing behind them matters, disconnect Volume of their material: they are opaque "
+        "then. Or join instances into fewer meshes.",
+    ),
     "absorption-below-float32": Kind(
         "caution",
         "Two-way absorption through {subjects} is more than the {limit_db:.0f} dB that float32 can "
@@ -336,6 +344,13 @@ MOTION = {
         "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
+    ),
+    "motion-between-frames": Kind(
+        "info",
+        "Blender stores the simulated motion of {subjects} at whole frames only.",
+        "radarsim takes a smooth cubic through these poses; Blender's straight lines between them "
+        "would give steps of Doppler.",
+        "Set Motion to Linear simulations for Blender's straight lines.",
     ),
     "motion-in-steps": Kind(
         "caution",

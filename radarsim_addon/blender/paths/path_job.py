@@ -270,13 +270,13 @@ class PathJob(MeasurementJob):
             self.path_scene.objects,
             sampling,
             self.path_scene.kind,
-            frozen=self.options.motion == "off",
+            motion=self.options.motion,
             render=render,
         )
         depsgraph = motion.begin()
-        antennas = self._antenna_records(depsgraph, units)
-        self.path_scene.place(depsgraph)
-        tracer = ViewTracer(self._run, frame, sampling.rendered[1], *antennas)
+        receiver, transmitter = self._antenna_records(depsgraph, units)
+        receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
+        tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter)
         hits = HitPoints(
             motion.bodies,
             depsgraph,

@@ -5,7 +5,7 @@ In: the evaluated scene in Blender units. Out: records in metres.
 """
 
 from .closing_speeds import ClosingSpeeds
-from .finite_checks import check_pose, check_vertices
+from .finite_checks import check_poses, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
@@ -33,6 +33,7 @@ from .rig import (
     radars,
     setup_rig,
 )
+from .simulations import is_simulated_body, simulation_frames
 from .visibility import show_what_renders
 
 __all__ = [
@@ -49,7 +50,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
-    "check_pose",
+    "check_poses",
     "check_vertices",
     "distance_from_box",
     "draw_patterns",
@@ -57,6 +58,7 @@ __all__ = [
     "evaluated_poses",
     "find_rig",
     "instance_name",
+    "is_simulated_body",
     "is_transmitter",
     "isolate",
     "no_echo_findings",
@@ -70,6 +72,7 @@ __all__ = [
     "scene_extent",
     "setup_rig",
     "show_what_renders",
+    "simulation_frames",
     "suggest_materials",
     "transmitter_record",
 ]
