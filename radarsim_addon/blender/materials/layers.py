@@ -295,7 +295,9 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
         if loss_db > limit_db:
             deep[item.name] = loss_db
-    return [
-        finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
+    found = (
+        (finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db), loss_db)
         for name, loss_db in deep.items()
-    ]
+    )
+    # no radar receives what is behind so much
+    return [item.as_information() if loss_db > MAX_LOSS_DB else item for item, loss_db in found]
