@@ -21,8 +21,8 @@ from .assignments import assigned_materials
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
 _TRIANGLES = 500
-#: Fraction of the entering waves above which an object is named: 0.2 dB, and more than the facets of
-#: a round object cause.
+#: Fraction of the entering waves above which an object is named: 0.2 dB. Facets of round objects
+#: cause less.
 _LEAST_FRACTION = 0.05
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
