@@ -97,6 +97,15 @@ SCENE = {
         "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
         "Beyond Band: Refuse stops such runs.",
     ),
+    "total-reflection": Kind(
+        "caution",
+        "In {subjects}, {fraction:percent} of the waves that enter from the antennas arrive at a "
+        "face beyond the critical angle (index {index:.3g}).",
+        "They are totally reflected inside. radarsim follows straight rays, which leave: echoes "
+        "through these faces are too strong.",
+        "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "
+        "it opaque.",
+    ),
     "facets-encode-range": Kind(
         "caution",
         "Range encoding is Materials, and rough physical materials return several reflections.",
