@@ -10,7 +10,7 @@ SCENE = {
         "caution",
         "No Radar Material is assigned to {subjects}.",
         "These objects cast a radar shadow and return no echo.",
-        "Select them and choose Radar > Material > Assign.",
+        "Select them and choose Radar > Material > Assign to Selected, or Assign by Name.",
     ),
     "optical-material": Kind(
         "caution",
