@@ -217,6 +217,40 @@ def fit_body(
     return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, epoch_s)
 
 
+def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
+    """Return poses on cubics through poses that are known at few times.
+
+    Parameters
+    ----------
+    known_s
+        Ascending, (poses,) [s].
+    poses
+        (poses, 4, 4).
+    times_s
+        (times,) [s].
+
+    Returns
+    -------
+    ndarray
+        (times, 4, 4). Poses are constant with one known pose, linear with two.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    found = np.repeat(poses[:1], times_s.size, axis=0)
+    if len(poses) < 2:
+        return found
+    found[:, :3, 3] = CubicSpline(known_s, poses[:, :3, 3])(times_s)
+    axes = poses[:, :3, :3]
+    turns = axes @ np.linalg.pinv(axes[0])
+    if np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max() < _RIGID_WITHIN:
+        spline = RotationSpline(known_s, Rotation.from_matrix(turns))
+        found[:, :3, :3] = spline(times_s).as_matrix() @ axes[0]
+    else:
+        found[:, :3, :3] = CubicSpline(known_s, axes)(times_s)
+    return found
+
+
 #: Number of vertices that determine degree and segments of all.
 _DECIDING = 400
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from ... import __version__
 from ...errors import RadarSimError
 from ...findings import Finding, finding_lines
+from ...terminal_text import printable
 from ..detection import target_count
 from ..maps import level_unit
 from ..results import FrameResult
@@ -75,7 +76,7 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
         return _process(chosen) if chosen.command == "process" else print_run(chosen.folder)
     except RadarSimError as error:
-        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        print(f"{type(error).__name__}: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has seen enough (| head): no word more, not at exit either.
