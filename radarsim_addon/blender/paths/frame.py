@@ -7,10 +7,11 @@ import dataclasses
 import hashlib
 import math
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
+import bpy
 import numpy as np
 
 from ... import contract
@@ -18,6 +19,7 @@ from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import PathRows, write_table
+from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
@@ -59,6 +61,17 @@ def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) ->
     ]
 
 
+def _by_surface(item: Finding) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors."""
+    if item.code != "object-without-echo":
+        return [item]
+    objects = [bpy.data.objects.get(name) for name in item.subjects]
+    rough = {one.name for one in objects if one is not None and is_rough(one)}
+    others = [name for name in item.subjects if name not in rough]
+    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
+    return found + ([finding("object-without-echo", *others)] if others else [])
+
+
 class Progress(Protocol):
     """What a frame reports while its tiles are measured."""
 
@@ -82,7 +95,8 @@ class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
-    `progress` is told of every tile.
+    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
+    the objects that were seen.
     """
 
     def __init__(
@@ -92,7 +106,9 @@ class FrameWork:
         hits: HitPoints,
         folder: Path,
         progress: Progress,
+        no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
+        self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
         self._hits = hits
         self._run, self._receiver = tracer.run, tracer.receiver
@@ -348,7 +364,15 @@ class FrameWork:
     def _findings(self, quality: QualitySums) -> list[Finding]:
         """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
-        findings = quality.findings(self._run.measurement.waveform.wavelength_m, scene.objects)
+        wavelength_m = self._run.measurement.waveform.wavelength_m
+        findings = [
+            part
+            for item in quality.findings(wavelength_m, scene.objects, target)
+            for part in _by_surface(item)
+        ]
+        if quality.total_w == 0:
+            seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]
+            findings += self._no_echo(seen)
         met = quality.seen | quality.echoing | scene.hidden
         findings += missed_objects_findings(
             self._motion.poses, scene.objects, met, self._receiver, self._whole

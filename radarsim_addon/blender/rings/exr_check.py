@@ -37,8 +37,8 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
         finite = all(np.isfinite(values).all() for values in _pixels(path, header))
     except (OSError, ValueError, zlib.error, FrameFileError) as error:
         raise OutputError(
-            f"Blender has written {path} incompletely ({error}). Probably {disk_of(path)} is full. "
-            "Make room and render again: the run resumes where it stopped."
+            f"Blender has written {path} incompletely ({error}). The disk is probably full: "
+            f"{disk_of(path)}. Make room and render again: the run resumes where it stopped."
         ) from error
     if not finite:
         raise RenderError(

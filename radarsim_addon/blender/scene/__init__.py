@@ -6,7 +6,7 @@ In: the evaluated scene in Blender units. Out: records in metres.
 
 from .closing_speeds import ClosingSpeeds
 from .driver_checks import disabled_drivers
-from .finite_checks import check_pose, check_vertices
+from .finite_checks import check_poses, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
@@ -18,6 +18,7 @@ from .instance_poses import (
 )
 from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
@@ -33,6 +34,7 @@ from .rig import (
     radars,
     setup_rig,
 )
+from .simulations import is_simulated_body, simulation_frames
 from .visibility import show_what_renders
 
 __all__ = [
@@ -49,7 +51,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
-    "check_pose",
+    "check_poses",
     "check_vertices",
     "disabled_drivers",
     "distance_from_box",
@@ -58,8 +60,10 @@ __all__ = [
     "evaluated_poses",
     "find_rig",
     "instance_name",
+    "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "no_echo_findings",
     "pose_in_metres",
     "radar_of",
     "radars",
@@ -70,6 +74,7 @@ __all__ = [
     "scene_extent",
     "setup_rig",
     "show_what_renders",
+    "simulation_frames",
     "suggest_materials",
     "transmitter_record",
 ]

@@ -133,12 +133,20 @@ class PathScene:
 
     # -- antennas at the scene's present time ------------------------------------------------------
 
-    def place(self, depsgraph: Any) -> None:
-        """Put our camera where the receiver is at the depsgraph's time."""
+    def place(self, depsgraph: Any) -> list[list[float]]:
+        """Put our camera where the receiver is at the depsgraph's time; return its pose in metres.
+
+        Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
+        """
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
         # The pose is kept as location and angles: what comes back differs by float32 rounding, and
         # is what Cycles renders with.
         self._view_layer.update()
+        return self._pose()
+
+    def _pose(self) -> list[list[float]]:
+        pose: list[list[float]] = rigid_pose(self._view.matrix_world, self._units).tolist()
+        return pose
 
     def look(
         self, window: ViewWindow, offset_px: tuple[float, float], seed: int
@@ -162,7 +170,7 @@ class PathScene:
         left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
         return contract.ReceiverRecord(
             kind=self.kind,
-            matrix_world=rigid_pose(self._view.matrix_world, self._units).tolist(),
+            matrix_world=self._pose(),
             left=left,
             right=left + (right - left) * window.width_px / across,
             bottom=top - (top - bottom) * window.height_px / down,

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import MOST_PX, grid_places, placed
+from .pixel_spacing import grid_places, placed
 from .table import PathRows
 from .table_files import usable
 
@@ -112,32 +112,26 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
     depth, power = mine["transparent_depth"], mine["power_w"]
     moving = bool(np.any(mine["range_rate_mps"]))
     names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
-    # All path classes in one image, one below the other, each with two empty pixels all around:
-    # nothing wraps, and every ray has two on each side.
-    height = 0
     for path_class in np.unique(depth):
         here = depth == path_class
-        row[here] += height + 2 - row[here].min()
-        col[here] += 2 - col[here].min()
-        height = int(row[here].max()) + 1
-    place, shape = (row, col), (height + 2, int(col.max()) + 3)
-    if shape[0] * shape[1] > MOST_PX:
-        return found
-    owners = np.zeros(shape, dtype=np.int64)
-    owners[place] = owner
-    images = np.zeros((len(names), *shape))
-    for image, name in zip(images, names, strict=True):
-        image[place] = mine[name]
-    own = power[:, None]
-    for axis in (0, 1):
-        # columns are the second index of an image, and the first axis of steps
-        sides = _sides(images, owners, 1 - axis)
-        steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
-        found.length_m[kept, axis] = steps[0]
-        relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
-        found.power[kept, axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
-        if moving:
-            found.range_rate_mps[kept, axis] = steps[2]
+        # two empty pixels all around: nothing wraps, and every ray has two on each side
+        place = tuple(at[here] - at[here].min() + 2 for at in (row, col))
+        shape = tuple(int(at.max()) + 3 for at in place)
+        owners = np.zeros(shape, dtype=np.int64)
+        owners[place] = owner[here]
+        images = np.zeros((len(names), *shape))
+        for image, name in zip(images, names, strict=True):
+            image[place] = mine[name][here]
+        into, own = kept[here], power[here, None]
+        for axis in (0, 1):
+            # columns are the second index of an image, and the first axis of steps
+            sides = _sides(images, owners, 1 - axis)
+            steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
+            found.length_m[into, axis] = steps[0]
+            relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
+            found.power[into, axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
+            if moving:
+                found.range_rate_mps[into, axis] = steps[2]
     return found
 
 

@@ -12,12 +12,15 @@ from ...array_types import Integers, Real
 from ...contract import ReceiverRecord
 from .table import PathRows
 
-#: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side.
-_SAME = 1e-3
+#: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side, and those of
+#: tables in which directions and pose are of two float32 matrices [rad].
+_SAME, _SAME_RAD = 1e-3, 3e-7
 #: Pixels whose median tells the pitch, which is the same for all.
 _ENOUGH = 1 << 12
-#: Most pixels of a grid: a table that says otherwise is not one of a grid.
-MOST_PX = 1 << 25
+#: Most pixels of an image. Tiles are smaller; a table that was put together otherwise may not be.
+_MOST_PX = 1 << 25
+#: Pixels from one path to the next that is no neighbour of it, nor of a neighbour.
+_GAP = 3
 
 
 def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
@@ -44,13 +47,12 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
     local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
     area = count * rows["solid_angle_sr"]
     if receiver.kind == "equirectangular":
-        u = np.arctan2(local[:, 0], -local[:, 2])
-        u = (u - u[0] + math.pi) % (2 * math.pi)
-        v = np.arctan2(local[:, 1], np.hypot(local[:, 0], local[:, 2]))
-        # Pixels may be wider than high, but the mean of both sides tells what is rounding.
-        level = np.maximum(np.hypot(local[:, 0], local[:, 2]), 1e-12)
-        side = math.sqrt(float(np.median(area / level)))
-        step_u, step_v = (_least_step(places, _SAME * side) for places in (u, v))
+        level = np.hypot(local[:, 0], local[:, 2])
+        u, v = (
+            _from_widest_gap(np.arctan2(local[:, 0], -local[:, 2])),
+            np.arctan2(local[:, 1], level),
+        )
+        step_u, step_v = _sphere_steps(u, v, np.maximum(level, 1e-12), area)
     elif receiver.kind == "perspective":
         u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
         few = slice(None, None, -(-u.size // _ENOUGH))
@@ -62,10 +64,56 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
         u, v = flat[:, 0], flat[:, 1]
         step_u = step_v = math.sqrt(float(np.median(area)))
     col, row = (np.rint((x - x.min()) / s).astype(np.int64) for x, s in ((u, step_u), (v, step_v)))
-    return col, row
+    return _bounded(col, row)
+
+
+def _from_widest_gap(angle: Real) -> Real:
+    """Angles from 0 to 2 pi that begin where most of the circle is empty."""
+    ordered = np.sort(angle)
+    gaps = np.diff(ordered, append=ordered[0] + 2 * math.pi)
+    widest = int(np.argmax(gaps))
+    return np.asarray((angle - ordered[widest] - gaps[widest] / 2) % (2 * math.pi))
+
+
+def _sphere_steps(u: Real, v: Real, level: Real, area: Real) -> tuple[float, float]:
+    """Steps of longitude and latitude of a grid; infinite along an axis that has one place alone.
+
+    Latitudes are told apart by their steps. Longitudes are not, near a pole, where rounding is
+    multiplied by the inverse of the distance from the axis; but the solid angle of a pixel,
+    2 sin(dlat/2) cos(lat) dlon, tells their step.
+    """
+    side = math.sqrt(float(np.median(area)))
+    same = max(_SAME * side, min(_SAME_RAD, 0.1 * side))
+    step_v = _least_step(v, same)
+    if math.isinf(step_v):  # one row: all of its pixels are equally far from the axis
+        return _least_step(u, same / float(np.median(level))), step_v
+    return float(np.median(area / level)) / (2 * math.sin(step_v / 2)), step_v
 
 
 def _least_step(places: Real, same: float) -> float:
     steps = np.diff(np.sort(places))
     steps = steps[steps > same]
     return float(steps.min()) if steps.size else math.inf
+
+
+def _bounded(col: Integers, row: Integers) -> tuple[Integers, Integers]:
+    """Places in an image that is not too large, with the same neighbours.
+
+    Where it would be, empty columns and rows between paths are left out, and if that is not enough
+    each path is taken to be alone.
+    """
+    if _pixels(col, row) > _MOST_PX:
+        col, row = _without_gaps(col), _without_gaps(row)
+    if _pixels(col, row) > _MOST_PX:
+        col, row = _GAP * np.arange(col.size), np.zeros_like(row)
+    return col, row
+
+
+def _pixels(col: Integers, row: Integers) -> float:
+    return (float(col.max()) + 1) * (float(row.max()) + 1)
+
+
+def _without_gaps(places: Integers) -> Integers:
+    """Numbers that keep neighbours beside each other, and others apart."""
+    found, number = np.unique(places, return_inverse=True)
+    return np.asarray(np.cumsum(np.minimum(np.diff(found, prepend=found[0]), _GAP))[number])

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Integers, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import MOST_PX, grid_places, placed
+from .pixel_spacing import grid_places, placed
 from .table import PathRows
 
 #: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
@@ -138,13 +138,11 @@ def _images(
         return
     rows, label, value = rows[kept], label[kept], value[kept]
     col, row = grid_places(rows, receiver, count)
-    shape = (int(row.max()) + 3, int(col.max()) + 3)
-    if shape[0] * shape[1] > MOST_PX:
-        return
     path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(path_class):
         here = path_class == one
-        place = (row[here] + 1, col[here] + 1)
+        place = tuple(at[here] - at[here].min() + 1 for at in (row, col))
+        shape = tuple(int(at.max()) + 2 for at in place)
         labels, values = np.zeros(shape, dtype=np.int64), np.zeros(shape)
         labels[place], values[place] = label[here], value[here]
         yield labels, values

@@ -14,7 +14,9 @@ pytest.importorskip("bpy")
 
 from radarsim_addon.blender.paths.error_budget import CellGrid, CellPowers, ErrorBudget
 from radarsim_addon.blender.paths.frame import _uncertain
+from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.plan import PathOptions
+from radarsim_addon.blender.views import TracedReplicate
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.findings import merge
@@ -187,3 +189,22 @@ def test_objects_beyond_the_target_are_named() -> None:
     assert found.subjects == tuple("87654321")
     assert found.numbers["stderr_fraction"] == (0.51, 0.58)
     assert "'8', '7', '6' and 5 more has" in found.text
+
+
+def test_standard_error_of_truncated_reflections_in_watts() -> None:
+    """Its square goes as the square of the power: what the sums scatter by, in any unit."""
+    rng = np.random.default_rng(9)
+    watts_per_unit, tiles = 3e-7, 40
+    mean, sigma = 2.0, 0.5
+    for unit in (watts_per_unit, 1.0, 1e5):
+        powers, reported = [], []
+        for _ in range(400):
+            sums = QualitySums()
+            for beyond in rng.normal(mean, sigma, tiles):
+                traced = TracedReplicate(beyond=float(beyond), beyond_variance=sigma**2)
+                sums.add_beyond(traced, unit)
+            powers.append(sums.truncated_reflections_w)
+            # without other power the fraction is of the truncated power itself
+            reported.append(sums.truncated_reflections_stderr * sums.total_w)
+        assert np.mean(reported) == pytest.approx(np.std(powers, ddof=1), rel=0.12)
+        assert np.mean(powers) == pytest.approx(tiles * mean * unit, rel=0.01)
