@@ -160,6 +160,20 @@ def test_headers_that_claim_more_than_the_file_holds(
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
 
 
+def test_points_far_from_their_triangle_are_refused(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Their motion kept the transform busy for more than 20 s."""
+    path = run / contract.frame_dir(1) / contract.DEFORMING_SURFACES_FILE
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["track_weights"][:] = 2.0**31
+    np.savez(path, **arrays)
+    mend(run)
+    assert main(["process", str(run), "--no-plots"]) == 1
+    assert "weights of corners" in capsys.readouterr().err
+
+
 def test_deep_nesting_is_refused(run: Path) -> None:
     (run / "run.json").write_text("[" * 200_000, encoding="utf-8")
     with pytest.raises(RadarSimError, match="cannot be read as JSON"):

@@ -284,14 +284,18 @@ def _plain_arrays(path: Path) -> dict[str, Any]:
         return {name: archive[name] for name in archive.files}
 
 
+#: Weights of a point on a triangle are from 0 to 1, and a little beyond by rounding.
+_MOST_WEIGHT = 1e3
+
+
 def _check_tracks(tracks: Tracks, bodies: int) -> None:
     count = tracks.body.size
     if tracks.vertices.shape != (count, 3) or tracks.weights.shape != (count, 3):
         raise ValueError(f"{count} tracks with {tracks.vertices.shape} vertices")
     if count and not (tracks.body.min() >= 1 and tracks.body.max() <= bodies):
         raise ValueError(f"bodies up to {tracks.body.max()}, there are {bodies}")
-    if not np.isfinite(tracks.weights).all():
-        raise ValueError("weights that are not finite")
+    if not (np.abs(tracks.weights) <= _MOST_WEIGHT).all():
+        raise ValueError(f"weights of corners that are no numbers up to {_MOST_WEIGHT:g}")
     for body, series in tracks.series.items():
         used = tracks.vertices[tracks.body == body]
         shape = series.series.shape
