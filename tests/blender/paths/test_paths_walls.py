@@ -180,9 +180,25 @@ def room(
     return item
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, 25.0, 40.0])
-@pytest.mark.parametrize(("target_y", "walls"), [(20.0, 1), (40.0, 2)])
-def test_hollow_room(tmp_path: Path, turn_deg: float, target_y: float, walls: int) -> None:
+def instanced(item: Any, scale: float) -> None:
+    """Move an object into a collection that only an instance of another scale shows."""
+    collection = bpy.data.collections.new("Asset")
+    collection.objects.link(item)
+    bpy.context.scene.collection.objects.unlink(item)
+    item.location = (0, 0, 0)
+    shown = bpy.data.objects.new("Instance", None)
+    shown.instance_type, shown.instance_collection = "COLLECTION", collection
+    shown.location, shown.scale = (0, 20, 0), (scale,) * 3
+    bpy.context.scene.collection.objects.link(shown)
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "target_y", "walls", "scale"),
+    [(0, 20, 1, 1), (25, 20, 1, 1), (40, 20, 1, 1), (40, 40, 2, 1), (40, 40, 2, 2.5)],
+)
+def test_hollow_room(
+    tmp_path: Path, turn_deg: float, target_y: float, walls: int, scale: float
+) -> None:
     """A plate in a room, and behind it; flat enough that floor and ceiling are most of it."""
     thickness_m, eps = 0.2, 4.2 + 0.1j
     found = []
@@ -191,7 +207,11 @@ def test_hollow_room(tmp_path: Path, turn_deg: float, target_y: float, walls: in
         ph.field_of_view(0.3)
         rs.add_plate(target_y, 2.0)
         if used:
-            item = room((10.0, 10.0, 3.0), turn_deg, thickness_m, eps)
+            item = room(
+                (10.0 / scale, 10.0 / scale, 3.0 / scale), turn_deg, thickness_m / scale, eps
+            )
+            if scale != 1:
+                instanced(item, scale)
         run = ph.run_paths(tmp_path / str(used), width_px=8, height_px=8)
         rows = run.table()
         rows = rows[np.abs(rows["last_scatterer_m"][:, 1] - target_y) < 0.1]
@@ -211,7 +231,7 @@ def test_what_is_a_shell() -> None:
     hollow = room((10.0, 10.0, 3.0), 30.0, 0.2, 4.2)
     hollow.scale = (2.0, 2.0, 2.0)
     bpy.context.view_layer.update()
-    assert shell_thickness(hollow, depsgraph()) == pytest.approx(0.4, rel=1e-4)
+    assert shell_thickness(hollow, depsgraph()) == pytest.approx(0.2, rel=1e-4)
     hollow.scale = (2.0, 1.0, 1.0)  # walls of two thicknesses
     bpy.context.view_layer.update()
     assert shell_thickness(hollow, depsgraph()) is None
