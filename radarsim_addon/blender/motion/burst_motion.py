@@ -37,8 +37,7 @@ from .deforming import Deformations, DeformingSurface, may_deform, vertex_positi
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 
-#: With fewer, rounding at 50 m gives range rates of a short burst an error above 1e-4 m/s.
-_FIRST_SAMPLES = 65
+_FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
 #: After this time no more samples are added [s].
