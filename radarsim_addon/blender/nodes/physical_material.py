@@ -72,7 +72,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     wave = wave_inside(build, n, kappa, cosine)
     power = interface_power(build, n, kappa, wave, internal_echoes(build))
     code = range_code(build, ray_length(build), inverse_k)
-    code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
+    with build.prefixed("Shell: "):
+        code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
     reflects, transmits = camera_lobes(build)
     is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
     is_smooth = math("SUBTRACT", "smooth", 1.0, is_rough)
@@ -106,8 +107,7 @@ def _wall_crossed(
     longer = math("MULTIPLY", "d (Re q - c)", thickness, excess(build, wave))
     # Absorption cannot encode a negative delay (n < 1).
     longer = math("MAXIMUM", "d (Re q - c), from 0 up", longer, 0.0)
-    with build.prefixed("Shell: "):
-        delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
+    delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
     crossed = build.scale("Wall crossed", delay, math("EXPONENT", "absorbed", loss))
     coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: crossed})
     return coded, crossed, math("GREATER_THAN", "in a shell", thickness, 0.0)
@@ -196,8 +196,8 @@ def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
 def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
     math = build.math
     cosine = layer_cosine(build)
-    solid = math("LESS_THAN", "no shell", shell_thickness(build), 1e-30)
     with build.prefixed("Volume: "):
+        solid = math("LESS_THAN", "no shell", shell_thickness(build), 1e-30)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
