@@ -44,6 +44,7 @@ from ..scene import (
     Rig,
     find_rig,
     receiver_record,
+    show_as_rendered,
     show_what_renders,
     transmitter_record,
 )
@@ -293,6 +294,8 @@ class MeasurementJob:
         """Bring the scene to a moment; returns the depsgraph at it."""
         # Before the time is set: what appears later would keep the place of another time.
         show_what_renders(self._shown_for_run, self._view_layer)
+        if self._shown is None:
+            show_as_rendered(self._shown_for_run, self._scene)
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None

@@ -32,7 +32,7 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .visibility import show_what_renders
+from .visibility import show_as_rendered, show_what_renders
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -67,6 +67,7 @@ __all__ = [
     "rigid_pose",
     "scene_extent",
     "setup_rig",
+    "show_as_rendered",
     "show_what_renders",
     "suggest_materials",
     "transmitter_record",
