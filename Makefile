@@ -23,7 +23,7 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench slips gui-test extension test-all-blenders \
+.PHONY: help install demo test validate lint bench slips fuzz gui-test extension test-all-blenders \
 	validate-all-blenders clean
 
 help:
@@ -36,6 +36,7 @@ help:
 	@echo "make lint               ruff and mypy"
 	@echo "make bench              how long things take"
 	@echo "make slips              plausible mistakes in a copy: which of them no test sees"
+	@echo "make fuzz               2000 changed inputs: each ends in a result or a named error"
 	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
 	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
 	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS), JOBS=$(JOBS)"
@@ -64,6 +65,9 @@ bench: $(STAMP)
 
 slips: $(STAMP)
 	$(PY) scripts/slips.py
+
+fuzz: $(STAMP)
+	@$(PY) -m tests.fuzz $(FUZZ_ARGS)
 
 extension: $(STAMP)
 	@$(PY) scripts/build_extension.py

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``radarsim`` command, which joins both halves: ``python -m radarsim_addon`` is the same.
 
-Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C, 143 by SIGTERM; on stderr
+``radarsim: Name: message``.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -19,6 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return render_command(words[1:])
     from .signal.pipeline import main as process_main
 
+    if arguments is None:  # killed politely: what is half written is removed
+        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     return process_main(words, {"render": "measure the radar frames of a .blend file (needs bpy)"})
 
 
@@ -38,7 +42,7 @@ def render_command(
             f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
             "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
         )
-        print(f"{MissingDependencyError.__name__}: {message}", file=sys.stderr)
+        print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
         return MissingDependencyError.exit_code
     run_and_leave(parsed)
     return 0

@@ -8,14 +8,18 @@ wins, and no reader ever sees a mixture. Standard library, and numpy for :func:`
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import secrets
+import shutil
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from .errors import OutputError
+from .processes import identity, process_began
 
 #: Pattern of temporary names, for tidying up after a killed process.
 TEMPORARY_PATTERN = "*.part*"
@@ -23,10 +27,20 @@ TEMPORARY_PATTERN = "*.part*"
 
 def cannot_write(path: Path, error: object) -> OutputError:
     """Return the error that names a file and why it cannot be written."""
+    remedy = "Choose an output folder that exists, is writable and has room."
+    if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        remedy = f"Make room on {disk_of(path)}, or choose an output folder on another disk."
     return OutputError(
-        f"Cannot write {path}: {getattr(error, 'strerror', None) or error}. "
-        "Choose an output folder that exists, is writable and has room."
+        f"Cannot write {path}: {getattr(error, 'strerror', None) or error}. {remedy}"
     )
+
+
+def disk_of(path: Path) -> str:
+    """Name the disk that a file is on, and what is free there: "the disk / (12.3 MB free)"."""
+    place = path.absolute()
+    while not (place.exists() and os.path.ismount(place)) and place != place.parent:
+        place = place.parent
+    return f"the disk {place} ({shutil.disk_usage(place).free / 1e6:.1f} MB free)"
 
 
 class AtomicFile:
@@ -44,7 +58,7 @@ class AtomicFile:
         self.path = path
         # Libraries choose a format by the suffix; who looks for files by the beginning of their
         # names does not find this one.
-        unique = f"{os.getpid():x}-{secrets.token_hex(4)}"
+        unique = f"{_owner_mark()}-{secrets.token_hex(4)}"
         self.temporary = path.with_name(f".part-{unique}-{path.name}")
         try:
             # Exclusive: neither a file nor a link that somebody has put there is written to.
@@ -125,6 +139,21 @@ def remove_file(path: Path) -> None:
             f"Cannot remove {path} of an earlier run: {error.strerror or error}. "
             "Remove it, or choose another output folder."
         ) from error
+
+
+def _owner_mark() -> str:
+    """Host and process, as they stand in the names of temporary files."""
+    host = identity()["host"] + identity()["space"]
+    return f"{zlib.crc32(host.encode()):08x}-{os.getpid():x}"
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove temporary files in a folder whose processes were killed on this machine."""
+    host = _owner_mark().partition("-")[0]
+    for path in folder.glob(f".part-{host}-*"):
+        with contextlib.suppress(OSError, ValueError):
+            if process_began(int(path.name.split("-")[2], 16)) is None:
+                path.unlink(missing_ok=True)
 
 
 def remove_temporaries(folder: Path) -> None:

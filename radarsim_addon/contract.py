@@ -70,9 +70,18 @@ def render_stem(ring: int, snapshot_index: int) -> str:
     return f"ring_{ring:03d}_t{snapshot_index}"
 
 
+#: Most rings of a run, and most pixels of an image: 16k x 16k.
+MAX_RINGS, MAX_PIXELS = 10_000, 1 << 28
+
 # -- records ---------------------------------------------------------------------------------------
 Matrix = list[list[float]]
 """4x4, row by row; translation column in metres, rotation part without scale."""
+
+
+def check_pose(matrix: Matrix) -> None:
+    """Raise a ValueError unless a pose is 4 x 4."""
+    if [len(row) for row in matrix] != [4] * 4:
+        raise ValueError("its pose is no matrix of 4 x 4 numbers")
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,9 @@ class ReceiverRecord:
     top: float
     near_clip_m: float
 
+    def __post_init__(self) -> None:
+        check_pose(self.matrix_world)
+
 
 @dataclass(frozen=True)
 class TransmitterRecord:
@@ -102,6 +114,9 @@ class TransmitterRecord:
 
     matrix_world: Matrix
     eirp_w: float
+
+    def __post_init__(self) -> None:
+        check_pose(self.matrix_world)
 
 
 AmplitudeModel = Literal["radar-equation", "paper"]

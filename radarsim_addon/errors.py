@@ -1,15 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Named errors: each message says what was found, what was expected and how to mend it.
 
-The command line prints ``Name: message`` and exits with ``exit_code``; operators hand the message
-to ``self.report``. Anything else that escapes is a defect of radarsim and shows its traceback.
+The command line prints ``radarsim: Name: message`` and exits with ``exit_code``; operators hand the
+message to ``self.report``. Anything else that escapes is a defect of radarsim and shows its
+traceback.
 """
+
+#: Characters of a message.
+_LONGEST = 4000
 
 
 class RadarSimError(Exception):
     """Base of every error that radarsim raises on purpose."""
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        # files may hold a megabyte where a word is expected
+        cut = len(message) > _LONGEST
+        super().__init__(f"{message[: _LONGEST // 2]} [...] {message[-500:]}" if cut else message)
 
 
 class ConfigError(RadarSimError):

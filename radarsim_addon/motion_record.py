@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .contract import SCHEMA_VERSION, Matrix
+from .contract import SCHEMA_VERSION, Matrix, check_pose
 from .findings import Finding
 
 
@@ -39,6 +39,9 @@ class BodyRecord:
     segments: list[SegmentRecord]
     noise_m: float
     displacement_error_bound_m: float
+
+    def __post_init__(self) -> None:
+        check_pose(self.pose)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,10 @@ _SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
 }
 #: Endings of field names that an option leaves out.
 _SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
+#: What no quantity exceeds, and no positive one falls below, in SI: its square is a number, too.
+_MOST, _LEAST = 1e30, 1e-30
+#: The same in decibels.
+_MOST_DB = 300.0
 _SMALL_WORDS = ("by", "for", "from", "of", "per")
 _KEY = "radarsim"
 Record = TypeVar("Record")
@@ -117,6 +121,10 @@ class Setting:
     def __post_init__(self) -> None:
         if self.shown_in:
             object.__setattr__(self, "unit", _SHOWN_UNITS[self.shown_in][0])
+        if self.unit in ("dB", "dBi"):
+            for name, most in (("minimum", -_MOST_DB), ("maximum", _MOST_DB)):
+                if getattr(self, name) is None:
+                    object.__setattr__(self, name, most)
 
 
 def setting(label: str, help: str, default: Any = MISSING, **declaration: Any) -> Any:
@@ -279,13 +287,11 @@ class Declared:
     def _in_bounds(self, value: Any) -> bool:
         of = self.of
         kinds = int if self.number is int else (int, float)
-        if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        return not (
-            (of.minimum is not None and value < of.minimum)
-            or (of.maximum is not None and value > of.maximum)
-            or (of.above is not None and value <= of.above)
-        )
+        low = -_MOST if of.minimum is None else of.minimum
+        high = _MOST if of.maximum is None else of.maximum
+        return low <= value <= high and (of.above is None or value > max(of.above, _LEAST))
 
 
 def declared(kind: Any) -> Mapping[str, Declared]:

@@ -15,10 +15,36 @@ from typing import Any, TypeVar
 from . import contract
 from .atomic_files import write_json
 from .errors import FrameFileError, SchemaError
+from .options import Setting
 from .typed_json import from_json, read_json
 
 #: A record of a run with ten thousand frames stays far below this.
 _MAX_JSON_BYTES = 64 * 1024 * 1024
+
+#: Beyond this float64 holds no path to a metre.
+MAX_LENGTH_M = 1e15
+_POSES = ("matrix_world", "pose", "translation", "rotation_centre")
+_POSITIVE: dict[str, Any] = {"above": 0.0, "maximum": MAX_LENGTH_M}
+_COUNT: dict[str, Any] = {"minimum": 1, "maximum": 1 << 22}
+_FRAME: dict[str, Any] = {"minimum": -(1 << 20), "maximum": 1 << 20}
+#: Bounds by the names of fields, which mean the same in all records.
+_LIMITS: dict[str, dict[str, Any]] = {
+    "frame": _FRAME,
+    "frames": _FRAME,
+    "rings": {"minimum": 1, "maximum": contract.MAX_RINGS},
+    "ring_step_m": _POSITIVE,
+    "snapshots": {"minimum": 1, "maximum": 2},
+    "width_px": _COUNT,
+    "height_px": _COUNT,
+    "visibility_updates": _COUNT,
+    "replicates": _COUNT,
+    "path_count": {"minimum": 0, "maximum": 1 << 40},
+    "metres_per_unit": _POSITIVE,
+    "range_encoding_length_m": _POSITIVE,
+    "carrier_hz": {"above": 0.0, "maximum": 1e13},
+    "near_clip_m": {"minimum": 0.0, "maximum": MAX_LENGTH_M},
+    "duration_s": {"minimum": 0.0},
+}
 
 Record = TypeVar("Record")
 
@@ -62,4 +88,12 @@ def read_record(path: Path, kind: type[Record]) -> Record:
             f"{path} has schema version {version!r:.60}; this radarsim reads up to "
             f"{contract.SCHEMA_VERSION}. Update radarsim to process this run."
         )
-    return from_json(kind, data, str(path), FrameFileError, unknown="ignore")
+    return from_json(kind, data, str(path), FrameFileError, unknown="ignore", limits=_limit)
+
+
+def _limit(name: str) -> Setting:
+    """Bounds of the numbers in a field, of any record."""
+    if name in _LIMITS:
+        return Setting(name, "", **_LIMITS[name])
+    most = MAX_LENGTH_M if name.endswith("_m") or name in _POSES else None
+    return Setting(name, "", minimum=most and -most, maximum=most)

@@ -12,6 +12,7 @@ import difflib
 import json
 import math
 import typing
+from collections.abc import Callable
 from dataclasses import MISSING
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -20,7 +21,7 @@ from .errors import ConfigError
 from .findings import Finding
 from .findings import from_json as finding_from_json
 from .old_names import todays_name
-from .options import Declared, declared, value_type
+from .options import Declared, Setting, declared, value_type
 from .textfile import TextTooLongError, read_text
 
 Record = TypeVar("Record")
@@ -52,21 +53,24 @@ def from_json(
     error: type[Exception] = ConfigError,
     *,
     unknown: typing.Literal["refuse", "ignore"] = "refuse",
+    limits: Callable[[str], Setting] | None = None,
 ) -> Record:
     """Make a dataclass instance from parsed JSON; names of former versions are read too.
 
     Errors of the class `error` begin with `where`. Records ignore unknown fields: later versions
-    may add some.
+    may add some. `limits` bounds numbers that are no settings, by the names of their fields.
     """
-    return typing.cast(Record, _Reader(error, unknown == "refuse").record(kind, data, where))
+    reader = _Reader(error, unknown == "refuse", limits)
+    return typing.cast(Record, reader.record(kind, data, where))
 
 
 @dataclasses.dataclass(frozen=True)
 class _Reader:
-    """Errors' class, and whether unknown fields are refused."""
+    """Errors' class, whether unknown fields are refused, and bounds by names of fields."""
 
     error: type[Exception]
     strict: bool
+    limits: Callable[[str], Setting] | None
 
     def record(self, kind: Any, data: Any, where: str) -> Any:
         """An instance of a dataclass."""
@@ -78,8 +82,8 @@ class _Reader:
         for key, value in data.items():
             name = todays_name(key, fields)
             if name in fields:
-                place = f"{where}: {key}"
-                values[name] = self._value(hints[name], value, place, settings.get(name))
+                setting = settings.get(name) or self._limited(name, hints[name])
+                values[name] = self._value(hints[name], value, f"{where}: {key}", setting)
             elif self.strict:
                 near = difflib.get_close_matches(key[:60], fields, 1)
                 guess = f" Do you mean {near[0]!r}?" if near else ""
@@ -96,7 +100,19 @@ class _Reader:
             raise self.error(
                 f"{where} lacks {', '.join(lacking)}; its fields are {', '.join(fields)}."
             )
-        return kind(**values)
+        try:
+            return kind(**values)
+        except ValueError as wrong:
+            raise self.error(f"{where}: {wrong}") from wrong
+
+    def _limited(self, name: str, hint: Any) -> Declared | None:
+        """What the numbers in a field may be that is no setting."""
+        kind, optional = value_type(hint)
+        while typing.get_origin(kind) in (list, dict):
+            kind, optional = value_type(typing.get_args(kind)[-1])
+        if self.limits is None or kind not in (int, float):
+            return None
+        return Declared(name, kind, optional, MISSING, self.limits(name))
 
     def _value(self, hint: Any, value: Any, where: str, setting: Declared | None = None) -> Any:
         """A value as its annotated type."""
@@ -111,11 +127,18 @@ class _Reader:
         if origin is dict or kind is dict:
             if not isinstance(value, dict):
                 self._refuse(value, where, "a JSON object")
-            return {k: self._value(inner[1], v, f"{where}: {k:.60}") for k, v in value.items()}
+            return {
+                k: self._value(inner[1], v, f"{where}: {k:.60}", setting) for k, v in value.items()
+            }
         if origin is list:
             if not isinstance(value, list):
                 self._refuse(value, where, "a list")
-            return [self._value(inner[0], v, f"{where}[{i}]") for i, v in enumerate(value)]
+            items = [
+                self._value(inner[0], v, f"{where}[{i}]", setting) for i, v in enumerate(value)
+            ]
+            if typing.get_origin(inner[0]) is list and len({len(row) for row in items}) > 1:
+                self._refuse(value, where, "rows of one length")
+            return items
         if origin is tuple and isinstance(value, list):
             value = tuple(value)
         elif kind is float and type(value) is int:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Blender half, and its interface for scripts.
 
-``add_radar``, ``settings``, ``material``, ``assign_material``, ``measure``, ``process``: see
-:mod:`.headless.scripting`. They are loaded when they are first used: importing this package does
-not import bpy.
+``add_radar``, ``settings``, ``material``, ``assign_material``, ``assign_by_name``, ``measure``,
+``process``: see :mod:`.headless.scripting`. They are loaded when they are first used: importing
+this package does not import bpy.
 """
 
 from __future__ import annotations
@@ -11,9 +11,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .headless.scripting import add_radar, assign_material, material, measure, process, settings
+    from .headless.scripting import (
+        add_radar,
+        assign_by_name,
+        assign_material,
+        material,
+        measure,
+        process,
+        settings,
+    )
 
-__all__ = ["add_radar", "assign_material", "material", "measure", "process", "settings"]
+__all__ = [
+    "add_radar",
+    "assign_by_name",
+    "assign_material",
+    "material",
+    "measure",
+    "process",
+    "settings",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -7,11 +7,13 @@ once. Console, window, JSON files and ``docs/findings.md`` show the same records
 library only.
 """
 
+from .catalogue import NO_ECHO_CODES
 from .merging import finding_lines, merge
 from .records import Finding, Value, finding, from_json, to_json
 from .texts import frames_text, frequency_text, length_text
 
 __all__ = [
+    "NO_ECHO_CODES",
     "Finding",
     "Value",
     "finding",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from .kinds import Kind
 from .processing_kinds import PROCESSING, ROUGHNESS
-from .rendering_kinds import MOTION, PATHS, RUNS, SCENE, SETTINGS
+from .rendering_kinds import MOTION, NO_ECHO, PATHS, RUNS, SCENE, SETTINGS
 
 #: Codes by topic, in the order of the reference page.
 TOPICS: dict[str, dict[str, Kind]] = {
@@ -18,9 +18,12 @@ TOPICS: dict[str, dict[str, Kind]] = {
     "Settings": SETTINGS,
     "Path measurement": PATHS,
     "Motion": MOTION,
+    "No echo": NO_ECHO,
     "Processing": PROCESSING,
     "Runs": RUNS,
 }
+#: Codes that say why a frame has no echo.
+NO_ECHO_CODES = frozenset(NO_ECHO)
 CATALOGUE: dict[str, Kind] = {
     code: kind for topic in TOPICS.values() for code, kind in topic.items()
 }

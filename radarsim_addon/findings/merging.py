@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 from ..terminal_text import printable
 from .catalogue import CATALOGUE
+from .kinds import Severity
 from .records import Finding, Value, written
 from .texts import frames_text
 
@@ -71,6 +72,7 @@ def _merged(group: Sequence[Finding]) -> Finding:
         return first
     joined = replace(
         first,
+        severity=max((item.severity for item in group), key=get_args(Severity).index),
         subjects=tuple(dict.fromkeys(name for item in group for name in item.subjects)),
         frames=tuple(sorted({frame for item in group for frame in item.frames})),
         numbers=_spans(group),

@@ -82,6 +82,13 @@ PROCESSING = {
         "radarsim skips these pixels.",
         "Render fewer or narrower rings, so that the range encoding covers their ranges.",
     ),
+    "paths-without-length": Kind(
+        "info",
+        "The table of the frame has {count:#path} without a length.",
+        "They carry no range encoding that float32 can hold, and are in no echo. Where they matter "
+        "the finding unranged-power gives their fraction of the power.",
+        "Give every object a Radar Material, or set Range encoding to World volume.",
+    ),
     "no-range-encoding": Kind(
         "caution",
         "The frame has {count:#pixel} with more red than blue: light without range encoding.",

@@ -55,6 +55,10 @@ class Finding:
         """The same finding about these objects or materials."""
         return written(replace(self, subjects=tuple(dict.fromkeys(subjects))))
 
+    def as_information(self) -> Finding:
+        """The same finding where it is no danger."""
+        return replace(self, severity="info")
+
     def in_frame(self, frame: int) -> Finding:
         """The same finding of one radar frame."""
         return replace(self, frames=(frame,))

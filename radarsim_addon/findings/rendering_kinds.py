@@ -64,10 +64,18 @@ SCENE = {
         "The interiors beyond this limit have no effect.",
         "Join some of the objects, or disconnect their Volume, which makes them opaque.",
     ),
+    "many-interiors": Kind(
+        "caution",
+        "{count:,} of {total:,} objects and instances have an interior ({subjects}).",
+        "Before the first pixel Cycles tests each object against each interior, for about "
+        "{seconds:.0f} s.",
+        "Where nothing behind them matters, disconnect Volume of their material: they are opaque "
+        "then. Or join instances into fewer meshes.",
+    ),
     "absorption-below-float32": Kind(
         "caution",
-        "Two-way absorption through {subjects} is {loss_db:.0f} dB, more than the "
-        "{limit_db:.0f} dB that float32 can hold in this Blender.",
+        "Two-way absorption through {subjects} is more than the {limit_db:.0f} dB that float32 can "
+        "hold in this Blender.",
         "A wave that crosses these objects returns no echo. Waves past them and through openings "
         "do.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
@@ -88,6 +96,15 @@ SCENE = {
         "absorption: error class {error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
         "Beyond Band: Refuse stops such runs.",
+    ),
+    "total-reflection": Kind(
+        "caution",
+        "In {subjects}, {fraction:percent} of the waves that enter from the antennas arrive at a "
+        "face beyond the critical angle (index {index:.3g}).",
+        "They are totally reflected inside. radarsim follows straight rays, which leave: echoes "
+        "through these faces are too strong.",
+        "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "
+        "it opaque.",
     ),
     "facets-encode-range": Kind(
         "caution",
@@ -285,6 +302,38 @@ PATHS = {
     ),
 }
 
+NO_ECHO = {
+    "antenna-inside-mesh": Kind(
+        "error",
+        "The frame contains no echo: one antenna is inside {subjects}, the other is not.",
+        "A closed mesh lets no light of the transmitter out or in, so all maps are empty.",
+        "Move the radar out of the mesh, or hide the mesh from renders.",
+    ),
+    "nothing-in-view": Kind(
+        "error",
+        "The frame contains no echo: no ray of the receiver met a surface of this scene: "
+        "{subjects}.",
+        "All of them are outside the view, edge-on, smaller than a pixel, or hidden, so all maps "
+        "are empty.",
+        "Turn the radar or widen its field of view. Check Object > Visibility: Ray Visibility > "
+        "Camera on, Holdout and Shadow Catcher off. Check that no object is scaled to 0.",
+    ),
+    "shaders-reflect-nothing": Kind(
+        "error",
+        "The frame contains no echo: the materials of {subjects} reflect nothing.",
+        "Emission, Background, Holdout and Transparent shaders return no light of the transmitter.",
+        "Choose Radar > Material > Assign, or use a BSDF.",
+    ),
+    "surfaces-return-nothing": Kind(
+        "error",
+        "The frame contains no echo, although rays of the receiver met {subjects}.",
+        "A Point light does not show in mirrors (roughness 0). Black and fully transparent "
+        "surfaces, and those in shadow of the transmitter, return nothing either.",
+        "Give smooth surfaces a roughness above 0. Check that nothing lies between transmitter "
+        "and surface.",
+    ),
+}
+
 MOTION = {
     "vertex-count-changes": Kind(
         "caution",
@@ -304,6 +353,13 @@ MOTION = {
         "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
+    ),
+    "motion-between-frames": Kind(
+        "info",
+        "Blender stores the simulated motion of {subjects} at whole frames only.",
+        "radarsim takes a smooth cubic through these poses; Blender's straight lines between them "
+        "would give steps of Doppler.",
+        "Set Motion to Linear simulations for Blender's straight lines.",
     ),
     "motion-in-steps": Kind(
         "caution",

@@ -9,7 +9,16 @@ import numpy as np
 
 from radarsim_addon.array_types import Complex, Real
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.signal import Burst, Echoes, Radar, Waveform, make_paths, replica, synthesize
+from radarsim_addon.signal import (
+    Burst,
+    Echoes,
+    FmcwWaveform,
+    Radar,
+    Waveform,
+    make_paths,
+    replica,
+    synthesize,
+)
 from radarsim_addon.signal.radar import ArbitraryPulse
 
 from .case import Bench, Case, Check, Group, absolute_check
@@ -70,11 +79,45 @@ def within_a_pulse(bench: Bench) -> list[Check]:
     return checks
 
 
+def fmcw_in_one_transform(bench: Bench) -> list[Check]:
+    """Relative L2 error of the beats, from the phases of the ramps themselves."""
+    waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
+    radar = Radar(waveform, Burst(1 / waveform.duration_s, 64))
+    rng = np.random.default_rng(2)
+    ranges_m, rates_mps = rng.uniform(5, 35, 50), rng.uniform(-60, 60, 50)
+    aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
+    paths = make_paths(np.full(50, 1 / aperture_m2), 2 * ranges_m, rates_mps)
+    found = synthesize(paths, radar, range_limits_m=(0.0, 38.0), slow_time_transform="type3")
+    start_hz = waveform.carrier_hz - waveform.slope_hz_per_s * waveform.grid_middle_s
+    ramp_s = waveform.adc_start_s + np.arange(waveform.adc_samples) / waveform.sampling_rate_hz
+    truth = np.zeros(found.plane.shape, dtype=np.complex128)
+    for range_m, rate_mps in zip(ranges_m, rates_mps, strict=True):
+        met_m = range_m + rate_mps * (found.slow_time_s[:, None] + ramp_s)
+        delay_s = 2 * met_m / SPEED_OF_LIGHT_MPS
+        cycles = -start_hz * delay_s
+        cycles -= waveform.slope_hz_per_s * (ramp_s * delay_s - delay_s**2 / 2)
+        truth += np.exp(2j * np.pi * cycles)
+    error = float(np.linalg.norm(found.plane - truth) / np.linalg.norm(truth))
+    return [
+        absolute_check(
+            "relative L2 error, FMCW, 50 targets up to 60 m/s, one transform for all chirps",
+            0.0,
+            error,
+            1e-6,
+            "received less transmitted phase of the ramps",
+        )
+    ]
+
+
 GROUP = Group(
     "moving echoes",
     "Moving echoes",
     "Four scatterers at 60, -60, 13 and 0 m/s in three pulses of 10 us at 77 GHz: samples against "
     "the sum over scatterers of the pulse that was emitted at the retarded time. The pulse is the "
-    "band-limited interpolation of its samples; edges of an LFM pulse ring beyond the band.",
-    (Case("motion within a pulse", within_a_pulse, 20.0, quick=True),),
+    "band-limited interpolation of its samples; edges of an LFM pulse ring beyond the band. Beats "
+    "of 64 FMCW chirps of 1 GHz: against the phases of the two ramps.",
+    (
+        Case("motion within a pulse", within_a_pulse, 20.0, quick=True),
+        Case("FMCW in one transform", fmcw_in_one_transform, 5.0, quick=True),
+    ),
 )

@@ -22,6 +22,7 @@ MODULES = (
     "moving_echoes",
     "detection",
     "energy",
+    "motion",
 )
 
 

@@ -254,20 +254,22 @@ def acquire(
     *,
     height_px: int | None = None,
     carrier_hz: float = CARRIER_HZ,
+    frame: int = 1,
+    pulses: int = 16,
     **values: Any,
 ) -> Acquired:
     """Measure the current scene, one path per pixel, from the settings to the files and back."""
     run = radarsim.measure(
         active_radar(bpy.context.scene),
         bench.fresh(),
-        frames=[1],
+        frames=[frame],
         width_px=side_px,
         height_px=height_px or side_px,
         replicates=replicates,
         carrier_hz=carrier_hz,
-        pulses=16,
+        pulses=pulses,
         **values,
     )
-    frame = run.path / contract.frame_dir(1)
-    record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
-    return Acquired(np.array(open_table(frame / record.table_file)), record, run.path)
+    place = run.path / contract.frame_dir(frame)
+    record = read_record(place / contract.PATHS_FILE, contract.PathsRecord)
+    return Acquired(np.array(open_table(place / record.table_file)), record, run.path)

@@ -162,6 +162,35 @@ def several(bench: Bench) -> list[Check]:
     return checks
 
 
+def hollow(bench: Bench) -> list[Check]:
+    """A room that Solidify makes hollow: a plate in it, and behind it."""
+    checks, index, thickness_m = [], complex(np.sqrt(4.2 + 0.1j)), 0.2
+    for angle_deg in (0.0, 20.0, 40.0):
+        for target_m, walls in ((20.0, 1), (40.0, 2)):
+            found = []
+            for used in (False, True):
+                new_scene(0.3)
+                add_plate("Plate", facing_plate((0.0, target_m, 0.0), 2.0), _metal())
+                if used:
+                    wall = make_physical_material(
+                        "Room", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
+                    )
+                    add_wall("Room", (0.0, 20.0, 0.0), 10.0, angle_deg, wall, 5.0)
+                    solidify = bpy.data.objects["Room"].modifiers.new("Walls", "SOLIDIFY")
+                    solidify.thickness, solidify.use_even_offset = thickness_m, True
+                rows = acquire(bench, 8, 1, carrier_hz=5.3e9, refine_for="objects").of("Plate")
+                power_w = float(rows["power_w"].sum())
+                found.append((power_w, float(rows["power_w"] @ rows["length_m"]) / power_w))
+            cosine = np.array(math.cos(math.radians(angle_deg)))
+            s, p, longer_m = passage(index, thickness_m, wavelength_of(5.3e9), cosine)
+            label = f"room, {angle_deg:g} deg, plate {'behind' if walls == 2 else 'inside'}"
+            want, got = float((s**walls + p**walls) / 2) ** 2, found[1][0] / found[0][0]
+            checks.append(power_check(f"{label}: power", want, got, POWER_DB, SOURCE, unit="dB"))
+            got_m, want_m = found[1][1] - found[0][1], 2 * walls * float(longer_m)
+            checks.append(absolute_check(f"{label}: longer", want_m, got_m, 2e-4, SOURCE, unit="m"))
+    return checks
+
+
 def _metal() -> object:
     return nodes.make_material("Metal", METAL.real, METAL.imag, 0.0, 0.5, penetrable=False)
 
@@ -283,6 +312,7 @@ GROUP = Group(
         Case("lossless wall", lossless, 30.0),
         Case("lossy wall", lossy, 60.0, True),
         Case("several walls", several, 60.0),
+        Case("hollow room", hollow, 40.0),
         Case("behind concrete", concrete, 20.0),
         Case("100 dB", hundred_db, 10.0, True),
         Case("limits of float32", limits, 10.0),

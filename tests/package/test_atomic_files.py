@@ -82,7 +82,9 @@ def test_a_link_in_place_of_the_temporary_file_is_refused(
     monkeypatch.setattr("secrets.token_hex", lambda _: "known")
     target = tmp_path / "target"
     target.write_text("mine")
-    (tmp_path / f".part-{os.getpid():x}-known-a.json").symlink_to(target)
+    known = AtomicFile(tmp_path / "a.json")
+    known.discard()
+    known.temporary.symlink_to(target)
     with pytest.raises(OutputError, match="File exists"):
         write_text(tmp_path / "a.json", "yours")
     assert target.read_text() == "mine"

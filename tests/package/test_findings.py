@@ -45,7 +45,7 @@ def test_numbers_and_names_are_in_the_text() -> None:
         ("Sea",),
     )
     assert found.numbers == {"loss_db": 94.4, "limit_db": 60.0}
-    assert "through 'Sea' is 94 dB, more than the 60 dB" in found.text
+    assert "through 'Sea' is more than the 60 dB" in found.text
     assert found.message == f"{found.text} {found.cause} {found.remedy}"
 
 
@@ -129,8 +129,19 @@ def test_objects_are_joined_and_order_is_kept() -> None:
     assert [item.code for item in found] == ["absorption-below-float32", "no-echo"]
     assert found[0].subjects == ("Sea", "Wall")
     assert found[0].numbers == {"loss_db": (70.0, 94.0), "limit_db": 60.0}
-    assert "'Sea', 'Wall' is 70 to 94 dB" in found[0].text
+    assert "'Sea', 'Wall' is more than the 60 dB" in found[0].text
     assert found[1] == finding("no-echo")
+
+
+def test_the_worst_severity_of_a_code_stays() -> None:
+    slight = finding("reflections-truncated", fraction=0.01, fraction_stderr=0.001)
+    grave = finding("reflections-truncated", fraction=0.2, fraction_stderr=0.001)
+    assert (slight.as_information().severity, grave.severity) == ("info", "caution")
+    for group in ([slight.as_information(), grave], [grave, slight.as_information()]):
+        (both,) = merge(group)
+        assert both.severity == "caution"
+        assert both.text.startswith("1 to 20 % of")
+    assert merge([slight.as_information()] * 2)[0].severity == "info"
 
 
 def test_merging_twice_changes_nothing() -> None:
@@ -181,7 +192,10 @@ def test_frames_that_follow_one_another_are_joined() -> None:
     assert frames_text([3], [1, 2, 3]) == "frame 3"
     assert frames_text([1, 2, 3], [1, 2, 3]) == "frames 1-3"
     assert frames_text([1, 2, 4, 6], [1, 2, 3, 4, 5, 6]) == "frames 1-2, 4, 6"
-    assert frames_text([1, 3, 7], [1, 3, 5, 7]) == "frames 1-3, 7"  # every second frame
+    # every second frame: 2 was not measured
+    assert frames_text([1, 3, 7], [1, 3, 5, 7]) == "frames 1, 3, 7"
+    assert frames_text(range(2, 21, 2), range(2, 31, 2)) == "frames 2-20 (every 2nd)"
+    assert frames_text([1, 2, 3, 8], [1, 2, 3, 8, 9]) == "frames 1-3, 8"
     assert frames_text([9, 1], [1]) == "frames 1, 9"
 
 

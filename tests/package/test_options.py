@@ -113,7 +113,10 @@ def test_float32_becomes_what_was_typed(value: float, exponent: int, expected: f
         ({"snapshots": 3}, "Snapshots is 3; expected one of 1, 2."),
         ({"snapshots": "2"}, "Snapshots is '2'; expected one of 1, 2."),
         ({"real_adc": 1}, "Real ADC is 1; expected true or false."),
-        ({"gain_dbi": math.inf}, "Gain is inf dBi; expected a finite number, or none."),
+        (
+            {"gain_dbi": math.inf},
+            "Gain is inf dBi; expected a finite number from -300 to 300 dBi, or none.",
+        ),
         ({"max_standard_error": -0.1}, "Max standard error is -0.1; expected a finite number"),
     ],
 )

@@ -17,19 +17,18 @@ import bpy
 
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...findings import Finding, finding_lines
+from ...processes import own_folder, remove_abandoned_folders
 from ...signal.pipeline import FrameResult, process_run
+from ...signal.runs import open_run
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..scene import active_radar, radars
 from .console import ProgressLine, quiet_blender
 from .jobs import make_job
 
-#: Exit code after Ctrl-C, as in shells: 128 + SIGINT.
-_INTERRUPTED = 130
-
 
 class _StopRequest:
-    """Ctrl-C: the first one asks to stop after the running render, the second one stops at once.
+    """Ctrl-C or SIGTERM: the first asks to stop after the running render, a second stops at once.
 
     Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
     render and continues.
@@ -37,11 +36,15 @@ class _StopRequest:
 
     def __init__(self) -> None:
         self.asked = False
-        signals.signal(signals.SIGINT, self._on_signal)
+        #: Exit code, as in shells: 128 + number of the signal.
+        self.code = 128 + signals.SIGINT
+        for number in (signals.SIGINT, signals.SIGTERM):
+            signals.signal(number, self._on_signal)
 
-    def _on_signal(self, *_: Any) -> None:
+    def _on_signal(self, number: int, _: Any) -> None:
+        self.code = 128 + number
         if self.asked:
-            os._exit(_INTERRUPTED)
+            os._exit(self.code)
         self.asked = True
         print("\nradarsim: stopping after this step (Ctrl-C again: at once)", file=sys.stderr)
 
@@ -63,7 +66,7 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     except RadarSimError as error:
         return _fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
-        return _fail("Interrupted; the same command resumes the run.", _INTERRUPTED)
+        return _fail("Interrupted; the same command resumes the run.", stop.code)
     return 0
 
 
@@ -74,6 +77,10 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
     given = given_settings(arguments)
+    session_folder = _session_folder()
+    if session_folder is not None:
+        own_folder(session_folder)
+    remove_abandoned_folders()
     with quiet_blender() as stream:
         if arguments.blend is not None:
             _open_file(arguments.blend)
@@ -109,7 +116,11 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
-        if arguments.process:
+        held = any(item.code == "frames-left-to-others" for item in job.frame_findings)
+        if arguments.process and held and open_run(folder).missing():
+            text = "not processed: other processes still measure frames; the last one processes all"
+            print(f"radarsim: {text}", file=stream, flush=True)
+        elif arguments.process:
             process(folder, stream, stop, {item.code for item in job.findings})
 
 
@@ -181,6 +192,12 @@ def _find_radar(scene: Any, name: str) -> Any:
     return found[name]
 
 
+def _session_folder() -> Path | None:
+    """Blender's temporary folder of this session; None where it has none of its own."""
+    folder = Path(bpy.app.tempdir)
+    return folder if folder.name.startswith("blender_") else None
+
+
 def _leave_blender(code: int) -> None:
     """Quit at once with this exit code; all files are written and closed.
 
@@ -188,8 +205,8 @@ def _leave_blender(code: int) -> None:
     would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
     registered or a driver that was refused.
     """
-    session_folder = Path(sys.modules["bpy"].app.tempdir)
-    if session_folder.name.startswith("blender_"):
+    session_folder = _session_folder()
+    if session_folder is not None:
         shutil.rmtree(session_folder, ignore_errors=True)
     sys.stdout.flush()
     sys.stderr.flush()

@@ -16,6 +16,7 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,7 +35,15 @@ from ..nodes import assign_to
 from ..plan import PathOptions, preset_settings
 from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
 from ..rig_settings import settings as settings_of
-from ..scene import antennas_of, find_rig, radars, setup_rig
+from ..scene import (
+    antennas_of,
+    find_rig,
+    radars,
+    replace_material,
+    setup_rig,
+    suggest_materials,
+)
+from ..state import evaluated_depsgraph
 from .console import quiet_blender
 from .jobs import make_job
 
@@ -232,13 +241,11 @@ def assign_material(objects: Any, material: Any) -> list[Any]:
 
     Returns
     -------
-    list of bpy.types.Object
-        The objects that have the material now.
+    list of bpy.types.Object : those that have the material now
 
     Raises
     ------
-    SceneError
-        None of the objects can carry a material.
+    SceneError : None of the objects can carry a material
     """
     if not isinstance(material, bpy.types.Material):
         raise SceneError(f"{material!r} is no material; expected what radarsim.material returns.")
@@ -246,6 +253,27 @@ def assign_material(objects: Any, material: Any) -> list[Any]:
     if isinstance(chosen, str) or not isinstance(chosen, Iterable):
         raise SceneError(f"{objects!r} is no object; expected objects of the scene.")
     return assign_to(chosen, material)
+
+
+def assign_by_name(scene: Any = None) -> dict[str, str]:
+    """Put radar materials in the place of the optical ones whose names are known.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene, optional; None: the current one
+
+    Returns
+    -------
+    dict of str : Radar material by optical material; the others are as they were
+    """
+    _ensure_registered()
+    scene = bpy.context.scene if scene is None else scene
+    layer = scene.view_layers[0]
+    found = suggest_materials(evaluated_depsgraph(layer))
+    known = {material: ready for material, ready in found.items() if ready}
+    for material, ready in known.items():
+        replace_material(material, ready, carrier_hz(scene), evaluated_depsgraph(layer))
+    return {material.name: ready for material, ready in known.items()}
 
 
 def measure(
@@ -295,7 +323,7 @@ def measure(
         getattr(view, name)  # an unknown name is refused before anything is written
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     path = Path(folder).absolute()
-    with quiet_blender():
+    with quiet_blender() as stream:
         job = make_job(scene, layer, path, radar=rig, overwrite=overwrite, given=values)
         with job:
             for task in job.pending():
@@ -303,7 +331,9 @@ def measure(
                 job.render(task)
                 job.finish(task)
                 if progress is not None:
-                    progress(job.fraction)
+                    with contextlib.redirect_stdout(stream):  # `print` is seen
+                        progress(job.fraction)
+                    stream.flush()
     if progress is not None:  # the last tile counts as done when no further one is asked for
         progress(1.0)
     return open_run(path)

@@ -17,6 +17,7 @@ from .physical_materials import (
     update_materials,
 )
 from .surface_roughness import roughness_of
+from .total_reflection import total_reflections
 
 __all__ = [
     "EXACT_FACETS",
@@ -35,5 +36,6 @@ __all__ = [
     "set_layer_normals",
     "settle_interiors",
     "slot_materials",
+    "total_reflections",
     "update_materials",
 ]

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ...array_types import Real
+from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
@@ -43,6 +43,10 @@ _IN_PLANE = 1e-3
 _CANDIDATES = 8
 #: Maximum number of faces behind which the depth is measured.
 _MOST_DEPTHS = 500
+#: Maximum thickness of the walls of a shell, relative to the smallest dimension of the object, and
+#: maximum relative difference of their thicknesses.
+_THIN = 0.1
+_ONE_THICKNESS = 0.01
 #: Distance from a face at which its ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
 
@@ -122,7 +126,9 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
 
 
 def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
-    """Set normal and thickness of the layer on each object with a penetrable physical material.
+    """Set what is known of the walls of each object with a penetrable physical material.
+
+    Normal and thickness of a layer; or the common thickness of walls in several directions.
 
     Linked objects are changed in memory. Properties that the user has set do not change; a normal
     of [0, 0, 0] means that the object is no layer.
@@ -143,16 +149,24 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             continue
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
         normal = None if given is None else np.array(given, dtype=np.float64)
+        thickness = None
         if normal is None:
             normal = object_layer_normal(item, depsgraph)
+            if normal is not None:
+                thickness = object_layer_thickness(item, depsgraph, normal)
+            shell = None if thickness else shell_thickness(item, depsgraph)
+            if shell is not None:
+                recorder.set_item(item, attributes.OBJECT_SHELL_THICKNESS, shell)
+                item.update_tag()
+                continue
             if normal is None:
                 others.append(item.name)
                 continue
             recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
-        if attributes.OBJECT_LAYER_THICKNESS not in item and np.any(normal):
+        elif np.any(normal):
             thickness = object_layer_thickness(item, depsgraph, normal)
-            if thickness is not None:
-                recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
+        if attributes.OBJECT_LAYER_THICKNESS not in item and thickness is not None:
+            recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
         item.update_tag()
     if not others:
         return []
@@ -197,30 +211,63 @@ def passes_by_polarisation(material: Any) -> bool:
     return sheet or is_entered(material)
 
 
+def _depths(item: Any, depsgraph: Any) -> tuple[Real, Real, Mask]:
+    """Return what is behind the largest faces of an object, across them, n of each.
+
+    Areas of the faces and depths [Blender units; the mesh may be open behind some: left out], and
+    whether the face behind is parallel.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    nothing = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return nothing
+        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+        points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
+        areas = read_numbers(mesh.polygons, "area", 1).ravel().astype(np.float64)
+        corners = [tuple(face.vertices) for face in mesh.polygons]
+    tree = BVHTree.FromPolygons(points.tolist(), corners)
+    size = float(np.ptp(points, axis=0).max())
+    found = []
+    for face in np.argsort(-areas)[:_MOST_DEPTHS]:
+        around = points[list(corners[face])]
+        inward = np.cross(around[2] - around[1], around[1] - around[0])
+        length = np.linalg.norm(inward) * np.copysign(1.0, np.linalg.det(linear))
+        start = around.mean(axis=0) + _OFF_FACE * size * inward / length
+        _, normal, _, depth = tree.ray_cast(start, inward / length)
+        if depth is not None:
+            across = abs(np.dot(normal, inward / length))
+            found.append((areas[face], depth, across > 1 - _PARALLEL**2 / 2))
+    if not found:
+        return nothing
+    area, depth, parallel = zip(*found, strict=True)
+    return np.array(area), np.array(depth), np.array(parallel)
+
+
 def thinnest(item: Any, depsgraph: Any) -> float:
     """Return the least depth behind a face of an object, across it, in Blender units.
 
     Tried are the largest faces; 0 for a mesh that is open behind all of them.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return 0.0
-        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-        points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
-        largest = np.argsort(-read_numbers(mesh.polygons, "area", 1).ravel())[:_MOST_DEPTHS]
-        corners = [tuple(face.vertices) for face in mesh.polygons]
-    tree = BVHTree.FromPolygons(points.tolist(), corners)
-    size = float(np.ptp(points, axis=0).max())
-    depths = []
-    for face in largest:
-        around = points[list(corners[face])]
-        inward = np.cross(around[2] - around[1], around[1] - around[0])
-        length = np.linalg.norm(inward) * np.copysign(1.0, np.linalg.det(linear))
-        start = around.mean(axis=0) + _OFF_FACE * size * inward / length
-        depth = tree.ray_cast(start, inward / length)[3]
-        depths += [] if depth is None else [depth]
-    return min(depths, default=0.0)
+    depths = _depths(item, depsgraph)[1]
+    return float(depths.min()) if depths.size else 0.0
+
+
+def shell_thickness(item: Any, depsgraph: Any) -> float | None:
+    """Return the thickness of an object's walls, Blender units; None unless all have the same.
+
+    A hollow room, or walls in several directions. Walls are thin against the object.
+    """
+    areas, depths, parallel = _depths(item, depsgraph)
+    if not parallel.any():
+        return None
+    order = np.argsort(depths[parallel])
+    below = np.cumsum(areas[parallel][order])
+    thickness = float(depths[parallel][order][np.searchsorted(below, below[-1] / 2)])
+    alike = parallel & (np.abs(depths - thickness) <= _ONE_THICKNESS * thickness)
+    size = np.array(item.evaluated_get(depsgraph).dimensions).min()
+    thin = thickness <= _THIN * size
+    return thickness if thin and areas[alike].sum() >= MIN_PLATE_FRACTION * areas.sum() else None
 
 
 def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
@@ -248,7 +295,9 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
         loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
         if loss_db > limit_db:
             deep[item.name] = loss_db
-    return [
-        finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
+    found = (
+        (finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db), loss_db)
         for name, loss_db in deep.items()
-    ]
+    )
+    # no radar receives what is behind so much
+    return [item.as_information() if loss_db > MAX_LOSS_DB else item for item, loss_db in found]

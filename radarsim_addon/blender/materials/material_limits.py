@@ -49,7 +49,7 @@ def media_beyond_their_band(
     ----------
     carrier_hz : Carrier [Hz]
     beyond_band : What a medium does outside its band
-    materials : Materials of rendered objects. None: those of the file that have a user.
+    materials : Materials of rendered objects. None: those of the file that are used.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def media_beyond_their_band(
     """
     found = []
     if materials is None:
-        materials = [material for material in bpy.data.materials if material.users]
+        materials = [item for item in bpy.data.materials if item.users > item.use_fake_user]
     for material in materials:
         if MEDIUM in material:
             with contextlib.suppress(ConfigError):

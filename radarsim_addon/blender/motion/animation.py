@@ -15,17 +15,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..scene import animation_curves
+from ..scene import animation_curves, is_simulated_body
 
-#: Simulations that Blender stores at whole frames and interpolates linearly.
-_SIMULATING_MODIFIERS = {
-    "CLOTH",
-    "DYNAMIC_PAINT",
-    "FLUID",
-    "MESH_SEQUENCE_CACHE",
-    "PARTICLE_SYSTEM",
-    "SOFT_BODY",
-}
 #: Animated properties that move a surface.
 _MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offset\w*|strength)$")
 
@@ -132,32 +123,15 @@ def movers(item: Any) -> list[Any]:
     return list(found)
 
 
-def simulated(item: Any) -> bool:
-    """Return whether a simulation, stored at whole frames, moves an object or its surface."""
-    return any(_simulates(one) for one in movers(item))
+def is_linear_between_frames(scene: Any, item: Any) -> bool:
+    """Return whether Blender moves an object on straight lines between whole frames.
 
-
-def _simulates(item: Any) -> bool:
-    body = item.rigid_body
-    if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
-        return True
-    if any(constraint.type == "TRANSFORM_CACHE" for constraint in item.constraints):
-        return True
+    So it does with rigid bodies and with transforms from a cache file.
+    """
     return any(
-        modifier.type in _SIMULATING_MODIFIERS
-        or (modifier.type == "NODES" and _has_simulation(modifier.node_group))
-        for modifier in item.modifiers
-        if modifier.show_render
-    )
-
-
-def _has_simulation(tree: Any) -> bool:
-    if tree is None:
-        return False
-    return any(
-        node.bl_idname == "GeometryNodeSimulationOutput"
-        or _has_simulation(getattr(node, "node_tree", None))
-        for node in tree.nodes
+        is_simulated_body(scene, one)
+        or any(constraint.type == "TRANSFORM_CACHE" for constraint in one.constraints)
+        for one in movers(item)
     )
 
 

@@ -31,14 +31,13 @@ from ...signal.motion import (
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
 from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
-from .animation import moves_in_steps
+from .animation import is_linear_between_frames, moves_in_steps
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 
-#: With fewer, rounding at 50 m gives range rates of a short burst an error above 1e-4 m/s.
-_FIRST_SAMPLES = 65
+_FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
 #: After this time no more samples are added [s].
@@ -64,8 +63,8 @@ class BurstMotion:
         Times of the samples.
     receiver_kind
         As `contract.ReceiverRecord` names it.
-    frozen
-        Everything is stationary, as at the frame's time.
+    motion
+        As `PathOptions` has it.
     render
         Number of this render within the burst, from 0.
     """
@@ -77,12 +76,12 @@ class BurstMotion:
         names: Sequence[str],
         plan: SamplingPlan,
         receiver_kind: str,
-        frozen: bool = False,
+        motion: str = "kinematic",
         render: int = 0,
     ) -> None:
         self.render = render
         self._show, self._rig, self._plan = show, rig, plan
-        self._frozen = frozen
+        self._motion, self._frozen = motion, motion == "off"
         self._kind = receiver_kind
         self._names = names
         self._units = plan.metres_per_unit
@@ -99,6 +98,7 @@ class BurstMotion:
         """Find deforming surfaces; return the depsgraph at the frame's time."""
         instant = self._plan.rendered[1]
         depsgraph = self._show(instant)
+        self._measured_scene = depsgraph.scene
         self.poses = evaluated_poses(depsgraph, self._units)
         wanted = set(self._names)
         candidates = {
@@ -186,7 +186,11 @@ class BurstMotion:
             sampler.take(*moment)
         grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
         count = min(_FIRST_SAMPLES, plan.max_samples)
-        fits = Fits(plan, sampler, [at_s for at_s, _ in checks])
+        smooth = self._smooth_rows()
+        if smooth:
+            for moment in plan.whole_frames:
+                sampler.take(*moment)
+        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth)
         moments = plan.grid(count, *plan.window)
         while True:
             for moment in moments:
@@ -215,7 +219,11 @@ class BurstMotion:
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()
-        steps = [item.name for item in self._moving_items() if moves_in_steps(item, *plan.burst)]
+        steps = [
+            items[0].name
+            for items in self._moving_items()
+            if any(moves_in_steps(item, *plan.burst) for item in items)
+        ]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
         tracks = None
@@ -224,13 +232,23 @@ class BurstMotion:
         self._bound_m = fits.displacement_error_bound_m
         return self._frame_motion(fits.motions, tracks)
 
-    def _moving_items(self) -> Iterator[Any]:
-        """Yield the antennas, and the objects and instancers of the collected bodies."""
-        yield from (self._rig.camera, self._rig.emitter)
+    def _moving_items(self) -> Iterator[list[Any]]:
+        """Yield the objects that move each row of poses: antennas, then the collected bodies."""
+        yield from ([self._rig.camera], [self._rig.emitter])
         for part in self._touched:
-            yield self.bodies.originals[part.number]
-            if part.key and part.key[0] in bpy.data.objects:
-                yield bpy.data.objects[part.key[0]]
+            instancer = bpy.data.objects.get(part.key[0]) if part.key else None
+            yield [self.bodies.originals[part.number], *([instancer] if instancer else [])]
+
+    def _smooth_rows(self) -> set[int]:
+        """Return the rows of poses to be a cubic through whole frames."""
+        if self._motion == "linear":
+            return set()
+        scene = self._measured_scene
+        return {
+            row
+            for row, items in enumerate(self._moving_items())
+            if any(is_linear_between_frames(scene, item) for item in items)
+        }
 
     def _tracks(self, fits: Fits) -> Tracks:
         return Tracks(

@@ -10,16 +10,22 @@ import numpy as np
 
 from ...array_types import Real, Single
 from ...findings import Finding, finding
-from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices
+from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices, smooth_poses
 from .bodies import Part
 from .samples import Sampler, SamplingPlan
 
 #: Error bound of a displacement that needs no more samples [wavelengths]: 2.5e-4 rad two-way.
 _TARGET_WAVELENGTHS = 2e-5
 #: The same in steps of float32 poses. What they round away, no number of samples gives back.
-_TARGET_ROUNDING = 0.5
+_TARGET_ROUNDING = 0.25
+#: Standard error of a velocity that needs no more samples [wavelengths/s]: 6e-5 m/s at 77 GHz.
+_TARGET_RATE = 0.015
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
+#: Number of samples of a cubic between two whole frames.
+_BETWEEN_FRAMES = 16
+#: Larger scatter, in steps of float32, is motion and no rounding.
+_MAX_NOISE = 10.0
 #: Minimum number of samples for a fit of the burst without what is before and after it.
 _LEAST_ALONE = 13
 #: Maximum size of the vertices in memory [bytes].
@@ -29,8 +35,12 @@ _MAX_VERTEX_BYTES = 1 << 29
 class Fits:
     """Fits of all bodies to the samples so far."""
 
-    def __init__(self, plan: SamplingPlan, sampler: Sampler, checks_s: list[float]) -> None:
+    def __init__(
+        self, plan: SamplingPlan, sampler: Sampler, checks_s: list[float], smooth: set[int]
+    ) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
+        #: Rows of poses that move on straight lines between whole frames, to be a cubic.
+        self._smooth = smooth
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
         self._reaches_m = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
         self.motions: list[BodyMotion] = []
@@ -53,6 +63,9 @@ class Fits:
         for index in range(poses.shape[1]):
             if self.motions and self._is_accurate(index):
                 motions.append(self.motions[index])
+                continue
+            if index in self._smooth:
+                motions.append(self._smooth_motion(index))
                 continue
             self._missed.pop(index, None)
             present = np.isfinite(poses[:, index, 0, 0])
@@ -99,12 +112,40 @@ class Fits:
         )
         return self._checked(index, motion, self._reaches_m[index])
 
+    def _smooth_motion(self, index: int) -> BodyMotion:
+        """Return a cubic through the poses at whole frames."""
+        plan = self._plan
+        moments = [at_s for at_s, _ in plan.whole_frames]
+        poses = np.stack([self._sampler.poses[at_s][index] for at_s in moments])
+        present = np.isfinite(poses[:, 0, 0])
+        whole_s = np.array(moments)[present]
+        first = max(int(np.searchsorted(whole_s, 0.0, side="right")) - 1, 0)
+        needed_s = whole_s[first : int(np.searchsorted(whole_s, plan.duration_s)) + 1]
+        steps = np.arange(needed_s.size * _BETWEEN_FRAMES - _BETWEEN_FRAMES + 1) / _BETWEEN_FRAMES
+        times_s = np.interp(steps, np.arange(needed_s.size), needed_s)
+        motion = fit_body(
+            times_s,
+            smooth_poses(whole_s, poses[present], times_s),
+            plan.duration_s,
+            self._reaches_m[index],
+            unit_m=plan.metres_per_unit,
+            corners_s=whole_s.tolist(),
+            pose=self._sampler.poses[plan.rendered[0]][index],
+            epoch_s=plan.rendered[0],
+        )
+        # The rounding of the poses remains.
+        bound_m = motion.displacement_error_bound_m + self._rounding_m(index)
+        return dataclasses.replace(motion, displacement_error_bound_m=bound_m)
+
     def _target_of(self, index: int) -> float:
         """Return the error bound that needs no more samples: of the carrier, or of the poses."""
+        return max(self._target_m, _TARGET_ROUNDING * self._rounding_m(index))
+
+    def _rounding_m(self, index: int) -> float:
+        """Return the step of float32 at the body's farthest point [m]."""
         pose = self._sampler.poses[self._plan.rendered[0]][index]
-        step_m = _rounding_step(pose[:3, 3], self._plan.metres_per_unit)
-        step_m += self._reaches_m[index] * float(np.spacing(np.float32(1.0)))
-        return max(self._target_m, _TARGET_ROUNDING * step_m)
+        turn_m = self._reaches_m[index] * float(np.spacing(np.float32(1.0)))
+        return _rounding_step(pose[:3, 3], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
         found = self._sampler.vertices[name][self._plan.rendered[0]]
@@ -112,9 +153,12 @@ class Fits:
         return max(self._target_m, _TARGET_ROUNDING * step_m)
 
     def _is_accurate(self, index: int) -> bool:
-        bound_m = self.motions[index].displacement_error_bound_m
-        return index not in self._missed and (
-            not self.motions[index].moving or bound_m <= self._target_of(index)
+        motion = self.motions[index]
+        if index in self._missed or index in self._smooth or not motion.moving:
+            return index not in self._missed
+        return (
+            motion.displacement_error_bound_m <= self._target_of(index)
+            and motion.rate_stderr_mps <= _TARGET_RATE * self._plan.wavelength_m
         )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
@@ -139,7 +183,7 @@ class Fits:
         miss = float(np.linalg.norm(apart, axis=-1).max())
         scale = float(np.abs(start[:3, 3]).max()) + reach_m
         rounding = float(np.spacing(np.float32(max(scale, 1e-6))))
-        if miss <= _MAX_MISS * (motion.noise_m + rounding):
+        if miss <= _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding) + rounding):
             return motion
         self._missed[index] = miss
         return dataclasses.replace(
@@ -178,6 +222,10 @@ class Fits:
         """Return what did not fit."""
         found = []
         parts = self._sampler.parts
+        smooth = [i for i in sorted(self._smooth) if self.motions[i].moving]
+        if smooth:
+            moved = dict.fromkeys("antennas" if i < 2 else parts[i - 2].name for i in smooth)
+            found.append(finding("motion-between-frames", *moved))
         if self._missed:
             bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]
             found.append(

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...array_types import Real
 from ..plan import Instant, instant_at
-from ..scene import Rig, check_pose, check_vertices, pose_in_metres
+from ..scene import Rig, check_poses, check_vertices
 from ..state import Key, evaluated_objects
 from .bodies import Bodies, Part
 from .deforming import Deformations
@@ -141,6 +141,14 @@ class SamplingPlan:
         return moments
 
     @property
+    def whole_frames(self) -> list[tuple[float, Instant]]:
+        """Whole frames of the burst and one more on both sides, for a cubic through them."""
+        first, last = self.burst
+        return [
+            self._at_frame(at) for at in range(int(np.floor(first)) - 1, int(np.ceil(last)) + 2)
+        ]
+
+    @property
     def corners_s(self) -> list[float]:
         """Times at which motion may have corners: keys and whole frames [s]."""
         low, high = self.window
@@ -186,10 +194,23 @@ class Sampler:
         self.lost: set[int] = set()
         self.changed: set[str] = set()
 
-    def _pose(self, name: str, matrix_world: Any, frame: float) -> Real:
-        # NaN marks an instance that does not exist, so it must not come from Blender.
-        check_pose(name, matrix_world, frame)
-        return pose_in_metres(matrix_world, self._units)
+    def _matrices(self, depsgraph: Any) -> dict[int, tuple[str, Any]]:
+        """Return names and world matrices by row of the poses, of what exists."""
+        found = {
+            number: (item.name, item.evaluated_get(depsgraph).matrix_world)
+            for number, item in enumerate(self._antennas)
+        }
+        for row, part in enumerate(self.parts, start=2):
+            if not part.key:
+                item = self._originals[part.number].evaluated_get(depsgraph)
+                found[row] = (part.name, item.matrix_world)
+        if self._instances:
+            for one in evaluated_objects(depsgraph):
+                name = one.original.name
+                index = self._instances.get((name, one.key)) if one.key else None
+                if index is not None:  # Blender reuses the data of instances
+                    found[index + 2] = (name, one.matrix_world.copy())
+        return found
 
     def take(self, at_s: float, instant: Instant) -> None:
         """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
@@ -198,28 +219,21 @@ class Sampler:
         depsgraph = self._show(instant)
         frame = instant.frame + instant.subframe
         poses = np.full((len(self.parts) + 2, 4, 4), np.nan)
-        for number, item in enumerate(self._antennas):
-            matrix = item.evaluated_get(depsgraph).matrix_world
-            poses[number] = self._pose(item.name, matrix, frame)
-        for index, part in enumerate(self.parts):
-            if not part.key:
-                item = self._originals[part.number].evaluated_get(depsgraph)
-                poses[index + 2] = self._pose(part.name, item.matrix_world, frame)
-        if self._instances:
-            for one in evaluated_objects(depsgraph):
-                name = one.original.name
-                row = self._instances.get((name, one.key)) if one.key else None
-                if row is not None:
-                    poses[row + 2] = self._pose(name, one.matrix_world, frame)
+        matrices = self._matrices(depsgraph)
+        found = np.array([matrix for _, matrix in matrices.values()], dtype=np.float64)
+        # NaN marks an instance that does not exist, so it must not come from Blender.
+        check_poses([name for name, _ in matrices.values()], found, frame)
+        found[:, :3, 3] *= self._units
+        poses[list(matrices)] = found
         inside = 0 <= at_s <= self.plan.duration_s
         if inside:
             self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
         self.poses[at_s] = poses
         for name, surface in self.surfaces.items():
-            found = surface.sample(depsgraph)
-            if found is None:
+            vertices = surface.sample(depsgraph)
+            if vertices is None:
                 if inside:
                     self.changed.add(name)
             else:
-                check_vertices(name, found, frame)
-            self.vertices[name][at_s] = found
+                check_vertices(name, vertices, frame)
+            self.vertices[name][at_s] = vertices

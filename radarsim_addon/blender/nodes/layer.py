@@ -16,6 +16,12 @@ computes positions to 1e-7 of the mesh's size: for a pane of 5 mm, 100 m wide, 2
 thickness."""
 
 
+def shell_thickness(build: TreeBuilder) -> Any:
+    """Add nodes for the thickness of the object's walls, Blender units; 0 for other objects."""
+    thickness = build.object_vector_attribute("Shell thickness", attributes.OBJECT_SHELL_THICKNESS)
+    return build.node("ShaderNodeSeparateXYZ", "Shell", {0: thickness}).outputs["X"]
+
+
 def layer_cosine(build: TreeBuilder) -> Any:
     """Add nodes for the cosine of the ray's angle to the object's layer normal, 1 without one."""
     math = build.math

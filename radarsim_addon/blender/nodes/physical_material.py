@@ -23,7 +23,8 @@ q = sqrt(epsilon - 1 + c^2)::
 
 A ray crosses a layer of thickness d over the length d/c, which gives the refracted wave's
 absorption exp(-2 k0 Im(q) d) and optical delay d (Re q - c). Without a layer normal c is 1, which
-gives 4 pi kappa / wavelength and n - 1.
+gives 4 pi kappa / wavelength and n - 1. In an object with a shell thickness d the volume does
+nothing, and each face that is met from inside has the factors of the wall that the ray crossed.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ from ...physics.rough_transmission import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .fresnel import cos_incidence
-from .interface import InterfacePower, excess, interface_power, wave_inside
-from .layer import internal_echoes, layer_cosine
+from .interface import InterfacePower, Wave, excess, interface_power, wave_inside
+from .layer import internal_echoes, layer_cosine, shell_thickness
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior, wavelength
 from .radar_material import (
     EXTINCTION,
@@ -71,6 +72,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     wave = wave_inside(build, n, kappa, cosine)
     power = interface_power(build, n, kappa, wave, internal_echoes(build))
     code = range_code(build, ray_length(build), inverse_k)
+    with build.prefixed("Shell: "):
+        code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
     reflects, transmits = camera_lobes(build)
     is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
     is_smooth = math("SUBTRACT", "smooth", 1.0, is_rough)
@@ -80,13 +83,34 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     mirror = build.glossy("Mirror", build.scale("Mirror colour", code, weight), 0.0)
     weight = _facet_weight(build, power, reflects, is_rough)
     coded = math("GREATER_THAN", "coded by materials", inverse_k, 0.0)
+    coded = math("MAXIMUM", "coded by channel", coded, in_shell)
     rough = _facet_lobes(build, n, kappa, roughness, code, weight, coded)
     passed = build.scale("T, scaled", power.passed, _transmission(build, cosine))
+    passed = build.vector_math("MULTIPLY", "T, wall crossed", {0: passed, 1: crossed})
     through = build.transparent(
         "Transmission", build.scale("T, or 0 at the gate", passed, transmits)
     )
     reflected = build.add_shaders("Reflection", mirror, rough)
     build.group_output("Surface", build.add_shaders("Surface", reflected, through))
+
+
+def _wall_crossed(
+    build: TreeBuilder, wave: Wave, code: Any, inverse_k: Any
+) -> tuple[Any, Any, Any]:
+    """Add nodes for a wall of a shell that the ray crossed: code and colour with it, and 0 or 1."""
+    math = build.math
+    back = build.node("ShaderNodeNewGeometry", "Side (shell)").outputs["Backfacing"]
+    thickness = math("MULTIPLY", "d of the wall crossed", shell_thickness(build), back)
+    waves = math("DIVIDE", "d / wavelength", thickness, wavelength(build))
+    minus = math("MULTIPLY", "-4 pi d / wavelength", waves, -4.0 * _math.pi)
+    loss = math("MULTIPLY", "-4 pi Im(q) d / wavelength", minus, wave.v)
+    longer = math("MULTIPLY", "d (Re q - c)", thickness, excess(build, wave))
+    # Absorption cannot encode a negative delay (n < 1).
+    longer = math("MAXIMUM", "d (Re q - c), from 0 up", longer, 0.0)
+    delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
+    crossed = build.scale("Wall crossed", delay, math("EXPONENT", "absorbed", loss))
+    coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: crossed})
+    return coded, crossed, math("GREATER_THAN", "in a shell", thickness, 0.0)
 
 
 def _transmission(build: TreeBuilder, cosine: Any) -> Any:
@@ -173,12 +197,15 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
+        solid = math("LESS_THAN", "no shell", shell_thickness(build), 1e-30)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
     rate = math("MULTIPLY", "4 pi Im(q) c", normal_rate, cosine)
+    rate = math("MULTIPLY", "4 pi Im(q) c, or 0 in a shell", rate, solid)
     alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, length)
     any_inverse_k = any_inverse_code_length(build, inverse_k)
+    any_inverse_k = math("MULTIPLY", "1/k, or 0 in a shell", any_inverse_k, solid)
     longer = math("MULTIPLY", "c (Re q - c)", cosine, excess(build, wave))
     # Absorption cannot encode a negative delay (n < 1).
     delay = math(
@@ -190,7 +217,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=4,
+    version=5,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import math
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -82,7 +82,8 @@ class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
-    `progress` is told of every tile.
+    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
+    the objects that were seen.
     """
 
     def __init__(
@@ -92,7 +93,9 @@ class FrameWork:
         hits: HitPoints,
         folder: Path,
         progress: Progress,
+        no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
+        self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
         self._hits = hits
         self._run, self._receiver = tracer.run, tracer.receiver
@@ -348,7 +351,11 @@ class FrameWork:
     def _findings(self, quality: QualitySums) -> list[Finding]:
         """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
-        findings = quality.findings(self._run.measurement.waveform.wavelength_m, scene.objects)
+        wavelength_m = self._run.measurement.waveform.wavelength_m
+        findings = quality.findings(wavelength_m, scene.objects, target)
+        if quality.total_w == 0:
+            seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]
+            findings += self._no_echo(seen)
         met = quality.seen | quality.echoing | scene.hidden
         findings += missed_objects_findings(
             self._motion.poses, scene.objects, met, self._receiver, self._whole

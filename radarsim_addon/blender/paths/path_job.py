@@ -25,6 +25,7 @@ from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
+from ..scene import no_echo_findings
 from ..state import evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
@@ -269,7 +270,7 @@ class PathJob(MeasurementJob):
             self.path_scene.objects,
             sampling,
             self.path_scene.kind,
-            frozen=self.options.motion == "off",
+            motion=self.options.motion,
             render=render,
         )
         depsgraph = motion.begin()
@@ -284,7 +285,14 @@ class PathJob(MeasurementJob):
             self.path_scene.all_opaque,
         )
         folder = self.folder / contract.burst_dir(frame, render)
-        work = FrameWork(tracer, motion, hits, folder, self)
+        work = FrameWork(
+            tracer,
+            motion,
+            hits,
+            folder,
+            self,
+            lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
+        )
         stop_reason = yield from work.measure()
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if not self.keeps_frame():  # another process has taken over: it writes the frame

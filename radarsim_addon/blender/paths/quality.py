@@ -15,8 +15,9 @@ from ...findings import Finding, finding
 from ...signal.paths import PathFlag, PathRows
 from ..views import TracedReplicate
 
-#: Share of the power that may be in flawed rows before the run warns.
-_WARN_SHARE = 1e-3
+#: Fraction of the power that may be in flawed rows before the run says so, and the relative error
+#: that nobody minds if none was asked for: 0.2 dB.
+_WARN_SHARE, _USUAL_ERROR = 1e-3, 0.05
 #: A length error above this fraction of a wavelength spoils coherent sums: 2 pi / 20 of phase.
 _WARN_WAVELENGTHS = 0.05
 
@@ -128,18 +129,29 @@ class QualitySums:
             "length_sigma_wavelengths": self.length_sigma_m / wavelength_m,
         }
 
-    def findings(self, wavelength_m: float, objects: Sequence[str] = ()) -> list[Finding]:
-        """Find what to know of this frame; `objects` names the numbers from 1."""
+    def findings(
+        self, wavelength_m: float, objects: Sequence[str] = (), tolerated: float = 0.0
+    ) -> list[Finding]:
+        """Find what to know of this frame; `objects` names the numbers from 1.
+
+        What is missing or mixed is no danger up to the error that was asked for, `tolerated`; where
+        none was, up to `_USUAL_ERROR`.
+        """
         found = []
+
+        def told(item: Finding, fraction: float) -> Finding:
+            return item if fraction > (tolerated or _USUAL_ERROR) else item.as_information()
+
         left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
         if max(left, stderr) > _WARN_SHARE:
-            found.append(finding("reflections-truncated", fraction=left, fraction_stderr=stderr))
+            lost = finding("reflections-truncated", fraction=left, fraction_stderr=stderr)
+            found.append(told(lost, max(left, stderr)))
         behind = self.share(self.truncated_transparency_w)
         if behind > _WARN_SHARE:
-            found.append(finding("transparency-truncated", fraction=behind))
+            found.append(told(finding("transparency-truncated", fraction=behind), behind))
         mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
         if mixed > _WARN_SHARE:
-            found.append(finding("mixed-paths", fraction=mixed))
+            found.append(told(finding("mixed-paths", fraction=mixed), mixed))
         if unranged > _WARN_SHARE:
             found.append(finding("unranged-power", fraction=unranged))
         if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
@@ -153,6 +165,4 @@ class QualitySums:
         silent = [objects[n - 1] for n in sorted(self.seen - self.echoing) if 0 < n <= len(objects)]
         if silent and self.total_w > 0:
             found.append(finding("object-without-echo", *silent))
-        if self.total_w == 0:
-            found.append(finding("no-echo"))
         return found

@@ -2,7 +2,7 @@
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import config_findings
-from .measurement import MAX_RINGS, POLARISATIONS, Measurement, parse_frames
+from .measurement import POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import preset_settings
 from .records import fingerprint, run_record
@@ -23,7 +23,6 @@ from .window_settings import merged, shortest_decimal
 
 __all__ = [
     "FINEST_PITCH",
-    "MAX_RINGS",
     "POLARISATIONS",
     "Extent",
     "Instant",

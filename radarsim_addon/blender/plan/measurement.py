@@ -9,16 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ...contract import LinkBudget
+from ...contract import MAX_PIXELS, MAX_RINGS, LinkBudget
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ...signal.radar import AnyWaveform, Burst, Radar
-
-#: Maximum number of rings. More come from a wrong unit (a ring step in millimetres).
-MAX_RINGS = 10_000
-#: Pixels of one render; Cycles needs about 50 bytes for each.
-_MAX_PIXELS = 1 << 28
-
 
 #: Blender's own limit is a little larger.
 LAST_FRAME = 999_999
@@ -194,10 +188,10 @@ class Measurement:
                 f"Snapshot interval is {self.snapshot_interval_s!r} s; expected a positive time "
                 "between the two snapshots. 10 ms is a good value; one snapshot alone needs none."
             )
-        if self.width_px * self.height_px > _MAX_PIXELS:
+        if self.width_px * self.height_px > MAX_PIXELS:
             raise ConfigError(
                 f"A render of {self.width_px} x {self.height_px} pixels is asked for; "
-                f"expected at most {_MAX_PIXELS} pixels. Lower the resolution."
+                f"expected at most {MAX_PIXELS} pixels. Lower the resolution."
             )
 
     @property

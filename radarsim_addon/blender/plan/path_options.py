@@ -77,6 +77,7 @@ class PathOptions:
         choices=(
             ("kinematic", "Kinematic", "Every path's length at every pulse, from what it touches"),
             ("off", "Off", "Everything is stationary during a burst"),
+            ("linear", "Linear simulations", "Simulations as Blender: straight between frames"),
         ),
     )
     motion_samples: int = setting(

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ... import contract
+from ...contract import MAX_RINGS
 from ...errors import ConfigError
-from .measurement import MAX_RINGS, Measurement
+from .measurement import Measurement
 
 #: Path lengths per length of the range encoding. exp(-2*8) in G leaves 20 decades of float32 for
 #: the radiance, and float32 noise of the range is lowest at a few such lengths (4e-8 to 7e-8).

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...array_types import Single
+from ...atomic_files import disk_of
 from ...contract import CHANNELS
 from ...errors import FrameFileError, OutputError, RenderError
 from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
@@ -27,8 +28,8 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
     """
     if not path.exists():
         raise OutputError(
-            f"Blender has not written {path}. The disk is full or the folder was removed. Make "
-            "room and render again: the run resumes where it stopped."
+            f"Blender has not written {path}. {disk_of(path).capitalize()} is full, or the folder "
+            "was removed. Make room and render again: the run resumes where it stopped."
         )
     try:
         header = read_header(path)
@@ -36,8 +37,8 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
         finite = all(np.isfinite(values).all() for values in _pixels(path, header))
     except (OSError, ValueError, zlib.error, FrameFileError) as error:
         raise OutputError(
-            f"Blender has written {path} incompletely ({error}). The disk is probably full. Make "
-            "room and render again: the run resumes where it stopped."
+            f"Blender has written {path} incompletely ({error}). Probably {disk_of(path)} is full. "
+            "Make room and render again: the run resumes where it stopped."
         ) from error
     if not finite:
         raise RenderError(

@@ -8,12 +8,12 @@ from typing import Any
 
 import bpy
 
+from ...atomic_files import disk_of
 from ...errors import OutputError, RenderError
 
 
 def save_render(scene: Any, path: Path) -> None:
     """Write the last render in the scene's format; an existing file is replaced."""
-    path.unlink(missing_ok=True)
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:
         raise RenderError(
@@ -25,6 +25,6 @@ def save_render(scene: Any, path: Path) -> None:
         result.save_render(str(path), scene=scene)
     except RuntimeError as error:
         raise OutputError(
-            f"Blender cannot write {path}: {str(error).strip()} "
-            "Choose an output folder that is writable and has room."
+            f"Blender cannot write {path}: {str(error).strip()} Choose an output folder that is "
+            f"writable, or make room on {disk_of(path)}."
         ) from error

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -46,6 +47,7 @@ from ..scene import (
     receiver_record,
     show_as_rendered,
     show_what_renders,
+    simulation_frames,
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
@@ -106,6 +108,7 @@ class MeasurementJob:
         self._shown_for_run = SettingsRestorer()
         self._shared = SharedFolder(folder)
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
+        self._simulated_to = -math.inf
         self._shown: Instant | None = None
         self._started_s = 0.0
         self._rendered = 0
@@ -171,6 +174,7 @@ class MeasurementJob:
             digests = [digest + at for digest in digests]
         self._settings = self._make_settings()
         self._settings.apply()
+        self._simulated_to = -math.inf  # changes of the scene empty the caches of simulations
         self.run_findings = self._settings.findings + self._config_findings()
         self._shared.open(
             run_files.plan_record(self.plan, digests, self.run_findings, self.versions),
@@ -220,6 +224,7 @@ class MeasurementJob:
                     self._speeds.add(before[1], (boxes, antennas), interval_s)
                 before = instant, (boxes, antennas)
         digests = [ground_truth.animation_digest()]
+        self._simulated_to = math.inf  # the digest is worth no simulation of the whole scene
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
             depsgraph = self._show(instant_at(float(frame), self._fps()))
             digests.append(ground_truth.geometry_digest(depsgraph, self.rig))
@@ -293,9 +298,15 @@ class MeasurementJob:
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""
         # Before the time is set: what appears later would keep the place of another time.
-        show_what_renders(self._shown_for_run, self._view_layer)
         if self._shown is None:
             show_as_rendered(self._shown_for_run, self._scene)
+        if self._shown is None or self._shown.frame != instant.frame:
+            show_what_renders(self._shown_for_run, self._view_layer)
+        needed = instant.frame + (instant.subframe > 0)
+        if needed > self._simulated_to:
+            for frame in simulation_frames(self._scene, needed):
+                self._scene.frame_set(frame)
+            self._simulated_to = needed
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None

@@ -21,6 +21,7 @@ from ..materials import (
     media_beyond_their_band,
     set_layer_normals,
     settle_interiors,
+    total_reflections,
     update_materials,
 )
 from ..nodes import attributes
@@ -272,11 +273,16 @@ class MeasurementSettings:
         depsgraph = evaluated_depsgraph(self._view_layer)
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
+        antennas = [
+            item.evaluated_get(depsgraph).matrix_world.translation
+            for item in (self._rig.camera, self._rig.emitter)
+        ]
         return [
             *failures,
             *check_meshes(depsgraph),
             *no_layers,
             *beyond_float32(wavelength, depsgraph),
+            *total_reflections(depsgraph, antennas),
         ]
 
     def _set_code(self) -> None:

@@ -5,7 +5,7 @@ In: the evaluated scene in Blender units. Out: records in metres.
 """
 
 from .closing_speeds import ClosingSpeeds
-from .finite_checks import check_pose, check_vertices
+from .finite_checks import check_poses, check_vertices
 from .ground_truth import scene_extent
 from .instance_poses import (
     InstancePose,
@@ -17,6 +17,7 @@ from .instance_poses import (
 )
 from .isolation import animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
+from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
@@ -32,6 +33,7 @@ from .rig import (
     radars,
     setup_rig,
 )
+from .simulations import is_simulated_body, simulation_frames
 from .visibility import show_as_rendered, show_what_renders
 
 __all__ = [
@@ -48,7 +50,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
-    "check_pose",
+    "check_poses",
     "check_vertices",
     "distance_from_box",
     "draw_patterns",
@@ -56,8 +58,10 @@ __all__ = [
     "evaluated_poses",
     "find_rig",
     "instance_name",
+    "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "no_echo_findings",
     "pose_in_metres",
     "radar_of",
     "radars",
@@ -69,6 +73,7 @@ __all__ = [
     "setup_rig",
     "show_as_rendered",
     "show_what_renders",
+    "simulation_frames",
     "suggest_materials",
     "transmitter_record",
 ]

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...array_types import Real
 from ...errors import SceneError
 from ..state import EvaluatedObject, read_numbers
 
@@ -42,6 +43,27 @@ def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None
             "cannot compute ranges from it. Enter finite numbers in Object > Transform, and check "
             "the keyframes, drivers, constraints and parents of the object."
         )
+
+
+def check_poses(names: Sequence[str], matrices: Real, frame: float) -> None:
+    """Check the matrices of many objects at once.
+
+    Parameters
+    ----------
+    names
+        Names of the objects, for the message.
+    matrices
+        World matrices, shape (objects, 4, 4), Blender units.
+    frame
+        Blender frame, with its fraction, of the matrices, for the message.
+
+    Raises
+    ------
+    SceneError
+        A matrix is not finite or too large.
+    """
+    for row in np.unique(np.nonzero(_out_of_bounds(matrices))[0]).tolist():
+        check_pose(names[row], matrices[row], frame)
 
 
 def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:

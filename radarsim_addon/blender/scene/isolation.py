@@ -55,7 +55,7 @@ def isolate(
     _hide_other_lights(recorder, emitter)
     assigned = assigned_materials(depsgraph)
     if any_material:
-        return [*_optical(assigned), *_isolate_any_material(recorder, scene)]
+        return [*_optical(assigned), *_isolate_any_material(recorder, scene, assigned)]
     silent = [
         one.item.name for one in assigned if not any(is_radar_material(m) for m in one.materials)
     ]
@@ -81,12 +81,16 @@ def _optical(assigned: Sequence[MaterialAssignment]) -> list[Finding]:
     names = [
         one.item.name
         for one in assigned
-        if not one.materials or not all(is_radar_material(m) for m in one.materials)
+        if not (one.materials and all(is_radar_material(m) or _is_fog(m) for m in one.materials))
+        # Points that carry instances have no surface.
+        and not (one.item.type == "MESH" and not one.item.data.polygons and not one.item.modifiers)
     ]
     return [finding("optical-material", *names)] if names else []
 
 
-def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[Finding]:
+def _isolate_any_material(
+    recorder: SettingsRestorer, scene: Any, assigned: Sequence[MaterialAssignment]
+) -> list[Finding]:
     fog = [
         item
         for item in _rendered(scene)
@@ -98,14 +102,19 @@ def _isolate_any_material(recorder: SettingsRestorer, scene: Any) -> list[Findin
     ]
     for item in fog:
         _hide(recorder, item)
-    scattering = []
     for material in bpy.data.materials:
-        if material.is_grease_pencil or material.node_tree is None:
-            continue
-        # Cycles samples emissive surfaces like lights, with samples of the transmitter.
-        recorder.set(material.cycles, "emission_sampling", "NONE")
-        if not is_radar_material(material) and _scatters_inside(material):
-            scattering.append(material.name)
+        if not material.is_grease_pencil and material.node_tree is not None:
+            # Cycles samples emissive surfaces like lights, with samples of the transmitter.
+            recorder.set(material.cycles, "emission_sampling", "NONE")
+    shown = dict.fromkeys(material for one in assigned for material in one.materials)
+    scattering = [
+        material.name
+        for material in shown
+        if material is not None
+        and material.node_tree is not None
+        and not is_radar_material(material)
+        and _scatters_inside(material)
+    ]
     findings = []
     if fog:
         findings.append(finding("object-without-surface", *(item.name for item in fog)))

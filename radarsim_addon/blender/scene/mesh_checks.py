@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ _MOST_NESTED = 31
 _COINCIDENT = 2e-7
 #: Maximum number of faces of one object in one plane that are compared with another object.
 _MOST_FACES = 4000
+#: Time in which Cycles tests an object against one with an interior, and when to say so [s].
+_TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
 
@@ -62,39 +64,49 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         Empty if no object has an interior.
     """
     found: list[Faces] = []
+    shapes: dict[tuple[int, bool], _Shape | None] = {}
     for one in evaluated_objects(depsgraph):
         item = one.evaluated
         if item.type != "MESH" or item.hide_render:
             continue
         name = item.name if one.instancer is None else f"{item.name} (instance)"
         entered = any(has_interior(slot.material) for slot in item.material_slots)
-        faces = _faces(item.data, one.matrix, name, entered)
+        key = item.data.as_pointer(), entered
+        if key not in shapes:
+            shapes[key] = _shape(item.data, entered)
+        shape = shapes[key]
+        faces = None if shape is None else _faces(shape, one.matrix, name, entered)
         if faces is not None:
             found.append(faces)
     if not any(item.entered for item in found):
         return []
-    return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found)]
+    return [
+        *_defects(found),
+        *_coincident_faces(found),
+        *_nested_too_deep(found),
+        *_slow_for_cycles(found),
+    ]
 
 
-def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
-    count, corners = len(mesh.polygons), len(mesh.loops)
-    if not count:
+class _Shape(NamedTuple):
+    """A mesh in its own axes: vertices of all corners, first corner and normal of each face."""
+
+    at_corner: Real
+    start: Indices
+    normal: Real
+    defect: str
+
+
+def _shape(mesh: Any, entered: bool) -> _Shape | None:
+    """Return a mesh as numbers; its defect is looked for where waves enter. None without faces."""
+    corners = len(mesh.loops)
+    if not len(mesh.polygons):
         return None
-    points = read_numbers(mesh.vertices, "co", 3)
+    points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
     start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
     corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
-    local = read_numbers(mesh.polygons, "normal", 3)
-    linear = matrix[:3, :3]
-    world = points.astype(np.float64) @ linear.T + matrix[:3, 3]
-    determinant = float(np.linalg.det(linear))
-    if determinant == 0:
-        return None
-    normal = local.astype(np.float64) @ np.linalg.inv(linear)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    at_corner = world[corner]
-    low = np.minimum.reduceat(at_corner, start, axis=0)
-    high = np.maximum.reduceat(at_corner, start, axis=0)
-    offset = np.einsum("ij,ij->i", normal, at_corner[start])
+    normal = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
+    at_corner = points[corner]
     defect = ""
     if entered:
         following = corner.copy()
@@ -103,8 +115,22 @@ def _faces(mesh: Any, matrix: Real, name: str, entered: bool) -> Faces | None:
         flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
         defect = _mesh_defect(corner, following, flat)
         if not defect and not flat:
-            defect = _inside_out(at_corner, start, normal, determinant < 0)
-    return Faces(name, entered, normal, offset, low, high, defect)
+            defect = _inside_out(at_corner, start)
+    return _Shape(at_corner, start, normal, defect)
+
+
+def _faces(shape: _Shape, matrix: Real, name: str, entered: bool) -> Faces | None:
+    """Return the faces of an object or instance in world space; None where it is flattened."""
+    linear = matrix[:3, :3]
+    if np.linalg.det(linear) == 0:
+        return None
+    at_corner = shape.at_corner @ linear.T + matrix[:3, 3]
+    normal = shape.normal @ np.linalg.inv(linear)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    low = np.minimum.reduceat(at_corner, shape.start, axis=0)
+    high = np.maximum.reduceat(at_corner, shape.start, axis=0)
+    offset = np.einsum("ij,ij->i", normal, at_corner[shape.start])
+    return Faces(name, entered, normal, offset, low, high, shape.defect)
 
 
 def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
@@ -126,7 +152,7 @@ def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: 
     return "" if np.array_equal(directed, opposite) else "open"
 
 
-def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -> str:
+def _inside_out(at_corner: Real, start: Indices) -> str:
     """Return "inside out" if the normals of a closed mesh point inwards: its volume is negative."""
     centre = at_corner.mean(axis=0)
     end = np.append(start[1:], len(at_corner))
@@ -138,7 +164,17 @@ def _inside_out(at_corner: Real, start: Indices, normal: Real, mirrored: bool) -
         for step in range(1, int(sides) - 1):
             second, third = at_corner[first + step] - centre, at_corner[first + step + 1] - centre
             volume += float(np.einsum("ij,ij->", origin, np.cross(second, third)))
-    return "inside out" if (volume < 0) != mirrored else ""
+    return "inside out" if volume < 0 else ""
+
+
+def _slow_for_cycles(found: list[Faces]) -> list[Finding]:
+    """Find whether Cycles, which tests each object against each interior, takes long to begin."""
+    entered = [item.name for item in found if item.entered]
+    seconds = len(entered) * len(found) * _TEST_S
+    if seconds < _LONG_S:
+        return []
+    numbers = {"count": len(entered), "total": len(found), "seconds": seconds}
+    return [finding("many-interiors", *dict.fromkeys(entered), **numbers)]
 
 
 def _defects(found: list[Faces]) -> list[Finding]:

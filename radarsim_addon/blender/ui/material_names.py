@@ -27,7 +27,7 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
             row = rows.add()
             row.material, row.ready = material.name, ready or "KEEP"
         known = sum(ready is not None for ready in found.values())
-        self.report({"INFO"}, f"{len(found)} optical materials, {known} with a known name")
+        self.report({"INFO"}, f"Optical materials: {len(found)}, with a known name: {known}")
         return {"FINISHED"}
 
 

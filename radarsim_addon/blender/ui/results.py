@@ -21,6 +21,7 @@ from ... import contract, errors
 from ...array_types import Single
 from ...errors import OutputError
 from ...findings import Finding, from_json
+from ...processes import own_folder
 from .processing_worker import MAP_FILE, PROFILE_FILE, processing_records
 
 MAP_IMAGE = "Radar range-Doppler map"
@@ -44,6 +45,7 @@ class ProcessingJob:
                 "Press Render Radar Frames first, or choose the folder of a run."
             )
         self._pictures = tempfile.TemporaryDirectory(prefix="radarsim_")
+        own_folder(Path(self._pictures.name))
         self._worker: subprocess.Popen[str] | None = None
         pictures = Path(self._pictures.name)
         self._waiting: Iterator[dict[str, Any] | None]

@@ -9,8 +9,6 @@ Where the materials do not carry the range encoding, a world volume does.
 from __future__ import annotations
 
 import shutil
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -18,6 +16,7 @@ import numpy as np
 
 from ... import contract
 from ...errors import RenderError
+from ...processes import temporary_folder
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
@@ -80,7 +79,7 @@ class PathScene:
         self._inverse_k = metres_per_unit / range_encoding_length_m
         self._world_encoding = world_encoding
         self._recorder = SettingsRestorer()
-        self._folder = Path(tempfile.mkdtemp(prefix="radarsim_"))
+        self._folder = temporary_folder()
         self._recorder.on_restore(
             "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
         )

@@ -14,7 +14,9 @@ from ..radar import Radar, range_limit
 from ..runs import RadarFrame
 
 #: Fraction of the received power in mixed pixels above which a frame carries a warning.
-MIXED_POWER_WARNING = 0.05
+_MIXED_POWER = 0.05
+#: Fraction of the paths that may be without a range rate at the edges of moving objects.
+_USUAL_EDGES = 0.05
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,9 @@ def frame_statistics(
     return total.result(0.0)
 
 
-def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Finding]:
+def statistics_findings(
+    statistics: FrameStatistics, radar: Radar, sampling_mode: str = "rings"
+) -> list[Finding]:
     """Find what to know before you trust a frame's products.
 
     Parameters
@@ -146,6 +150,8 @@ def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Findi
         Of the frame.
     radar
         Waveform and burst, whose ambiguities count.
+    sampling_mode
+        "rings" or "paths", whose render has told of mixed pixels.
 
     Returns
     -------
@@ -153,6 +159,7 @@ def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Findi
         Empty where there is nothing to report.
     """
     counts, found = statistics.counts, []
+    of_paths = sampling_mode == "paths"
     if counts.paths == 0:
         found.append(finding("no-echo"))
     if statistics.beyond_unambiguous_range:
@@ -179,17 +186,19 @@ def statistics_findings(statistics: FrameStatistics, radar: Radar) -> list[Findi
         count = round(statistics.outside_range_limits)
         found.append(finding("paths-outside-range-limits", count=count))
     if counts.range_encoding_underflow:
-        found.append(finding("range-encoding-underflow", count=counts.range_encoding_underflow))
+        count = counts.range_encoding_underflow
+        if of_paths:
+            found.append(finding("paths-without-length", count=count))
+        else:
+            found.append(finding("range-encoding-underflow", count=count))
     if counts.no_range_encoding:
         found.append(finding("no-range-encoding", count=counts.no_range_encoding))
     if counts.range_rate_rejected or counts.single_snapshot:
-        found.append(
-            finding(
-                "no-range-rate",
-                rejected=counts.range_rate_rejected,
-                single=counts.single_snapshot,
-            )
-        )
-    if statistics.mixed_power_fraction > MIXED_POWER_WARNING:
+        rejected, single = counts.range_rate_rejected, counts.single_snapshot
+        unknown = finding("no-range-rate", rejected=rejected, single=single)
+        # edges of all that moves have such paths, and a run of one snapshot nothing else
+        usual = rejected + single <= _USUAL_EDGES * counts.paths or single == counts.paths
+        found.append(unknown.as_information() if usual else unknown)
+    if statistics.mixed_power_fraction > _MIXED_POWER and not of_paths:
         found.append(finding("mixed-pixels", fraction=statistics.mixed_power_fraction))
     return found

@@ -7,7 +7,7 @@ range rates [m/s] at any time [s].
 
 from .antenna_motion import AntennaMotion, axes_of, places_m
 from .body_motion import BodyMotion
-from .fit import fit_body, fit_vertices
+from .fit import fit_body, fit_vertices, smooth_poses
 from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
 from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
@@ -31,5 +31,6 @@ __all__ = [
     "leg_change",
     "places_m",
     "read_motion",
+    "smooth_poses",
     "write_tracks",
 ]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
-from .fit_segments import FittedSegment, quality_of, split_segments, within_burst
+from .fit_segments import FittedSegment, quality_of, rate_error_of, split_segments, within_burst
 from .motion_file import VertexSeries
 from .series_fit import (
     Burst,
@@ -69,9 +69,9 @@ class _Samples:
             segment = Segment(start_s, stop_s, move.coefficients, linear=axes.coefficients)
             return FittedSegment(segment, move, axes)
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
-        spread = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
+        spread, rate = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
-        turning = Series(turn, criterion, residual, spread, slow)
+        turning = Series(turn, criterion, residual, spread, slow, rate)
         bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         pivot = np.zeros(3)
@@ -150,10 +150,10 @@ class _Samples:
             if criterion < best.criterion:
                 coefficients = solved[:-3].reshape(degree + 1, 3)
                 coefficients[0] += offset
-                spread = spread_of(times_s, start_s, stop_s, degree, self.burst)
+                spread, rate = spread_of(times_s, start_s, stop_s, degree, self.burst)
                 spread += np.sqrt(6 / len(times_s))
                 slow = slow_noise(times_s, residual, start_s, stop_s, degree)
-                best = Series(coefficients, criterion, residual, spread, slow)
+                best = Series(coefficients, criterion, residual, spread, slow, rate)
                 pivot = solved[-3:]
         return best, pivot
 
@@ -214,7 +214,42 @@ def fit_body(
         bound += 10 * floor_m if any(len(part.segment.translation) > 1 for part in fitted) else 0.0
     if still:
         return BodyMotion(pose, (), noise, bound, epoch_s)
-    return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, epoch_s)
+    segments = tuple(part.segment for part in fitted)
+    return BodyMotion(pose, segments, noise, bound, epoch_s, rate_error_of(fitted, reach_m))
+
+
+def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
+    """Return poses on cubics through poses that are known at few times.
+
+    Parameters
+    ----------
+    known_s
+        Ascending, (poses,) [s].
+    poses
+        (poses, 4, 4).
+    times_s
+        (times,) [s].
+
+    Returns
+    -------
+    ndarray
+        (times, 4, 4). Poses are constant with one known pose, linear with two.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    found = np.repeat(poses[:1], times_s.size, axis=0)
+    if len(poses) < 2:
+        return found
+    found[:, :3, 3] = CubicSpline(known_s, poses[:, :3, 3])(times_s)
+    axes = poses[:, :3, :3]
+    turns = axes @ np.linalg.pinv(axes[0])
+    if np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max() < _RIGID_WITHIN:
+        spline = RotationSpline(known_s, Rotation.from_matrix(turns))
+        found[:, :3, :3] = spline(times_s).as_matrix() @ axes[0]
+    else:
+        found[:, :3, :3] = CubicSpline(known_s, axes)(times_s)
+    return found
 
 
 #: Number of vertices that determine degree and segments of all.

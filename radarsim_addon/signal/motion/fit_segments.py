@@ -102,3 +102,11 @@ def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> 
             here = _SIGMAS * np.hypot(move.slow * move.spread, turn.slow * reach_m * turn.spread)
         bound = max(bound, float(here))
     return noise, bound
+
+
+def rate_error_of(fitted: Sequence[FittedSegment], reach_m: float) -> float:
+    """Return the standard deviation of the velocity at the epoch, farthest point [m/s]."""
+    return max(
+        float(np.hypot(p.move.slow * p.move.rate, p.turn.slow * reach_m * p.turn.rate))
+        for p in fitted
+    )

@@ -54,16 +54,15 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
     else:
         record, wavelength_m = read_system(path), math.nan
         place, name = path.parent, f"{path.stem}_{ANTENNA_PICTURE}"
-    if carrier_ghz is not None and carrier_ghz > _HIGHEST_CARRIER_GHZ:
+    if carrier_ghz is not None and not 0 < carrier_ghz <= _HIGHEST_CARRIER_GHZ:
         raise ConfigError(
-            f"Carrier of {carrier_ghz:g} GHz; expected at most {_HIGHEST_CARRIER_GHZ:g} GHz. "
+            f"Carrier of {carrier_ghz:g} GHz; expected above 0, at most {_HIGHEST_CARRIER_GHZ:g}. "
             "--carrier-ghz takes GHz: 77 for a carrier of 77e9 Hz."
         )
     if carrier_ghz is not None:
         wavelength_m = SPEED_OF_LIGHT_MPS / (carrier_ghz * 1e9)
     if not wavelength_m > 0:
-        given = "No carrier" if carrier_ghz is None else f"Carrier of {carrier_ghz:g} GHz"
-        raise ConfigError(f"{given}: a link budget file holds none, give --carrier-ghz, above 0.")
+        raise ConfigError("No carrier: a link budget file holds none, give --carrier-ghz.")
     system = make_system(record, wavelength_m)
     folder = make_folder(place if out is None else Path(out))
     target = save_figure(plot_antennas(system), folder / name)

@@ -7,7 +7,7 @@ import dataclasses
 import itertools
 from collections.abc import Generator
 
-from ...findings import Finding, finding
+from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
     SLOWEST_CELLS,
@@ -267,10 +267,14 @@ def _findings(
 ) -> list[Finding]:
     """Find what to know before trusting the frame, from every stage."""
     scatterers, report = speckle.report(), received.echoes.report
+    mode = frame_input.frame.sampling_mode
+    rendered = [*frame_input.frame.record.findings]
+    rendered += itertools.chain(*(table.record.findings for table in frame_input.tables))
+    explained = any(item.code in NO_ECHO_CODES for item in rendered)
+    of_paths = statistics_findings(statistics, frame_input.radar, mode)
     found = itertools.chain(
-        frame_input.frame.record.findings,  # of the render
-        *(table.record.findings for table in frame_input.tables),
-        statistics_findings(statistics, frame_input.radar),
+        rendered,
+        (item for item in of_paths if item.code != "no-echo" or not explained),
         budget.findings,
         speckle.findings,
         [] if expected is None else expected.findings,

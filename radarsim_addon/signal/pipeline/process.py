@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...atomic_files import make_folder, remove_file
+from ...atomic_files import make_folder, remove_abandoned, remove_file
 from ...contract import PRODUCTS_DIR
 from ...errors import FrameFileError, OutputError, RadarSimError
 from ...findings import Finding, finding
@@ -107,6 +107,7 @@ def process_run(
     settled = (options or ProcessOptions()).for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    remove_abandoned(folder)
     try:
         yield from _process_frames(run, chosen, folder, settled, allow_incomplete)
     except RadarSimError:

@@ -47,6 +47,7 @@ class Burst:
         "Set the number of pulses of a burst; the velocity resolution is wavelength x PRF / "
         "2 pulses",
         minimum=1,
+        maximum=1 << 22,
         soft_maximum=4096,
         initial=128,
     )

@@ -131,7 +131,8 @@ def load_samples(path: str | Path) -> Complex:
                 "samples. Give the pulse alone, without the pause behind it."
             )
         if path.suffix.lower() == ".npy":
-            samples = np.load(path, allow_pickle=False)
+            # mapped: a header that claims more than the file holds allocates nothing
+            samples = np.load(path, mmap_mode="r", allow_pickle=False)
         elif path.suffix.lower() == ".csv":
             samples = _csv_samples(path)
         else:
@@ -139,7 +140,7 @@ def load_samples(path: str | Path) -> Complex:
                 f"{path} is of no kind that holds samples; expected .npy (complex) or .csv "
                 "(real, imaginary)."
             )
-    except (OSError, ValueError, EOFError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
         raise FrameFileError(
             f"{path} cannot be read as samples ({error}). Expected a .npy file of complex numbers "
             "or a .csv file with real and imaginary part in two columns."

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from ...contract import MAX_PIXELS
 from ...errors import FrameFileError
 
-#: Largest image read, in pixels. A 16k x 16k frame is 2^28.
-MAX_PIXELS = 2**28
 #: Compression of every file that radarsim writes.
 ZIP = 3
 #: A header is a few hundred bytes; a file that claims more is not a radar frame.

@@ -19,6 +19,7 @@ from ...array_types import Single
 from ...contract import (
     CHANNELS,
     GROUND_TRUTH_FILE,
+    MAX_PIXELS,
     PATHS_FILE,
     PATHS_TABLE,
     RUN_FILE,
@@ -337,31 +338,19 @@ def open_run(path: str | Path) -> Run:
         )
     if record.sampling_mode not in ("rings", "paths"):
         raise SchemaError(
-            f"{where}: sampling mode {record.sampling_mode!r}; this version reads 'rings' and "
+            f"{where}: sampling mode {record.sampling_mode!r:.60}; this version reads 'rings' and "
             "'paths'. Update radarsim to process this run."
-        )
-    if record.snapshots not in (1, 2):
-        raise ConfigError(
-            f"{where}: snapshots is {record.snapshots}; expected 1 or 2. Render the run again."
         )
     if record.snapshots == 2 and record.snapshot_interval_s <= 0:
         raise ConfigError(
             f"{where}: snapshot interval is {record.snapshot_interval_s!r} s; expected more than 0 "
             "for two snapshots. Set it in the Radar tab and render the run again."
         )
-    for name, unit in (
-        ("rings", "rings"),
-        ("ring_step_m", "metres"),
-        ("metres_per_unit", "metres per Blender unit"),
-        ("range_encoding_length_m", "metres"),
-        ("width_px", "pixels"),
-        ("height_px", "pixels"),
-    ):
-        if not getattr(record, name) > 0:
-            raise ConfigError(
-                f"{where}: {name} is {getattr(record, name)!r}; expected a positive number of "
-                f"{unit}. Set it in the Radar tab and render the run again."
-            )
+    if record.width_px * record.height_px > MAX_PIXELS:
+        raise FrameFileError(
+            f"{where}: {record.width_px} x {record.height_px} pixels; expected at most "
+            f"{MAX_PIXELS}. Render the run again."
+        )
     return Run(path, record, _radar(record, where))
 
 

@@ -246,6 +246,10 @@ def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))
 
 
+#: Larger numbers are of damaged files, and overflow in transforms.
+_MOST = 1e30
+
+
 def check_finite(
     values: Weights, rows: slice | NDArray[np.intp], what: str, first: int = 0
 ) -> None:
@@ -267,7 +271,7 @@ def check_finite(
     PathDataError
         Names the row.
     """
-    bad = ~np.isfinite(values)
+    bad = ~(np.abs(values) <= _MOST)  # also what is not a number
     if not bad.any():
         return
     place = int(np.argwhere(bad)[0][0])
@@ -275,5 +279,5 @@ def check_finite(
     value = values[place][bad[place]].flat[0]
     raise PathDataError(
         f"Row {first + number} of the paths has {what} {value}; expected a finite "
-        "number. Leave the row out, or render its run again."
+        "number of usual size. Leave the row out, or render its run again."
     )

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
-from .nufft import TIGHTEST, nufft2d3
+from .nufft import SINGLE, TIGHTEST, nufft2d3
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .pulse_motion import joined_error, moved_m, stretch
-from .transform import RANDOM_STATE, ErrorSum, engine_tolerance
+from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, l2_norm
+from .video_phase import VideoPhase, longest_s, negligible
 
 #: Points of the fine grid of one transform (16 bytes each, twice over) and targets (100 bytes).
 _MAX_GRID = 1 << 23
@@ -39,6 +40,10 @@ _LEAST_BLOCKS = 2
 #: a 2024 server; only their ratios matter, and those by a factor of two or so.
 _PATH_3, _TARGET_3, _GRID_3 = 1.0e-7, 3.0e-7, 2.0e-8
 _PATH_1, _FREQUENCY_1, _PULSE_1 = 6.0e-8, 5.0e-8, 1.2e-4
+#: More of it where frequencies come one after the other, and for what video phase remains.
+_RAMP_1, _VIDEO_3 = 4.0, 1.5
+#: Tolerance of a type 3 with the residual video phase, of that of the synthesis.
+_VIDEO_MARGIN = 0.1
 
 
 @dataclass(frozen=True)
@@ -104,10 +109,15 @@ def plan_linear(
     if sums.pulse is not None:
         burst_s += 2 * sums.pulse.half_s
         pulses *= sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
+    least = _LEAST_BLOCKS
+    video = _video_phase(delay, rate, 0.0, sums)
+    if video is not None:
+        remains_rad = video.remains_rad(burst_s / 2, abs(grid.step_hz) * grid.count / 2)
+        least = max(least, math.ceil(burst_s / 2 / longest_s(remains_rad, burst_s / 2, tolerance)))
     fast = 4 * max(abs(grid.step_hz) * grid.count * (spread_s + spread_rate * burst_s), 8.0)
     slow = 4 * grid.highest_hz * spread_rate * burst_s
     blocks = max(
-        _LEAST_BLOCKS,
+        least,
         math.ceil(fast * slow / _MAX_GRID),
         math.ceil(pulses * grid.count / _MAX_TARGETS),
     )
@@ -116,14 +126,105 @@ def plan_linear(
     terms = rows.amplitude.shape[1] if rows.amplitude.ndim > 1 else 1
     type3 = (
         terms
+        * (1.0 if video is None else _VIDEO_3)
         * blocks
         * (_PATH_3 * len(rows) + _TARGET_3 * grid.count * pulses / blocks + _GRID_3 * points)
     )
     if points > 4 * _MAX_GRID:
         type3 = math.inf  # paths so far apart in delay that one transform does not hold them
     each = _PATH_1 * len(rows) + _FREQUENCY_1 * grid.count + _PULSE_1
+    if sums.ramp is not None:
+        each *= _RAMP_1
     edges = np.linspace(0, times_s.size, blocks + 1).astype(int).tolist()
     return LinearPlan([slice(a, b) for a, b in itertools.pairwise(edges)], type3, pulses * each)
+
+
+def _video_phase(
+    delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
+) -> VideoPhase | None:
+    """That of a ramp that has one, of delays counted from a reference."""
+    if sums.ramp is None or sums.ramp.video_hz_per_s == 0:
+        return None
+    return VideoPhase.of(delay_s, rate, reference_s, sums.ramp, float(sums.grid.exact_centre_hz))
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Points (delay since that of `reference_m`, its rate) and strengths (sets, n) of rows."""
+
+    delay_s: Real
+    rate: Real
+    values: Complex
+    reference_m: float
+    video: VideoPhase | None
+
+
+def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Points:
+    """Rows as they are at a time."""
+    period_s = sums.listening.period_s or 0.0
+    amplitude, rate_mps, later_s = rows.amplitude, rows.rate_mps, time_s - rows.time_s
+    shift_m = rate_mps * later_s
+    if sums.pulse is not None:
+        shift_m = moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
+        amplitude = (amplitude.T * stretch(rate_mps)).T
+        rate_mps = rate_mps / (1 - rate_mps / (2 * SPEED_OF_LIGHT_MPS))
+    reference_m = float(rows.length_m[0])
+    delay_s = (rows.length_m - reference_m + shift_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
+    rate = rate_mps / SPEED_OF_LIGHT_MPS
+    cycles = rows.order * sums.shift_centre
+    cycles -= reduced_cycles(rows.length_m, sums.centre)
+    cycles -= reduced_cycles(shift_m, sums.centre)
+    video = _video_phase(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
+    if video is not None:
+        delay_s, rate = video.delay_s, video.rate
+        cycles += video.path_cycles()
+    turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
+    return _Points(delay_s, rate, np.atleast_2d(amplitude.T) * turns, reference_m, video)
+
+
+def _transformed(
+    points: _Points, sums: SynthesisContext, since_s: Real, tolerance: float, terms: Real | None
+) -> tuple[Complex, ErrorSum]:
+    """Their sum at times `since_s` of all frequencies, (times, frequencies), and its error.
+
+    `terms` are weights of the sets of strengths, (times, sets).
+    """
+    grid, video, remains_rad = sums.grid, points.video, 0.0
+    k = np.arange(grid.count) - grid.count // 2
+    carrier_hz, offset_hz = float(grid.exact_centre_hz), np.asarray(k * grid.step_hz, np.float64)
+    fast_hz: Real = np.broadcast_to(offset_hz, since_s.shape)
+    slow_hz, engines = carrier_hz + offset_hz, [engine_tolerance(tolerance), TIGHTEST]
+    # delays are counted from the first path's
+    fraction = float(reduced_cycles(np.array([points.reference_m]), sums.step)[0])
+    turn = np.asarray(-k * fraction, dtype=np.float64)
+    if video is not None:
+        fast_hz, slow_hz = video.targets_hz(since_s, offset_hz, carrier_hz)
+        remains_rad = video.remains_rad(float(np.abs(since_s).max()), abs(offset_hz[0]))
+        turn = turn + video.common_cycles(since_s, offset_hz, carrier_hz)
+        # the transforms of single pulses err by so much, too
+        engines.insert(0, max(engines[0], _VIDEO_MARGIN * tolerance))
+    at = (2 * np.pi * fast_hz).ravel(), (2 * np.pi * since_s * slow_hz).ravel()
+
+    def transform(values: Complex, engine: float, single: bool = False) -> Complex:
+        found = nufft2d3(points.delay_s, points.rate, values, *at, engine, single=single)
+        return found.reshape(-1, *since_s.shape)
+
+    size = np.abs(points.values).sum(axis=0)
+    squares, total = float(np.dot(size, size)), float(size.sum())
+    expected = math.sqrt(since_s.size * squares)
+    for engine in engines:
+        sets = transform(points.values, engine)
+        if video is not None and not negligible(remains_rad, tolerance):
+            single = negligible(remains_rad * SINGLE, tolerance)
+            left = transform(video.remains(points.values), engine, single)
+            sets += video.joined(left, since_s, offset_hz)
+        if terms is not None:
+            sets *= terms.T[:, :, None]
+        result = sets.sum(axis=0) if len(sets) > 1 else sets[0]
+        if RANDOM_STATE * engine * expected <= tolerance / 3 * l2_norm(result):
+            break
+    result *= np.exp(2j * np.pi * reduce_cycles(turn))
+    return result, ErrorSum.of(engine, since_s.size, squares, total)
 
 
 def linear_block(
@@ -139,58 +240,18 @@ def linear_block(
     Amplitudes of several terms take a transform each; `terms` are T_k at all pulses.
     """
     start = time.thread_time()
-    grid, times = sums.grid, times_s[pulses]
-    period_s = sums.listening.period_s or 0.0
-    nodes = 1
-    parts: Complex | None = None
+    grid, times, parts, nodes = sums.grid, times_s[pulses], None, 1
     if sums.pulse is not None:
         nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
         offsets_s, parts = sums.pulse.parts(nodes)
         times = (times[:, None] + offsets_s).ravel()
     middle_s = float(times[0] + times[-1]) / 2
-    rate_mps, later_s = rows.rate_mps, middle_s - rows.time_s
-    shift_m = rate_mps * later_s
-    if parts is not None:
-        shift_m = moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
-        rate_mps = rate_mps / (1 - rate_mps / (2 * SPEED_OF_LIGHT_MPS))
-    reference_m = float(rows.length_m[0])
-    delay = (rows.length_m - reference_m + shift_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
-    cycles = rows.order * sums.shift_centre
-    cycles -= reduced_cycles(rows.length_m, sums.centre)
-    cycles -= reduced_cycles(shift_m, sums.centre)
-    amplitude = rows.amplitude.T
-    values = np.empty(amplitude.shape, dtype=np.complex128)
-    if amplitude.ndim == 1:
-        phasors(amplitude, reduce_cycles(cycles), values)
-    else:
-        turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
-        np.multiply(amplitude, turns, out=values)
-    if parts is not None:
-        values *= stretch(rows.rate_mps)
-    k = np.arange(grid.count) - grid.count // 2
-    frequency_hz = float(grid.exact_centre_hz) + k * grid.step_hz
-    shape = (times.size, grid.count)
-    fast = np.broadcast_to(2 * np.pi * grid.step_hz * k, shape).ravel()
-    since_s = (times - middle_s)[:, None]
+    since_s = np.repeat((times - middle_s)[:, None], grid.count, axis=1)
     if sums.ramp is not None:
-        since_s = since_s + k * sums.ramp.interval_s
-    slow = (2 * np.pi * since_s * frequency_hz).ravel()
-    size = np.abs(values) if values.ndim == 1 else np.abs(values).sum(axis=0)
-    squares, total = float(np.dot(size, size)), float(size.sum())
-    rate = rate_mps / SPEED_OF_LIGHT_MPS
-    expected = math.sqrt(grid.count * times.size * squares)
-    for engine in (engine_tolerance(tolerance), TIGHTEST):
-        result = nufft2d3(delay, rate, values, fast, slow, engine).reshape(-1, *shape)
-        if terms is not None:
-            result *= np.repeat(terms[pulses], nodes, axis=0).T[:, :, None]
-        result = result.sum(axis=0) if result.shape[0] > 1 else result[0]
-        if RANDOM_STATE * engine * expected <= tolerance / 3 * float(np.linalg.norm(result)):
-            break
-    # delays are counted from the first path's
-    fraction = float(reduced_cycles(np.array([reference_m]), sums.step)[0])
-    turn = reduce_cycles(np.asarray(-k * fraction, dtype=np.float64))
-    result *= np.exp(2j * np.pi * turn)
-    error = ErrorSum.of(engine, shape[0] * shape[1], squares, total)
+        since_s += (np.arange(grid.count) - grid.count // 2) * sums.ramp.interval_s
+    weights = None if terms is None else np.repeat(terms[pulses], nodes, axis=0)
+    points = _points_at(rows, sums, middle_s)
+    result, error = _transformed(points, sums, since_s, tolerance, weights)
     if parts is not None:
         result = np.einsum("pjf,jf->pf", result.reshape(-1, *parts.shape), parts)
         error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)

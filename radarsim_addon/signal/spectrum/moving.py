@@ -101,6 +101,11 @@ class MovingPathAccumulator:
         self._amplitude_basis: BurstBasis | None = None
         if times_s.size > 1:
             self._amplitude_basis = BurstBasis(times_s, AMPLITUDE_NODES)
+        # a ramp shows a path where it will be
+        self._shown_s = 0.0
+        if sums.ramp is not None:
+            carrier_hz = float(sums.grid.exact_centre_hz)
+            self._shown_s = carrier_hz * sums.ramp.interval_s / sums.grid.step_hz
         self._phase_bound_rad = _MOTION_SHARE * tolerance
         # rate of a length at which the carrier turns by half a cycle from pulse to pulse
         carrier_hz = abs(sums.listening.reference_hz or float(sums.grid.exact_centre_hz))
@@ -180,7 +185,8 @@ class MovingPathAccumulator:
         return cycles * SPEED_OF_LIGHT_MPS / max(self._sums.grid.highest_hz, 1.0)
 
     def _type3_possible(self) -> bool:
-        return self._backend == "finufft" and self._sums.extra_cycles is None
+        sums = self._sums
+        return self._backend == "finufft" and (sums.ramp is not None or sums.extra_cycles is None)
 
     def _count_fast(self, rate_mps: Real) -> int:
         return int(np.count_nonzero(rate_mps > self._fast_mps))
@@ -210,7 +216,7 @@ class MovingPathAccumulator:
             self._linear_by_pulse(everything, None)
             return
         ends = [
-            (length_m + rate_mps * (t - time_s)) / SPEED_OF_LIGHT_MPS
+            (length_m + rate_mps * (t - time_s + self._shown_s)) / SPEED_OF_LIGHT_MPS
             for t in (self._times_s[0], self._times_s[-1])
         ]
         listening = self._sums.listening

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from ...findings import Finding, finding
-from ..radar import Radar, range_limit
 
 Motion = Literal["still", "linear", "smooth", "sampled"]
 Transform = Literal["once", "type 3", "pulse by pulse", "direct sum"]
@@ -117,28 +116,6 @@ class SynthesisReport:
             )
         if self.ramp_residual_phase_rad > _RAMP_SLACK_RAD:
             found.append(finding("uneven-motion-in-sweep", phase_rad=self.ramp_residual_phase_rad))
-        return found
-
-    def findings(self, radar: Radar) -> list[Finding]:
-        """Return what to know of the samples, which were formed for `radar`."""
-        found = self.accuracy_findings()
-        if self.range_ambiguous_count:
-            found.append(
-                finding(
-                    "range-ambiguous-paths",
-                    count=self.range_ambiguous_count,
-                    unambiguous_range_m=radar.unambiguous_range_m,
-                    limit=range_limit(radar.waveform),
-                )
-            )
-        if self.doppler_ambiguous_count:
-            found.append(
-                finding(
-                    "doppler-ambiguous-paths",
-                    count=self.doppler_ambiguous_count,
-                    max_unambiguous_velocity_mps=radar.max_unambiguous_velocity_mps,
-                )
-            )
         return found
 
     def lines(self) -> list[str]:

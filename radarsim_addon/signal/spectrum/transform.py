@@ -38,6 +38,11 @@ def engine_tolerance(tolerance: float) -> float:
     return max(_MARGIN * tolerance, TIGHTEST)
 
 
+def l2_norm(values: Complex) -> float:
+    """L2 norm; by no BLAS, whose threads wait for one another."""
+    return math.sqrt(float(np.sum(values.real**2) + np.sum(values.imag**2)))
+
+
 @dataclass
 class ErrorSum:
     """Error of a sum of transforms, in the units of their L2 norm: for phases that are random just

@@ -160,9 +160,9 @@ def test_a_car_with_a_key_near_the_burst(
     assert rate_mps < RATE_WITHIN_MPS
     assert phase < PHASE_WITHIN
     assert not record.findings
-    assert record.samples < 300
+    assert record.samples < 150
     if kind == "LINEAR" and place in ("on", "far"):
-        assert record.samples < 70
+        assert record.samples < 30
 
 
 def test_every_interpolation(tmp_path: Path) -> None:

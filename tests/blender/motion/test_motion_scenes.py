@@ -187,6 +187,24 @@ def test_deforming_meshes(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(rows["range_rate_mps"], slope, atol=2e-3)
 
 
+@pytest.mark.parametrize("units_per_m", [100.0, 0.1])
+def test_deforming_mesh_in_other_units(tmp_path: Path, units_per_m: float) -> None:
+    """The same plate in centimetres, and in units of ten metres: velocities in metres."""
+    mh.scene_at(20.0, 2.6)
+    bpy.context.scene.unit_settings.scale_length = 1 / units_per_m
+    plate = _grid("Plate", 12, 2.0 * units_per_m)
+    plate.location = (0, 20 * units_per_m, 0)
+    motion = _shape_keys(plate, units_per_m)
+    rows, paths, run = mh.measured(tmp_path, CARRIER_HZ, BURST, width_px=16, height_px=16)
+    assert rows.size > 100 and (rows["last_surface_point"] > 0).all()
+    assert motion_record(run).bodies[0].deforms
+    x_m = rows["last_scatterer_m"][:, 0]
+    want_mps = rows["direction"][:, 1] * (4 + 5 * x_m)
+    np.testing.assert_allclose(rows["range_rate_mps"], want_mps, atol=1e-3)
+    error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, motion)
+    assert error < WITHIN, error
+
+
 def _snapshot() -> tuple[Any, ...]:
     scene = bpy.context.scene
     return scene.frame_current, scene.frame_subframe, len(bpy.data.meshes), len(bpy.data.objects)
@@ -207,7 +225,7 @@ def _grid(name: str, count: int, size: float) -> Any:
     return item
 
 
-def _shape_keys(plate: Any) -> mh.Motion:
+def _shape_keys(plate: Any, units_per_m: float = 1.0) -> mh.Motion:
     """A corner is pulled along: linear in its place, and in time."""
     plate.shape_key_add(name="Basis")
     pulled = plate.shape_key_add(name="Pulled")
@@ -221,7 +239,7 @@ def _shape_keys(plate: Any) -> mh.Motion:
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
     bpy.context.scene.frame_set(1)
-    rs.move_steadily(plate, (0.0, 4.0, 0.0))
+    rs.move_steadily(plate, (0.0, 4.0 * units_per_m, 0.0))
 
     def motion(points: np.ndarray, times_s: np.ndarray) -> np.ndarray:
         along = 4.0 * times_s + 0.5 * 10.0 * points[:, :1] * times_s

@@ -197,7 +197,9 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_reflections": 3})
     record = run.record()
     assert (record.path_count, record.total_power_w) == (0, 0.0)
-    assert [item.code for item in record.findings] == ["no-echo"]
+    (found,) = record.findings
+    assert (found.code, found.subjects) == ("surfaces-return-nothing", (plate.name,))
+    assert "mirrors (roughness 0)" in found.cause
     # Beside something that echoes it must not go unsaid either.
     plate.name = "Looking-glass"
     bpy.data.objects["Looking-glass"].location.x = 21

@@ -335,3 +335,20 @@ def test_gates_of_certain_surfaces() -> None:
 def test_bad_options_are_named(changes: dict[str, object], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         PathOptions(**changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("lost", "target", "severity"),
+    [(0.006, 0.02, "info"), (0.04, 0.0, "info"), (0.04, 0.02, "caution"), (0.06, 0.0, "caution")],
+)
+def test_what_is_lost_below_the_error_asked_for_is_information(
+    lost: float, target: float, severity: str
+) -> None:
+    """Without a target 5 % count, 0.2 dB."""
+    sums = QualitySums()
+    sums.total_w, sums.truncated_reflections_w, sums.mixed_w = 1.0, lost, lost
+    found = sums.findings(0.05, (), target)
+    assert {item.code: item.severity for item in found} == {
+        "reflections-truncated": severity,
+        "mixed-paths": severity,
+    }

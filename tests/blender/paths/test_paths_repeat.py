@@ -40,6 +40,7 @@ def test_number_of_threads_changes_nothing(
         render.threads_mode = "FIXED"
         assert render.threads == 5
     assert tables[0] == tables[1]
+    assert run.table().size > 500 and set(run.table()["order"]) == {1, 2}
 
 
 def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

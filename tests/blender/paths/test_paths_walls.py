@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several walls and panes in the polarisation "average": both polarisations through all of them."""
+"""Several walls, panes and hollow rooms: both polarisations through all of them, at every angle."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import make_physical_material
+from radarsim_addon.blender.materials.layers import shell_thickness
+from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.physics.slab import slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -148,3 +150,59 @@ def test_vertical_and_horizontal_need_no_further_render(tmp_path: Path) -> None:
         once, _ = passage(4.2, 0.05, 58.0)
         want_db = 40 * math.log10(once[number])
         assert 10 * math.log10(powers[1] / powers[0]) == pytest.approx(want_db, abs=BOUND_DB)
+
+
+def room(
+    size: tuple[float, float, float], turn_deg: float, thickness_m: float, eps: complex
+) -> Any:
+    """A box about (0, 20, 0) that Solidify makes hollow, turned about Z."""
+    bpy.ops.mesh.primitive_cube_add(location=(0, 20, 0), rotation=(0, 0, math.radians(turn_deg)))
+    item = bpy.context.object
+    item.data.transform(np.diag([s / 2 for s in size] + [1.0]).tolist())
+    solidify = item.modifiers.new("Walls", "SOLIDIFY")
+    solidify.thickness, solidify.offset, solidify.use_even_offset = thickness_m, -1, True
+    item.data.materials.append(medium("Room", eps))
+    return item
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 25.0, 40.0])
+@pytest.mark.parametrize(("target_y", "walls"), [(20.0, 1), (40.0, 2)])
+def test_hollow_room(tmp_path: Path, turn_deg: float, target_y: float, walls: int) -> None:
+    """A plate in a room, and behind it; flat enough that floor and ceiling are most of it."""
+    thickness_m, eps = 0.2, 4.2 + 0.1j
+    found = []
+    for used in (False, True):
+        rs.new_scene()
+        ph.field_of_view(0.3)
+        rs.add_plate(target_y, 2.0)
+        if used:
+            item = room((10.0, 10.0, 3.0), turn_deg, thickness_m, eps)
+        run = ph.run_paths(tmp_path / str(used), width_px=8, height_px=8)
+        rows = run.table()
+        rows = rows[np.abs(rows["last_scatterer_m"][:, 1] - target_y) < 0.1]
+        power_w = rows["power_w"].sum()
+        found.append((power_w, np.average(rows["length_m"], weights=rows["power_w"])))
+    assert "not-a-layer" not in {item.code for item in run.job.findings}
+    assert attributes.OBJECT_SHELL_THICKNESS not in item  # restored
+    once, longer_m = passage(eps, thickness_m, turn_deg)
+    got_db = 10 * math.log10(found[1][0] / found[0][0])
+    assert got_db == pytest.approx(20 * math.log10(np.mean(once**walls)), abs=BOUND_DB)
+    assert found[1][1] - found[0][1] == pytest.approx(2 * walls * longer_m, abs=2e-4)
+
+
+def test_what_is_a_shell() -> None:
+    rs.new_scene()
+    depsgraph = bpy.context.evaluated_depsgraph_get
+    hollow = room((10.0, 10.0, 3.0), 30.0, 0.2, 4.2)
+    hollow.scale = (2.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    assert shell_thickness(hollow, depsgraph()) == pytest.approx(0.4, rel=1e-4)
+    hollow.scale = (2.0, 1.0, 1.0)  # walls of two thicknesses
+    bpy.context.view_layer.update()
+    assert shell_thickness(hollow, depsgraph()) is None
+    hollow.scale = (1.0, 1.0, 1.0)
+    hollow.modifiers["Walls"].thickness = 1.4  # a block with a small cavity
+    bpy.context.view_layer.update()
+    assert shell_thickness(hollow, depsgraph()) is None
+    hollow.modifiers.clear()  # solid
+    assert shell_thickness(hollow, depsgraph()) is None

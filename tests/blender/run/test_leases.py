@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 
 from radarsim_addon.blender.run.leases import Lease, Leases
-from radarsim_addon.blender.run.processes import identity, process_began
 from radarsim_addon.errors import OutputError
+from radarsim_addon.processes import identity, process_began
 
 ROOT = Path(__file__).resolve().parents[3]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -92,7 +92,10 @@ def test_a_lease_is_renewed(tmp_path: Path) -> None:
         (0.0, {"pid": 2**30}, True),
         (0.0, {"began": "another start of the machine 17"}, True),
         (0.0, {"pid": 2**30, "space": "another container"}, False),
-        (-3600.0, {"host": "elsewhere"}, False),
+        (-20.0, {"host": "elsewhere"}, False),
+        # A clock was wrong when it was left: a living owner would have renewed it since.
+        (-3600.0, {"host": "elsewhere"}, True),
+        (-1e9, {"host": "elsewhere"}, True),
     ],
 )
 def test_a_stale_lease_is_taken_over(

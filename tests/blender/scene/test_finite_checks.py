@@ -125,12 +125,9 @@ def test_a_frame_of_many_is_refused_before_the_first(tmp_path: Path) -> None:
 def test_nothing_echoes_names_the_usual_causes(tmp_path: Path) -> None:
     rs.new_scene()
     rs.add_plate(10.0).visible_camera = False
-    (found,) = [
-        item
-        for item in ph.run_paths(tmp_path, width_px=8, height_px=8).record().findings
-        if item.code == "no-echo"
-    ]
-    for cause in ("mirror", "inside a closed mesh", "Camera on", "Holdout"):
+    (found,) = ph.run_paths(tmp_path, width_px=8, height_px=8).record().findings
+    assert (found.code, found.subjects) == ("nothing-in-view", ("Plate",))
+    for cause in ("outside the view", "edge-on", "Camera on", "Holdout", "scaled to 0"):
         assert cause in found.message
 
 

@@ -166,6 +166,25 @@ def test_more_than_31_nested() -> None:
     assert found.numbers == {"count": 32, "limit": 31}
 
 
+@pytest.mark.parametrize(("penetrable", "codes"), [(True, ["many-interiors"]), (False, [])])
+def test_thirty_thousand_instances(penetrable: bool, codes: list[str]) -> None:
+    """In one plane each; Cycles would take 2 s before the first pixel, and the check less."""
+    cube = box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), "Cube", penetrable=penetrable)
+    grid = np.stack(np.meshgrid(np.arange(1, 181), np.arange(180), [0]), axis=-1).reshape(-1, 3)
+    mesh = bpy.data.meshes.new("Places")
+    mesh.vertices.add(len(grid))
+    mesh.vertices.foreach_set("co", (grid * 0.5).astype(np.float32).ravel())
+    places = bpy.data.objects.new("Places", mesh)
+    bpy.context.scene.collection.objects.link(places)
+    places.instance_type, cube.parent = "VERTS", places
+    start_s = time.process_time()
+    found = findings()
+    assert time.process_time() - start_s < 40
+    assert [item.code for item in found] == codes
+    if codes:
+        assert found[0].numbers["count"] == found[0].numbers["total"] == 180**2 + 1
+
+
 def test_a_million_faces(capsys: Any) -> None:
     """Quick enough to be asked at every run; the figure is printed, the bound is generous."""
     side = 700

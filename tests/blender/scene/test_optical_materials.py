@@ -10,6 +10,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon import blender as radarsim
+from radarsim_addon.blender import rig_settings
+from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.library import READY, suggest_material
 from radarsim_addon.blender.nodes.materials import has_interior, is_radar_material
@@ -114,9 +117,37 @@ def test_the_list_in_the_window(addon: Any) -> None:
     assert bpy.data.objects["Pane"].data.materials[0] == made["Window"]
 
 
+def test_by_a_script() -> None:
+    rs.new_scene()
+    street()
+    assert radarsim.assign_by_name() == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt"}
+    assert radarsim.assign_by_name() == {}
+    rig_settings.unregister()
+
+
 def test_said_once_for_the_scene(tmp_path: Path) -> None:
     rs.new_scene()
     street()
     run = ph.run_paths(tmp_path, width_px=8, height_px=8, frames=(1, 2))
     said = [item for item in run.job.findings if item.code == "optical-material"]
     assert [sorted(item.subjects) for item in said] == [["Block", "Pane", "Road", "Thing"]]
+
+
+def test_materials_of_no_object_are_not_named(tmp_path: Path) -> None:
+    """A fake user keeps them in the file: skin that scatters, a medium beyond its band."""
+    rs.new_scene()
+    made = street()
+    for name in ("Wax", "Old ground"):
+        made[name] = ph.principled(name, (0.4, 0.4, 0.4))
+        made[name].use_fake_user = True
+    shader = made["Wax"].node_tree.nodes["Principled BSDF"]
+    shader.inputs["Subsurface Weight"].default_value = 1.0
+    made["Old ground"][pm.MEDIUM] = "medium_dry_ground"
+    pm.make_physical(made["Old ground"])
+    run = ph.run_paths(tmp_path / "unused", width_px=8, height_px=8)
+    assert {item.code for item in run.job.run_findings} == {"optical-material"}
+    assert media_beyond_their_band(77e9) == []
+    bpy.data.objects["Thing"].data.materials[0] = made["Wax"]
+    run = ph.run_paths(tmp_path / "used", width_px=8, height_px=8)
+    named = [item for item in run.job.run_findings if item.code == "subsurface-scattering"]
+    assert [item.subjects for item in named] == [("Wax",)]

@@ -93,6 +93,16 @@ def script(robot: Any) -> Any:
     robot.shot("02_rig")
     yield 1.5
 
+    # What the scene's materials stand for, by their names.
+    yield from robot.click("radarsim.suggest_materials")
+    rows = bpy.context.window_manager.radarsim.suggestions
+    yield from robot.wait(lambda: len(rows) > 0, "the list", 20)
+    yield 0.5
+    robot.shot("03_by_name")
+    result["suggested"] = [row.material for row in rows]
+    bpy.ops.radarsim.apply_materials(discard=True)
+    yield 1.5
+
     # 3. The material, to all that was selected.
     select(objects)
     yield 0.3
@@ -273,10 +283,12 @@ def script(robot: Any) -> Any:
 
     # 8. Processed, and shown.
     images = {image.name for image in bpy.data.images}
+    robot.start_watching()
     yield from robot.click("radarsim.process_last_run")
     yield from robot.wait(
         lambda: {image.name for image in bpy.data.images} - images, "the images", 300
     )
+    result["processing"] = robot.stop_watching()
     yield 5.0  # the editors fit their images once they were drawn
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images

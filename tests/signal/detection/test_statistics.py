@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.detection.statistics import StatisticsSum, statistics_findings
-from radarsim_addon.signal.paths import PathFlag, Paths, make_paths
+from radarsim_addon.signal.paths import PathCounts, PathFlag, Paths, make_paths
 from radarsim_addon.signal.radar import Burst, Radar, Waveform
 
 # 749 m and 2828 m/s are unambiguous.
@@ -54,3 +54,33 @@ def test_nothing_is_no_echo() -> None:
     found = StatisticsSum(RADAR, 1.0).result(0.0)
     assert (found.power_w, found.mixed_power_fraction, found.nearest_m) == (0.0, 0.0, None)
     assert [item.code for item in statistics_findings(found, RADAR)] == ["no-echo"]
+
+
+def test_what_a_render_of_paths_has_told_is_not_told_as_of_rings() -> None:
+    """Mixed pixels are in the render's findings; no ring is spoken of."""
+    total = StatisticsSum(RADAR, 1.0)
+    paths = six_paths()
+    counts = dataclasses.replace(paths.counts, range_encoding_underflow=7)
+    total.add(dataclasses.replace(paths, counts=counts))
+    found = statistics_findings(total.result(0.0), RADAR, "paths")
+    assert "mixed-pixels" not in {item.code for item in found}
+    (without,) = (item for item in found if item.code == "paths-without-length")
+    assert (without.severity, without.numbers["count"]) == ("info", 7)
+    assert not any("ring" in item.message.split() for item in found)
+
+
+@pytest.mark.parametrize(
+    ("rejected", "single", "severity"), [(3, 2, "info"), (3, 3, "caution"), (0, 100, "info")]
+)
+def test_a_few_edges_without_a_range_rate_are_information(
+    rejected: int, single: int, severity: str
+) -> None:
+    """Up to 5 % of 100 paths; a run of one snapshot knows no rate of any."""
+    flags = np.zeros(100, dtype=np.uint16)
+    flags[:rejected] = PathFlag.RANGE_RATE_REJECTED
+    flags[rejected : rejected + single] = PathFlag.SINGLE_SNAPSHOT
+    paths = make_paths(np.ones(100), 200.0, 0.0, 1e-6)
+    total = StatisticsSum(RADAR, 1.0)
+    total.add(dataclasses.replace(paths, flags=flags, counts=PathCounts.of(flags)))
+    (found,) = statistics_findings(total.result(0.0), RADAR)
+    assert (found.code, found.severity) == ("no-range-rate", severity)

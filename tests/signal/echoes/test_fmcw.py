@@ -45,6 +45,46 @@ def test_beat_of_a_path_is_that_of_the_two_ramps(rate_mps: float) -> None:
     assert np.linalg.norm(found - truth) < 1e-6 * np.linalg.norm(truth)
 
 
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("fastest_mps", [3.0, 30.0, 300.0])
+def test_many_moving_targets_are_one_transform(fastest_mps: float, tolerance: float) -> None:
+    """The residual video phase, which ties delay and rate together, of each of them."""
+    pytest.importorskip("finufft")
+    rng = np.random.default_rng(1)
+    radar = burst_of(FMCW, 64)
+    range_m, rate_mps = rng.uniform(5, 35, 60), rng.uniform(-1, 1, 60) * fastest_mps
+    found = synthesize(
+        unit_paths(radar, list(range_m), list(rate_mps)), radar, range_limits_m=(0.0, 38.0),
+        slow_time_transform="type3", tolerance=tolerance,
+    )  # fmt: skip
+    truth = sum(
+        beat(FMCW, r, v, line_times_s(radar)) for r, v in zip(range_m, rate_mps, strict=True)
+    )
+    assert np.linalg.norm(found.plane - truth) < tolerance * np.linalg.norm(truth)
+    assert found.report is not None
+    assert found.report.error_estimate < tolerance
+    (step,) = found.report.steps
+    assert (step.motion, step.transform, step.paths) == ("linear", "type 3", 60)
+
+
+def test_targets_beyond_the_adc_are_filtered_alike_in_one_transform() -> None:
+    """By where the ramp shows them: the beat's frequency holds the Doppler shift as well."""
+    pytest.importorskip("finufft")
+    radar = burst_of(FMCW, 16)
+    limit_m = FMCW.unambiguous_range_m
+    range_m = limit_m + np.linspace(-3, 3, 13)
+    for rate_mps in (200.0, -200.0):
+        paths = unit_paths(radar, list(range_m), rate_mps)
+        one, each = (
+            synthesize(paths, radar, range_limits_m=(0.0, 38.0), slow_time_transform=way)
+            for way in ("type3", "per-pulse")
+        )
+        assert np.linalg.norm(one.plane - each.plane) < 1e-6 * np.linalg.norm(each.plane)
+        assert one.outside == each.outside > 0
+        assert one.report is not None
+        assert "type 3" in {step.transform for step in one.report.steps}
+
+
 def test_beat_of_a_blade_that_turns_within_the_ramp() -> None:
     """Tip 50 m/s on 0.25 m: 10 000 m/s^2."""
     radar = burst_of(FMCW, 32)

@@ -22,10 +22,10 @@ from radarsim_addon.signal import (
     synthesize,
 )
 from radarsim_addon.signal.echoes import line_times_s, synthesizer_for
-from radarsim_addon.signal.radar import AnyWaveform, LineWaveform
+from radarsim_addon.signal.radar import AnyWaveform, LineWaveform, range_limit
 from radarsim_addon.signal.spectrum import FrequencyGrid, Ramp, ReceiveWindow, SpectrumAccumulator
 from radarsim_addon.signal.spectrum.nufft import has_finufft
-from radarsim_addon.signal.spectrum.ramp import nodes_for
+from radarsim_addon.signal.spectrum.pulse_shape import nodes_for
 from tests.signal.oracle import unit_paths
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
@@ -98,7 +98,7 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
     assert report.paths == 40 and report.error_estimate <= 1e-7
     expected_way = "direct sum" if synthesis == "direct" else "once"
     assert ("still", expected_way) in ways(found)
-    if synthesis == "type3" and backend == "auto" and waveform is not FMCW and has_finufft():
+    if synthesis == "type3" and backend == "auto" and has_finufft():
         assert ("linear", "type 3") in ways(found)
 
 
@@ -125,9 +125,8 @@ def test_direct_agrees_with_auto_for_curved_motion(waveform) -> None:
         assert direct.report.backend == "direct" and direct.report.error_bound <= 1e-9
         motions = {step.motion for step in auto.report.steps}
         if pulses == 40:
-            # a constant rate is of use to the 2-D transform alone, which FMCW has not
-            linear = waveform is not FMCW and has_finufft()
-            assert motions == {"still", "smooth"} | ({"linear"} if linear else set())
+            # a constant rate is of use to the 2-D transform alone
+            assert motions == {"still", "smooth"} | ({"linear"} if has_finufft() else set())
             assert ("sampled", "direct sum") in ways(direct)
         else:
             assert motions == {"still", "sampled"}
@@ -217,10 +216,8 @@ def test_what_folds_is_said() -> None:
         1,
         0,
     )
-    limits = {item.code: item.numbers for item in report.findings(radar)}
-    assert limits["range-ambiguous-paths"]["limit"] == "frequency step"
-    assert limits["range-ambiguous-paths"]["unambiguous_range_m"] == pytest.approx(74.95, abs=0.01)
-    assert limits["doppler-ambiguous-paths"]["count"] == 1
+    assert range_limit(radar.waveform) == "frequency step"
+    assert radar.unambiguous_range_m == pytest.approx(74.95, abs=0.01)
     radar = radar_of(FMCW, 4)
     paths = unit_paths(radar, [5.0, FMCW.unambiguous_range_m + 1], [1.0, 1.0])
     report = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.motion import BodyMotion, fit_body, fit_vertices
+from radarsim_addon.signal.motion import BodyMotion, fit_body, fit_vertices, smooth_poses
 from radarsim_addon.signal.motion.body_motion import (
     left_jacobian,
     rotation,
@@ -171,6 +171,24 @@ def test_vertices_of_a_bending_mesh() -> None:
     rate = (bent(np.array([1e-7])) - bent(np.array([0.0])))[0] / 1e-7
     speeds = series.velocities(np.arange(5000, dtype=np.int32), 0.0)
     np.testing.assert_allclose(speeds, rate, atol=5e-5)
+
+
+def test_cubic_through_poses_at_whole_frames() -> None:
+    """A screw motion of cubic progress; the scale of the axes stays."""
+    known_s = np.arange(-1, 5) / 24
+    axes = rotation(np.array([0.3, -0.2, 0.1])) @ np.diag([1.0, 2.0, 0.5])
+
+    def screw(t: float) -> np.ndarray:
+        return pose([3 * t, t**2 - t**3, 1.0], rotation(4 * t * Z) @ axes)
+
+    known = np.array([screw(t) for t in known_s])
+    at = np.linspace(0.0, 3 / 24, 37)
+    found = smooth_poses(known_s, known, at)
+    np.testing.assert_allclose(found, [screw(t) for t in at], atol=1e-12)
+    np.testing.assert_array_equal(smooth_poses(known_s[:1], known[:1], at), known[[0] * 37])
+    known[:, :3, :3] *= np.array([1, 1.1, 1.2, 1.3, 1.4, 1.5])[:, None, None]
+    half = smooth_poses(known_s, known, np.array([0.5 / 24]))
+    np.testing.assert_allclose(half[0, :3, :3], 1.15 * screw(0.5 / 24)[:3, :3], atol=2e-4)
 
 
 def test_rotations() -> None:

@@ -130,11 +130,11 @@ def test_negative_radiance(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "kind", "words"),
     [
-        ({"ring_step_m": 0.0}, ConfigError, "ring_step_m is 0.0"),
-        ({"rings": 0}, ConfigError, "rings is 0"),
-        ({"metres_per_unit": 0.0}, ConfigError, "metres_per_unit"),
-        ({"range_encoding_length_m": -1.0}, ConfigError, "range_encoding_length_m"),
-        ({"snapshots": 3}, ConfigError, "snapshots is 3"),
+        ({"ring_step_m": 0.0}, FrameFileError, "ring_step_m is 0.0"),
+        ({"rings": 0}, FrameFileError, "rings is 0"),
+        ({"metres_per_unit": 0.0}, FrameFileError, "metres_per_unit"),
+        ({"range_encoding_length_m": -1.0}, FrameFileError, "range_encoding_length_m"),
+        ({"snapshots": 3}, FrameFileError, "snapshots is 3"),
         ({"snapshot_interval_s": 0.0}, ConfigError, "snapshot interval is 0.0"),
         ({"frames": []}, FrameFileError, "lists 0 frames"),
         ({"frame_times_s": [0.0]}, FrameFileError, "4 frames and 1 times"),

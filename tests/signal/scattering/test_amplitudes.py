@@ -261,7 +261,9 @@ def test_a_run_folder_of_a_turning_radar(tmp_path: Path, name: str) -> None:
     relative = level / level.max() / np.sqrt(gain / gain.max())
     np.testing.assert_allclose(relative, 1, rtol=1e-6)
     peak_w = np.abs(result.compressed.plane).max(axis=1) ** 2
-    assert peak_w.mean() == pytest.approx(1e-9 * gain.mean(), rel=1e-3)
+    np.testing.assert_allclose(peak_w / peak_w.mean(), gain / gain.mean(), rtol=1e-6)
+    # The path lies between two samples of the profile, a quarter of a cell away at most.
+    assert 0.98 < peak_w.mean() / (1e-9 * gain.mean()) < 1.0001
     assert result.budget is not None and result.expected is not None
     assert result.budget.objects[0].power_w == pytest.approx(1e-9 * gain.mean(), rel=1e-9)
     assert result.expected.profile.max() == pytest.approx(1e-9 * gain.mean(), rel=0.05)

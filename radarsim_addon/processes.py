@@ -1,16 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Processes told apart, also from later ones of the same number. Does not import bpy."""
+"""Processes told apart, and what those that were killed left in the system's temporary folder."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
 import functools
+import json
 import os
+import shutil
 import socket
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
+
+#: In a temporary folder: the process that it belongs to.
+_OWNER = "radarsim_owner.json"
+#: Names of the folders of radarsim, and of Blender's sessions.
+_FOLDERS = ("radarsim_*", "blender_*")
 
 
 @functools.cache
@@ -44,6 +52,41 @@ def process_began(pid: Any) -> str | None:
     except OSError:
         return "running"
     return f"{boot} {fields[19]}"
+
+
+def is_gone(owner: Any) -> bool:
+    """Whether a process of this machine, as `identity` gave it, has ended; False where unknown."""
+    mine = identity()
+    if not isinstance(owner, dict) or any(owner.get(k) != mine[k] for k in ("host", "space")):
+        return False
+    began = process_began(owner.get("pid"))
+    return began is None or began != owner.get("began")
+
+
+def temporary_folder() -> Path:
+    """Make a folder in the system's temporary one; those of killed processes are removed."""
+    remove_abandoned_folders()
+    folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0][:-1]))
+    own_folder(folder)
+    return folder
+
+
+def own_folder(folder: Path) -> None:
+    """Note in a temporary folder that it is this process's, for when it is killed."""
+    with contextlib.suppress(OSError), open(folder / _OWNER, "x", encoding="utf-8") as stream:
+        json.dump(identity(), stream)
+
+
+def remove_abandoned_folders() -> None:
+    """Remove temporary folders whose process was killed. Those of other users stay."""
+    for folder in (f for name in _FOLDERS for f in Path(tempfile.gettempdir()).glob(name)):
+        with contextlib.suppress(OSError, ValueError):
+            owned = os.name != "posix" or folder.lstat().st_uid == os.geteuid()
+            if owned and not folder.is_symlink() and not (folder / _OWNER).is_symlink():
+                with open(folder / _OWNER, encoding="utf-8") as stream:
+                    owner = json.loads(stream.read(4096))
+                if is_gone(owner):
+                    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _began_windows(pid: int) -> str | None:

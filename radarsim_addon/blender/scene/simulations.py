@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Physics simulations, which Blender computes at whole frames, one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+#: Types of modifiers with a cache that playing the animation fills.
+_CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
+
+
+def simulation_frames(scene: Any, last: int) -> range:
+    """Return the frames to show, in order, so that simulations are known at all of them.
+
+    Blender computes a simulation that is not baked from one frame to the next. After a jump it
+    shows an earlier state.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    last
+        Last frame that is needed.
+
+    Returns
+    -------
+    range
+        Empty if nothing is simulated, or all is baked.
+    """
+    starts = [cache.frame_start for cache in _caches(scene) if not cache.is_baked]
+    return range(min(starts), last + 1) if starts else range(0)
+
+
+def _caches(scene: Any) -> Iterator[Any]:
+    world = scene.rigidbody_world
+    if world is not None and world.enabled and world.point_cache is not None:
+        yield world.point_cache
+    for item in scene.objects:
+        for modifier in item.modifiers:
+            if modifier.type == "PARTICLE_SYSTEM":
+                if modifier.particle_system.settings.type == "EMITTER":
+                    yield modifier.particle_system.point_cache
+            elif modifier.type in _CACHED_MODIFIERS:
+                yield modifier.point_cache
+
+
+def is_simulated_body(scene: Any, item: Any) -> bool:
+    """Return whether the rigid-body simulation of a scene moves an object.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        False for passive and for animated bodies.
+    """
+    world, body = scene.rigidbody_world, item.rigid_body
+    return bool(
+        world is not None
+        and world.enabled
+        and body is not None
+        and body.type == "ACTIVE"
+        and body.enabled
+        and not body.kinematic
+    )

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Range rates and echo phases of what moves, against its motion in closed form."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+
+from radarsim_addon import signal
+from radarsim_addon.array_types import Real
+from radarsim_addon.blender.scene import animation_curves
+from radarsim_addon.signal.decoding import frame_paths
+
+from .case import Bench, Case, Check, Group, absolute_check
+from .scenes import Acquired, acquire, add_plate, facing_plate, lambert, new_scene, wavelength
+
+CARRIER_HZ = 77e9
+PULSES = 64
+FPS = 24.0
+GRAVITY = 9.81
+#: Frames from the first pulse to a key; the shorter burst has 0.019 frames.
+KEYS = {"on the first pulse": 0.0, "just before": -1.5e-4, "just after": 1.5e-4, "amid": 0.008}
+
+
+def _measure(bench: Bench, prf_hz: float, frame: int = 1) -> tuple[Acquired, Real, Real]:
+    """Run, times of the pulses [s], and lengths of its paths (paths, pulses) [m]."""
+    run = acquire(bench, 8, 1, carrier_hz=CARRIER_HZ, prf_hz=prf_hz, pulses=PULSES, frame=frame)
+    times_s = np.arange(PULSES) / prf_hz
+    paths = frame_paths(signal.open_run(run.folder).frame(frame))
+    return run, times_s, paths.lengths.lengths_m(times_s, slice(None))
+
+
+def _checks(
+    label: str, run: Acquired, lengths_m: Real, moved_m: Real, speed_mps: float, source: str
+) -> list[Check]:
+    """Rms of range rates, and the largest error of phases from pulse to pulse."""
+    rows = run.rows
+    points = np.repeat(rows["last_scatterer_m"][:, None], PULSES, axis=1)
+    points[:, :, 1] += moved_m
+    want_m = 2 * np.linalg.norm(points, axis=-1)
+    off_m = (lengths_m - lengths_m[:, :1]) - (want_m - want_m[:, :1])
+    rate = rows["range_rate_mps"] - rows["direction"][:, 1] * speed_mps
+    phase = 2 * math.pi / wavelength(CARRIER_HZ) * float(np.abs(off_m).max())
+    rms = float(np.sqrt(np.mean(rate**2)))
+    return [
+        absolute_check(f"{label}: range rate, rms", 0.0, rms, 1e-4, source, unit="m/s"),
+        absolute_check(f"{label}: phase, largest", 0.0, phase, 6e-3, source, unit="rad"),
+    ]
+
+
+def _keyed(item: Any, keys: list[tuple[float, float]]) -> None:
+    for frame, y in keys:
+        item.location = (0.0, y, 0.0)
+        item.keyframe_insert("location", frame=frame)
+    for curve in animation_curves(item.animation_data):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+def keyframes(bench: Bench) -> list[Check]:
+    """A car at 50 m whose speed changes from 10 to 20 m/s at a key."""
+    checks = []
+    for prf_hz in (20e3, 80e3):
+        for place, offset in KEYS.items():
+            new_scene(2.0)
+            plate = add_plate("Car", facing_plate((0.0, 0.0, 0.0), 1.0), lambert(0.6))
+            at = float(np.float32(1 + offset))
+            _keyed(plate, [(at - 24, 40.0), (at, 50.0), (at + 24, 70.0)])
+            run, times_s, lengths_m = _measure(bench, prf_hz)
+
+            def distance(time_s: Real, corner_s: float = (at - 1) / FPS) -> Real:
+                after = time_s - corner_s
+                return np.asarray(np.where(after < 0, 10 * after, 20 * after))
+
+            moved_m = distance(times_s) - distance(np.zeros(1))
+            label = f"key {place}, PRF {prf_hz / 1e3:g} kHz"
+            speed = 10.0 if offset > 0 else 20.0
+            checks += _checks(label, run, lengths_m, moved_m, speed, "straight lines between keys")
+    return checks
+
+
+def rigid_body(bench: Bench) -> list[Check]:
+    """A plate in free fall towards the radar by Blender's rigid bodies, without a bake."""
+    checks = []
+    frame = 9
+    for units_per_m in (1.0, 100.0):
+        scene = new_scene(5.0, metres_per_unit=1 / units_per_m)
+        scene.gravity = (0.0, -GRAVITY * units_per_m, 0.0)
+        plate = add_plate("Falling", facing_plate((0.0, 20.0, 0.0), 1.0), lambert(0.6))
+        bpy.context.view_layer.objects.active = plate
+        plate.select_set(True)
+        bpy.ops.rigidbody.world_add()
+        bpy.ops.rigidbody.object_add()
+        plate.rigid_body.linear_damping = 0.0
+        scene.rigidbody_world.substeps_per_frame = 1000
+        run, _, _ = _measure(bench, 20e3, frame)
+        rate = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
+        fallen_s = (frame - 1) / FPS
+        worst = float(rate[np.argmax(np.abs(rate + GRAVITY * fallen_s))])
+        name = f"free fall after {fallen_s:.3f} s, {units_per_m:g} units per metre"
+        source = "g t, in Bullet's steps of 1/24000 s"
+        checks.append(absolute_check(name, -GRAVITY * fallen_s, worst, 2e-3, source, unit="m/s"))
+    return checks
+
+
+GROUP = Group(
+    "motion",
+    "Motion",
+    "A plate at 50 m that moves straight, 77 GHz, 64 pulses, with a corner at a keyframe: errors "
+    "of range rates, and of phases from pulse to pulse. Rigid bodies, which Blender keeps at "
+    "whole frames only.",
+    (
+        Case("keyframes", keyframes, 20.0),
+        Case("rigid bodies", rigid_body, 10.0),
+    ),
+)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rigid bodies, which Blender stores at whole frames, against free fall in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.motion_record import MotionRecord
+from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.radar import Burst
+from tests.blender import motion_helpers as mh
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+
+FPS = 24.0
+CARRIER_HZ = 77e9
+GRAVITY = 9.81
+BURST = Burst(20_000.0, 64)
+
+
+def falling_plate(distance_m: float = 20.0, units_per_m: float = 1.0) -> Any:
+    """A plate in front of the radar that falls towards it along -Y, from frame 1 on."""
+    mh.scene_at(distance_m, 2.0)
+    scene = bpy.context.scene
+    scene.unit_settings.scale_length = 1 / units_per_m
+    scene.gravity = (0.0, -GRAVITY * units_per_m, 0.0)
+    item = mh.facets("Falling", [(0, 0, 0)], 1.2 * units_per_m)
+    item.location = (0.0, distance_m * units_per_m, 0.0)
+    bpy.context.view_layer.objects.active = item
+    item.select_set(True)
+    bpy.ops.rigidbody.world_add()
+    bpy.ops.rigidbody.object_add()
+    item.rigid_body.linear_damping = 0.0
+    item.rigid_body.angular_damping = 0.0
+    scene.rigidbody_world.substeps_per_frame = 100
+    return item
+
+
+def measured(
+    folder: Path, frame: int, burst: Burst = BURST, **options: Any
+) -> tuple[np.ndarray, Any, MotionRecord]:
+    """Table, paths and motion file of a small run."""
+    rows, paths, run = mh.measured(folder, CARRIER_HZ, burst, frame, **options)
+    path = run.folder / frame_dir(frame) / MOTION_FILE
+    return rows, paths, read_record(path, MotionRecord)
+
+
+@pytest.mark.parametrize("frame", [5, 9])
+@pytest.mark.parametrize("units_per_m", [1.0, 100.0])
+def test_a_jump_to_a_later_frame_has_the_simulation_of_that_frame(
+    tmp_path: Path, frame: int, units_per_m: float
+) -> None:
+    """Blender's own state after such a jump is that of the first frame: no range rate."""
+    falling_plate(units_per_m=units_per_m)
+    rows, _, record = measured(tmp_path, frame)
+    time_s = (frame - 1) / FPS
+    speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    # Bullet's own steps: the speed at a frame is g t within a step, the place lags by one
+    assert np.abs(speed + GRAVITY * time_s).max() < 0.02
+    assert np.ptp(speed) < 1e-4
+    assert np.abs(rows["last_scatterer_m"][:, 1] - 20 + GRAVITY * time_s**2 / 2).max() < 5e-3
+    assert [f.code for f in record.findings] == ["motion-between-frames"]
+    assert record.samples < 300
+
+
+def test_a_run_of_several_frames(tmp_path: Path) -> None:
+    falling_plate()
+    run = ph.run_paths(
+        tmp_path, waveform=mh.waveform(CARRIER_HZ), burst=BURST, frames=(3, 8, 5), width_px=8,
+        height_px=8,
+    )  # fmt: skip
+    for frame in (3, 8, 5):
+        rows = run.table(frame)
+        speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+        assert np.abs(speed + GRAVITY * (frame - 1) / FPS).max() < 0.02
+
+
+def test_doppler_is_smooth_across_whole_frames(tmp_path: Path) -> None:
+    """Over three frames the range rate grows by g t; straight lines step by g / fps."""
+    burst = Burst(1000.0, 128)
+    times_s = np.arange(burst.pulses) / burst.prf_hz
+    steps = {}
+    for motion in ("kinematic", "linear"):
+        falling_plate()
+        rows, paths, record = measured(tmp_path / motion, 5, burst, motion=motion)
+        lengths_m = paths.lengths.lengths_m(times_s, slice(None))[rows.size // 2]
+        rate_mps = np.diff(lengths_m) / 2 * burst.prf_hz
+        steps[motion] = np.diff(rate_mps)
+        codes = [f.code for f in record.findings]
+        assert codes == (["motion-between-frames"] if motion == "kinematic" else [])
+        assert record.samples < 600
+    per_pulse = GRAVITY / burst.prf_hz
+    assert np.abs(steps["kinematic"] + per_pulse).max() < 0.1 * per_pulse
+    assert np.abs(steps["linear"]).max() > 0.9 * GRAVITY / FPS / 2
+    assert np.median(np.abs(steps["linear"])) < 0.1 * per_pulse
+
+
+def test_a_turning_body_and_its_child(tmp_path: Path) -> None:
+    """A child off the axis of a body that turns steadily goes around smoothly."""
+    spin = 2.0
+    body = falling_plate()
+    scene = bpy.context.scene
+    scene.gravity = (0.0, 0.0, 0.0)
+    body.hide_render = True
+    # the simulation takes over the rotation that keys give until frame 4
+    for at in (0, 3):
+        body.rotation_euler = (0.0, 0.0, spin * (at - 1) / FPS)
+        body.keyframe_insert("rotation_euler", frame=at)
+    mh.interpolation(body, "LINEAR", "LINEAR")
+    body.rigid_body.kinematic = True
+    body.rigid_body.keyframe_insert("kinematic", frame=3)
+    body.rigid_body.kinematic = False
+    body.rigid_body.keyframe_insert("kinematic", frame=4)
+    child = mh.facets("Child", [(0.0, 0.0, 0.0)], 0.4)
+    child.parent = body
+    child.location = (0.5, -0.2, 0.0)
+    rows, _, record = measured(tmp_path, 9)
+    assert rows.size > 4
+    centre = np.array([0.0, 20.0, 0.0])
+    arm = rows["last_scatterer_m"] - centre
+    velocity = spin * np.stack([-arm[:, 1], arm[:, 0], np.zeros(len(arm))], axis=1)
+    want = np.sum(velocity * rows["direction"], axis=1)
+    assert np.abs(want).max() > 0.5
+    assert np.abs(rows["range_rate_mps"] - want).max() < 0.01
+    assert [f.subjects for f in record.findings if f.code == "motion-between-frames"] == [
+        ("Child",)
+    ]
+
+
+def test_baked_and_played_simulations_are_not_stepped(tmp_path: Path) -> None:
+    from radarsim_addon.blender.scene import simulation_frames
+
+    falling_plate()
+    scene = bpy.context.scene
+    assert simulation_frames(scene, 9) == range(1, 10)
+    with bpy.context.temp_override(scene=scene, point_cache=scene.rigidbody_world.point_cache):
+        bpy.ops.ptcache.bake(bake=True)
+    assert len(simulation_frames(scene, 9)) == 0
+    rs.new_scene()
+    ph.quad("Still", [(-1, 5, -1), (1, 5, -1), (1, 5, 1), (-1, 5, 1)], ph.lambert(0.5))
+    assert len(simulation_frames(bpy.context.scene, 9)) == 0

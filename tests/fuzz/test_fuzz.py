@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Changed inputs end in a result or in a named error; dangers that are known, one by one."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.lib import format as npy_format
+
+resource = pytest.importorskip("resource", reason="processes of POSIX")
+
+from radarsim_addon import contract
+from radarsim_addon.errors import RadarSimError
+from radarsim_addon.signal import open_run
+from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.radar import load_radar
+from tests.fuzz import cases
+from tests.fuzz.cases import run_case
+from tests.fuzz.corpus import make_corpus, mend
+from tests.fuzz.mutations import change_file
+
+CASES, SEED = 100, 2
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fuzz")
+    make_corpus(folder / "corpus")
+    return folder
+
+
+@pytest.fixture
+def run(inputs: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(inputs / "corpus" / "paths", tmp_path / "run"))
+
+
+def test_the_inputs_are_valid_before_they_are_changed(inputs: Path) -> None:
+    files = inputs / "corpus" / "files"
+    for name in ("rings", "paths", "old"):
+        folder = shutil.copytree(inputs / "corpus" / name, inputs / "valid" / name)
+        assert main(["process", str(folder), "--no-plots"]) == 0
+        assert main(["info", str(folder)]) == 0
+    for radar in files.glob("radar_*.json"):
+        words = ["--waveform", str(radar), "--link-budget", str(files / "link_budget.json")]
+        words += ["--no-plots"]
+        if "pmcw" not in radar.name:  # which takes too many samples for phase noise
+            words += ["--phase-noise", str(files / "noise.csv")]
+        assert main(["process", str(inputs / "valid" / "paths"), *words]) == 0
+
+
+def test_changed_inputs(inputs: Path) -> None:
+    """If one fails: python -m tests.fuzz --seed 2 --only NUMBER."""
+    ends = {number: run_case(inputs, SEED, number) for number in range(CASES)}
+    assert {number: case.fault for number, case in ends.items() if case.fault} == {}
+    codes = [case.code for case in ends.values()]
+    assert min(codes.count(code) for code in (0, 1, 2)) > CASES // 20
+
+
+def test_no_file_elsewhere_is_changed(inputs: Path, tmp_path: Path) -> None:
+    """Also where a word of the command line, or a link, leads there."""
+    place = Path(shutil.copytree(inputs / "corpus", tmp_path / "case"))
+    shutil.copytree(place / "paths", place / "run")
+    precious = tmp_path / "precious.json"
+    precious.write_text("[1, 2, 3]")
+    words = ["process", str(precious), "../precious.json", "precious.json"]
+    for number in range(200):
+        cases._change(random.Random(number), place, words)
+    assert precious.read_text() == "[1, 2, 3]"
+    (place / "link.json").symlink_to(precious)
+    for path in (precious, place / "link.json", place / ".." / "precious.json"):
+        with pytest.raises(ValueError, match="is not in"):
+            change_file(random.Random(0), path, place)
+    assert precious.read_text() == "[1, 2, 3]"
+
+
+def test_a_fault_is_seen(inputs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(words: list[str]) -> int:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("tests.fuzz.cases.main", fails)
+    monkeypatch.setattr("tests.fuzz.cases._render_arguments", fails)
+    assert {run_case(inputs, SEED, number).fault for number in range(5)} == {"traceback"}
+
+
+@pytest.mark.parametrize(
+    ("file", "place", "value", "message"),
+    [
+        ("run.json", ["rings"], 10**9, "rings is 1000000000; expected a whole number from 1"),
+        ("run.json", ["burst", "pulses"], 8e9, "Pulses is 8000000000; expected"),
+        ("run.json", ["burst", "pulses"], 10**400, "burst is inf; expected a finite number"),
+        ("run.json", ["width_px"], 10**9, "width_px is 1000000000"),
+        ("run.json", ["sampling_mode"], "x" * 1_000_000, "sampling mode 'xxx"),
+        ("run.json", ["x" * 1_000_000], 1, ""),
+        ("run.json", ["visibility_updates"], 10**12, "visibility_updates is 1000000000000"),
+        ("paths.json", ["receiver", "matrix_world"], [[1.0]], "no matrix of 4 x 4"),
+        ("paths.json", ["receiver", "matrix_world", 0, 3], 1e200, "matrix_world.* is 1e.200"),
+        ("paths.json", ["carrier_hz"], 0, "carrier_hz is 0"),
+        ("motion.json", ["bodies", 0, "pose"], [[1.0] * 4] * 3, "no matrix of 4 x 4"),
+        ("motion.json", ["bodies", 0, "pose"], [[1.0], [1.0, 2.0]], "rows of one length"),
+    ],
+)
+def test_numbers_beyond_any_scene(
+    run: Path,
+    capsys: pytest.CaptureFixture[str],
+    file: str,
+    place: list[Any],
+    value: Any,
+    message: str,
+) -> None:
+    path = next(run.rglob(file))
+    data = json.loads(path.read_text("utf-8"))
+    owner = data
+    for key in place[:-1]:
+        owner = owner[key]
+    owner[place[-1]] = value
+    path.write_text(json.dumps(data), encoding="utf-8")
+    mend(run)
+    began_s = time.process_time()
+    code = main(["process", str(run), "--no-plots"])
+    assert time.process_time() - began_s < 5
+    said = capsys.readouterr().err
+    assert len(said) < 5000
+    assert code == 0 if not message else code in (1, 2)
+    assert re.search(message, said)
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e200, np.inf, np.nan])
+def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], value: float) -> None:
+    """Such numbers ended the process inside the non-uniform transform."""
+    path = run / contract.frame_dir(1) / contract.PATHS_TABLE
+    rows = np.load(path)
+    rows["length_m"][3] = value
+    np.save(path, rows)
+    mend(run)
+    assert main(["process", str(run), "--no-plots"]) == 1
+    assert re.search(r"Row \d of the paths has length .*; expected a fin", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("count", [2**33, 2**62])
+def test_headers_that_claim_more_than_the_file_holds(
+    inputs: Path, tmp_path: Path, count: int
+) -> None:
+    for name in ("samples.npy", "radar_npy.json"):
+        shutil.copy(inputs / "corpus" / "files" / name, tmp_path / name)
+    with open(tmp_path / "samples.npy", "wb") as stream:
+        header = {"descr": "<c16", "fortran_order": False, "shape": (count,)}
+        npy_format.write_array_header_1_0(stream, header)
+        stream.write(bytes(160))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(RadarSimError, match="cannot be read as samples"):
+        load_radar(tmp_path / "radar_npy.json")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
+
+
+def test_deep_nesting_is_refused(run: Path) -> None:
+    (run / "run.json").write_text("[" * 200_000, encoding="utf-8")
+    with pytest.raises(RadarSimError, match="cannot be read as JSON"):
+        open_run(run)
