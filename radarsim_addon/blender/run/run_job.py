@@ -45,6 +45,7 @@ from ..scene import (
     Rig,
     find_rig,
     receiver_record,
+    show_as_rendered,
     show_what_renders,
     simulation_frames,
     transmitter_record,
@@ -303,6 +304,8 @@ class MeasurementJob:
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""
         # Before the time is set: what appears later would keep the place of another time.
+        if self._shown is None:
+            show_as_rendered(self._shown_for_run, self._scene)
         if self._shown is None or self._shown.frame != instant.frame:
             show_what_renders(self._shown_for_run, self._view_layer)
         needed = instant.frame + (instant.subframe > 0)
