@@ -32,6 +32,9 @@ _MIRRORED_SIGMAS = 6.0
 _LARGEST_SIGMAS = 20.0
 #: Path lengths are computed again where float32 may be off by more than this [wavelengths].
 TOLERANCE_WAVELENGTHS = 1e-3
+#: Fraction of a mesh's points off it above which Cycles renders another one (displaced by its
+#: material, diced adaptively). Beside limbs some thousandths are.
+_MOST_MISSED = 0.05
 
 
 class HitPoints:
@@ -196,6 +199,8 @@ class HitPoints:
                 np.einsum("nij,nj->ni", turn, near_m[mine]) + move,
                 reach_m[mine] * self._stretch[part],
             )
+            if np.mean(np.isnan(found[mine])) > _MOST_MISSED:
+                found[mine] = np.nan
             normals[mine] = np.einsum("nij,ni->nj", turn, normal)
         return found, normals
 
