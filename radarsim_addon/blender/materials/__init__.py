@@ -16,7 +16,7 @@ from .physical_materials import (
     refresh_materials,
     update_materials,
 )
-from .surface_roughness import roughness_of
+from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "has_rough_facets",
     "is_entered",
     "is_physical",
+    "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
     "passes_by_polarisation",
