@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``radarsim`` command, which joins both halves: ``python -m radarsim_addon`` is the same.
 
-Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments, 130 stopped by Ctrl-C,
-143 by SIGTERM.
+Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C, 143 by SIGTERM; on stderr
+``radarsim: Name: message``.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def render_command(
             f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
             "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
         )
-        print(f"{MissingDependencyError.__name__}: {message}", file=sys.stderr)
+        print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
         return MissingDependencyError.exit_code
     run_and_leave(parsed)
     return 0

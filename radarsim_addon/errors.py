@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Named errors: each message says what was found, what was expected and how to mend it.
 
-The command line prints ``Name: message`` and exits with ``exit_code``; operators hand the message
-to ``self.report``. Anything else that escapes is a defect of radarsim and shows its traceback.
+The command line prints ``radarsim: Name: message`` and exits with ``exit_code``; operators hand the
+message to ``self.report``. Anything else that escapes is a defect of radarsim and shows its
+traceback.
 """
 
 #: Characters of a message.

@@ -37,7 +37,9 @@ def add_arguments(
         item = settings[name]
         shown = item.of.help
         if defaults and item.default is not MISSING:
-            shown += f" [{_default_text(item)}]"
+            shown, _, unset = shown.partition(". None: ")
+            if text := unset or (item.default is not None and _default_text(item)):
+                shown += f" [{text}]"
         options = {"dest": name, "default": argparse.SUPPRESS, **_reading(item)}
         # argparse takes % for a format
         parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)

@@ -10,7 +10,7 @@ SCENE = {
         "caution",
         "No Radar Material is assigned to {subjects}.",
         "These objects cast a radar shadow and return no echo.",
-        "Select them and choose Radar > Material > Assign.",
+        "Select them and choose Radar > Material > Assign to Selected, or Assign by Name.",
     ),
     "optical-material": Kind(
         "caution",
@@ -96,6 +96,22 @@ SCENE = {
         "absorption: error class {error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). Radar > Material > "
         "Beyond Band: Refuse stops such runs.",
+    ),
+    "total-reflection": Kind(
+        "caution",
+        "In {subjects}, {fraction:percent} of the waves that enter from the antennas arrive at a "
+        "face beyond the critical angle (index {index:.3g}).",
+        "They are totally reflected inside. radarsim follows straight rays, which leave: echoes "
+        "through these faces are too strong.",
+        "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "
+        "it opaque.",
+    ),
+    "walls-averaged-separately": Kind(
+        "info",
+        "{subjects} let waves through in the mean of both polarisations, each by itself.",
+        "Behind two walls at 60 degrees the power is about 1 dB too low: rings, and scenes with "
+        "other than Radar Materials, cannot carry the polarisations through all walls.",
+        "Choose the polarisation of your radar, or Paths with Radar Materials alone.",
     ),
     "facets-encode-range": Kind(
         "caution",
@@ -265,11 +281,17 @@ PATHS = {
     "object-without-echo": Kind(
         "caution",
         "Rays met {subjects}, but received no echo from there.",
-        "A smooth surface (roughness 0) reflects away from the radar. At grazing incidence a rough "
-        "one returns too little for float32 to hold. Black, fully transparent and shadowed objects "
-        "return no echo either.",
-        "If you expect an echo, give smooth surfaces a roughness above 0, and rough ones a larger "
-        "roughness or a diffuse part (Specularity below 1).",
+        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
+        "shadowed objects return no echo either.",
+        "Give smooth surfaces a roughness above 0.",
+    ),
+    "rough-object-without-echo": Kind(
+        "caution",
+        "Rays met {subjects}, which are rough, but received no echo from there.",
+        "A rough surface reflects around the specular direction: at grazing incidence, what comes "
+        "back is too little for float32 to hold. Objects in a radar shadow return none either.",
+        "If you expect an echo, raise the roughness, or give the material a diffuse part "
+        "(Specularity below 1).",
     ),
     "object-missed-by-rays": Kind(
         "caution",

@@ -10,6 +10,8 @@ from typing import Any
 
 #: Names that a text gives in full; the others are counted.
 _NAMES_SHOWN = 3
+#: Frames, or series of them, that a text gives; the others are counted.
+_FRAMES_SHOWN = 8
 #: Unit, its size, and the least value that is given in it.
 _NUMBER_UNITS = {
     "length": (("km", 1e3, 1e4), ("m", 1.0, -math.inf)),
@@ -23,7 +25,7 @@ def fill(template: str, values: Mapping[str, Any]) -> str:
 
 
 def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
-    """Return "frame 3" or "frames 1-20, 25"; a dash joins frames that are neighbours in `among`.
+    """Return "frame 3" or "frames 1-20, 25"; "2-8 (every 2nd)" where those between do not exist.
 
     Parameters
     ----------
@@ -41,11 +43,25 @@ def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
     runs: list[list[int]] = []
     for frame in sorted(frames, key=lambda number: place.get(number, len(place) + number)):
         if runs and place.get(frame, -1) == place.get(runs[-1][-1], -3) + 1:
-            runs[-1].append(frame)
-        else:
-            runs.append([frame])
-    words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    return f"frame{'s' if len(frames) > 1 else ''} {', '.join(words)}"
+            step, run = frame - runs[-1][-1], runs[-1]
+            if len(run) == 1 or step == run[1] - run[0]:
+                run.append(frame)
+                continue
+        runs.append([frame])
+    words = [word for run in runs for word in _run_words(run)]
+    shown = ", ".join(words[:_FRAMES_SHOWN])
+    left = len(words) - _FRAMES_SHOWN
+    more = f" and {left} more" if left > 0 else ""
+    return f"frame{'s' if len(frames) > 1 else ''} {shown}{more}"
+
+
+def _run_words(run: Sequence[int]) -> list[str]:
+    """Return frames of one distance as one word, or one word each where a dash would mislead."""
+    step = run[1] - run[0] if len(run) > 1 else 1
+    if len(run) == 1 or (step != 1 and len(run) < 4):
+        return [str(frame) for frame in run]
+    every = {1: "", 2: " (every 2nd)", 3: " (every 3rd)"}.get(step, f" (every {step}th)")
+    return [f"{run[0]}-{run[-1]}{every}"]
 
 
 def names_text(names: Sequence[str]) -> str:

@@ -40,7 +40,9 @@ def wall(y: float) -> Any:
     return rs.add_plate(y, preset=None)
 
 
-def test_a_radar_measures_a_wall(empty: Any, tmp_path: Path) -> None:
+def test_a_radar_measures_a_wall(
+    empty: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     rig = radarsim.add_radar(
         location=(0, 0, 1.5),
         look_at=(0, 50, 1.5),
@@ -55,7 +57,15 @@ def test_a_radar_measures_a_wall(empty: Any, tmp_path: Path) -> None:
     metal = radarsim.material(name="Plate", n=1e4, kappa=1e4, rms_slope=0.2)
     assert radarsim.assign_material(target, metal) == [target]
     seen: list[float] = []
-    run = radarsim.measure(rig, tmp_path / "run", frames=[1], progress=seen.append)
+
+    def progress(fraction: float) -> None:
+        seen.append(fraction)
+        print(f"at {fraction:.3f}")
+
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1], progress=progress)
+    # Blender's own words are kept off the console, those of the caller are not
+    printed = capfd.readouterr().out.split("\n")
+    assert [line for line in printed if line.startswith("at ")] == [f"at {f:.3f}" for f in seen]
     assert isinstance(run, signal.Run)
     assert seen and seen[-1] == pytest.approx(1.0)
     assert run.radar.waveform.carrier_hz == 77e9

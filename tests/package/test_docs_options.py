@@ -32,8 +32,9 @@ def _shown_options(capsys: pytest.CaptureFixture[str]) -> set[str]:
 
 
 def _options_of_scripts() -> set[str]:
-    """Options that a script under scripts/ reads, by the words in quotes in its source."""
+    """Options that a script reads, by the words in quotes in its source."""
     sources = [path for kind in ("*.py", "*.sh") for path in (REPOSITORY / "scripts").glob(kind)]
+    sources.append(REPOSITORY / "tests" / "fuzz" / "__main__.py")
     text = "\n".join(path.read_text("utf-8") for path in sources)
     return set(re.findall(rf"add_argument\(\s*\"({OPTION})\"", text))
 

@@ -22,7 +22,7 @@ def test_a_slip_fits_the_code_and_names_tests_that_are_there(slip: slips.Slip) -
     ast.parse(changed)
     assert slip.seen.endswith(".") and slip.tests
     for test in slip.tests:
-        path, _, function = test.partition("::")
+        path, _, function = test.partition("[")[0].partition("::")
         text = (ROOT / path).read_text("utf-8")
         assert re.search(rf"^def {function or 'test_'}", text, re.MULTILINE), test
 

@@ -19,6 +19,7 @@ from ...errors import ConfigError, RadarSimError, SceneError
 from ...findings import Finding, finding_lines
 from ...processes import own_folder, remove_abandoned_folders
 from ...signal.pipeline import FrameResult, process_run
+from ...signal.runs import open_run
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..scene import active_radar, radars
@@ -115,7 +116,11 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
-        if arguments.process:
+        held = any(item.code == "frames-left-to-others" for item in job.frame_findings)
+        if arguments.process and held and open_run(folder).missing():
+            text = "not processed: other processes still measure frames; the last one processes all"
+            print(f"radarsim: {text}", file=stream, flush=True)
+        elif arguments.process:
             process(folder, stream, stop, {item.code for item in job.findings})
 
 

@@ -16,6 +16,7 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -322,7 +323,7 @@ def measure(
         getattr(view, name)  # an unknown name is refused before anything is written
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     path = Path(folder).absolute()
-    with quiet_blender():
+    with quiet_blender() as stream:
         job = make_job(scene, layer, path, radar=rig, overwrite=overwrite, given=values)
         with job:
             for task in job.pending():
@@ -330,7 +331,9 @@ def measure(
                 job.render(task)
                 job.finish(task)
                 if progress is not None:
-                    progress(job.fraction)
+                    with contextlib.redirect_stdout(stream):  # `print` is seen
+                        progress(job.fraction)
+                    stream.flush()
     if progress is not None:  # the last tile counts as done when no further one is asked for
         progress(1.0)
     return open_run(path)

@@ -16,7 +16,8 @@ from .physical_materials import (
     refresh_materials,
     update_materials,
 )
-from .surface_roughness import roughness_of
+from .surface_roughness import is_rough, roughness_of
+from .total_reflection import total_reflections
 
 __all__ = [
     "EXACT_FACETS",
@@ -27,6 +28,7 @@ __all__ = [
     "has_rough_facets",
     "is_entered",
     "is_physical",
+    "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
     "passes_by_polarisation",
@@ -35,5 +37,6 @@ __all__ = [
     "set_layer_normals",
     "settle_interiors",
     "slot_materials",
+    "total_reflections",
     "update_materials",
 ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..nodes.group_search import group_input
+from ..nodes.physical_material import ROUGHNESS, SMOOTH_BELOW
 from .assignments import slot_materials
 from .physical_materials import CORRELATION_LENGTH, RMS_HEIGHT
 
@@ -29,3 +31,20 @@ def roughness_of(item: Any) -> tuple[float | None, float | None]:
         if height_m > 0:
             return height_m, float(material.get(CORRELATION_LENGTH, 0.0)) or None
     return None, None
+
+
+def is_rough(item: Any) -> bool:
+    """Return whether all materials of an object are Radar Materials with a rough surface.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool : False for an object without materials
+    """
+    sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
+    return bool(sockets) and all(
+        socket is not None and socket.default_value > SMOOTH_BELOW for socket in sockets
+    )

@@ -37,8 +37,7 @@ from .deforming import Deformations, DeformingSurface, may_deform, vertex_positi
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 
-#: With fewer, rounding at 50 m gives range rates of a short burst an error above 1e-4 m/s.
-_FIRST_SAMPLES = 65
+_FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
 #: After this time no more samples are added [s].
@@ -213,10 +212,8 @@ class BurstMotion:
                 )
                 break
             count = min(2 * count - 1, plan.max_samples)
-            if fits.resolved:
-                moments = plan.grid(count, *plan.window)
-            else:
-                moments = plan.grid(count, *plan.burst)
+            follows = fits.resolved and not fits.noisy
+            moments = plan.grid(count, *(plan.window if follows else plan.burst))
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()

@@ -17,11 +17,15 @@ from .samples import Sampler, SamplingPlan
 #: Error bound of a displacement that needs no more samples [wavelengths]: 2.5e-4 rad two-way.
 _TARGET_WAVELENGTHS = 2e-5
 #: The same in steps of float32 poses. What they round away, no number of samples gives back.
-_TARGET_ROUNDING = 0.5
+_TARGET_ROUNDING = 0.25
+#: Standard error of a velocity that needs no more samples [wavelengths/s]: 6e-5 m/s at 77 GHz.
+_TARGET_RATE = 0.015
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
 _BETWEEN_FRAMES = 16
+#: Larger scatter, in steps of float32, is motion and no rounding.
+_MAX_NOISE = 10.0
 #: Minimum number of samples for a fit of the burst without what is before and after it.
 _LEAST_ALONE = 13
 #: Maximum size of the vertices in memory [bytes].
@@ -46,7 +50,11 @@ class Fits:
     @property
     def displacement_error_bound_m(self) -> float:
         """Largest error bound of all moving bodies [m]."""
-        moving = [m.displacement_error_bound_m for m in self.motions if m.moving]
+        moving = [
+            motion.displacement_error_bound_m
+            for index, motion in enumerate(self.motions)
+            if motion.moving or self._is_noisy(index, motion)
+        ]
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
 
     def fit(self, times_s: list[float]) -> None:
@@ -66,15 +74,20 @@ class Fits:
             self._missed.pop(index, None)
             present = np.isfinite(poses[:, index, 0, 0])
             motion = self._fit_body(index, times[present], poses[present, index])
-            if index in self._missed and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
+            follows = index not in self._missed and not self._is_noisy(index, motion)
+            if not follows and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
                 # What happens before or after the burst can be harder to follow.
-                missed = self._missed.pop(index)
+                missed = self._missed.pop(index, None)
                 present &= in_burst
                 alone = self._fit_body(index, times[present], poses[present, index])
-                if motion.displacement_error_bound_m < alone.displacement_error_bound_m:
-                    self._missed[index] = missed
-                else:
+                if alone.noise_m < 0.7 * motion.noise_m and not (
+                    missed is None and index in self._missed
+                ):
                     motion = alone
+                elif missed is None:
+                    self._missed.pop(index, None)
+                else:
+                    self._missed[index] = missed
             motions.append(motion)
         self.motions = motions
         for name in sampler.surfaces:
@@ -148,12 +161,19 @@ class Fits:
         step_m = _rounding_step(found, self._plan.metres_per_unit)
         return max(self._target_m, _TARGET_ROUNDING * step_m)
 
+    def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
+        """Return whether a fit leaves more than the rounding of poses."""
+        return motion.noise_m > self._rounding_m(index)
+
     def _is_accurate(self, index: int) -> bool:
         motion = self.motions[index]
-        if index in self._smooth or not motion.moving:
-            return index not in self._missed
-        return index not in self._missed and motion.displacement_error_bound_m <= self._target_of(
-            index
+        if index in self._smooth:
+            return True
+        if index in self._missed or self._is_noisy(index, motion):
+            return False
+        return not motion.moving or (
+            motion.displacement_error_bound_m <= self._target_of(index)
+            and motion.rate_stderr_mps <= _TARGET_RATE * self._plan.wavelength_m
         )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
@@ -178,7 +198,7 @@ class Fits:
         miss = float(np.linalg.norm(apart, axis=-1).max())
         scale = float(np.abs(start[:3, 3]).max()) + reach_m
         rounding = float(np.spacing(np.float32(max(scale, 1e-6))))
-        if miss <= _MAX_MISS * (motion.noise_m + rounding):
+        if miss <= _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding) + rounding):
             return motion
         self._missed[index] = miss
         return dataclasses.replace(
@@ -194,8 +214,18 @@ class Fits:
 
     @property
     def resolved(self) -> bool:
-        """Whether all fits follow the motion between the samples."""
-        return not self._missed
+        """Whether all fits follow the motion between the samples, up to rounding."""
+        return not self._missed and all(
+            index in self._smooth
+            or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
+            for index, motion in enumerate(self.motions)
+            if motion.moving
+        )
+
+    @property
+    def noisy(self) -> bool:
+        """Whether a fit leaves more than the rounding of poses, perhaps motion."""
+        return any(self._is_noisy(index, motion) for index, motion in enumerate(self.motions))
 
     def series(self) -> dict[int, VertexSeries]:
         """Return the vertex series by number of the body."""

@@ -72,7 +72,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     wave = wave_inside(build, n, kappa, cosine)
     power = interface_power(build, n, kappa, wave, internal_echoes(build))
     code = range_code(build, ray_length(build), inverse_k)
-    code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
+    with build.prefixed("Shell: "):
+        code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
     reflects, transmits = camera_lobes(build)
     is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
     is_smooth = math("SUBTRACT", "smooth", 1.0, is_rough)
@@ -99,15 +100,16 @@ def _wall_crossed(
     """Add nodes for a wall of a shell that the ray crossed: code and colour with it, and 0 or 1."""
     math = build.math
     back = build.node("ShaderNodeNewGeometry", "Side (shell)").outputs["Backfacing"]
-    thickness = math("MULTIPLY", "d of the wall crossed", shell_thickness(build), back)
+    thickness = math(
+        "MULTIPLY", "d of the wall crossed", shell_thickness(build, at_face=True), back
+    )
     waves = math("DIVIDE", "d / wavelength", thickness, wavelength(build))
     minus = math("MULTIPLY", "-4 pi d / wavelength", waves, -4.0 * _math.pi)
     loss = math("MULTIPLY", "-4 pi Im(q) d / wavelength", minus, wave.v)
     longer = math("MULTIPLY", "d (Re q - c)", thickness, excess(build, wave))
     # Absorption cannot encode a negative delay (n < 1).
     longer = math("MAXIMUM", "d (Re q - c), from 0 up", longer, 0.0)
-    with build.prefixed("Shell: "):
-        delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
+    delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
     crossed = build.scale("Wall crossed", delay, math("EXPONENT", "absorbed", loss))
     coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: crossed})
     return coded, crossed, math("GREATER_THAN", "in a shell", thickness, 0.0)
@@ -196,8 +198,8 @@ def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
 def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
     math = build.math
     cosine = layer_cosine(build)
-    solid = math("LESS_THAN", "no shell", shell_thickness(build), 1e-30)
     with build.prefixed("Volume: "):
+        solid = math("LESS_THAN", "no shell", shell_thickness(build, at_face=False), 1e-30)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
@@ -217,7 +219,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=5,
+    version=6,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
+import bpy
 import numpy as np
 
 from ... import contract
@@ -18,6 +19,7 @@ from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import PathRows, write_table
+from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
@@ -57,6 +59,17 @@ def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) ->
         for number, error in sorted(errors.items(), key=lambda item: -item[1])
         if error > 2 * target
     ]
+
+
+def _by_surface(item: Finding) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors."""
+    if item.code != "object-without-echo":
+        return [item]
+    objects = [bpy.data.objects.get(name) for name in item.subjects]
+    rough = {one.name for one in objects if one is not None and is_rough(one)}
+    others = [name for name in item.subjects if name not in rough]
+    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
+    return found + ([finding("object-without-echo", *others)] if others else [])
 
 
 class Progress(Protocol):
@@ -352,7 +365,11 @@ class FrameWork:
         """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
         wavelength_m = self._run.measurement.waveform.wavelength_m
-        findings = quality.findings(wavelength_m, scene.objects, target)
+        findings = [
+            part
+            for item in quality.findings(wavelength_m, scene.objects, target)
+            for part in _by_surface(item)
+        ]
         if quality.total_w == 0:
             seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]
             findings += self._no_echo(seen)

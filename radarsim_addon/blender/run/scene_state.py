@@ -19,8 +19,10 @@ from ..materials import (
     assigned_materials,
     beyond_float32,
     media_beyond_their_band,
+    passes_by_polarisation,
     set_layer_normals,
     settle_interiors,
+    total_reflections,
     update_materials,
 )
 from ..nodes import attributes
@@ -64,6 +66,8 @@ class MeasurementSettings:
         self._any_material = any_material
         self._recorder = SettingsRestorer()
         self.findings: list[Finding] = []
+        #: Objects that waves pass in the mean of two polarisations.
+        self.averaging: tuple[str, ...] = ()
 
     def __enter__(self) -> MeasurementSettings:
         self.apply()
@@ -270,13 +274,24 @@ class MeasurementSettings:
         failures += media_beyond_their_band(carrier_hz, beyond, in_order)
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
+        if measurement.polarisation == "average":
+            self.averaging = tuple(
+                one.item.name
+                for one in assigned_materials(depsgraph)
+                if any(passes_by_polarisation(material) for material in one.materials)
+            )
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
+        antennas = [
+            item.evaluated_get(depsgraph).matrix_world.translation
+            for item in (self._rig.camera, self._rig.emitter)
+        ]
         return [
             *failures,
             *check_meshes(depsgraph),
             *no_layers,
             *beyond_float32(wavelength, depsgraph),
+            *total_reflections(depsgraph, antennas),
         ]
 
     def _set_code(self) -> None:

@@ -248,7 +248,7 @@ def _draw_path_plan(context: Any, layout: Any) -> list[Finding]:
         return []
     rays = measurement.width_px * measurement.height_px * options.replicates
     box = layout.box().column(align=True)
-    box.label(text=f"{len(measurement.frames)} frames, {rays:,} rays each at first")
+    box.label(text=f"Frames: {len(measurement.frames)}, of {rays:,} rays at first")
     box.label(text="Tiles are refined" if options.refines else "No refinement")
     farthest_m = extent.from_emitter_m or None if extent is not None else None
     return _draw_findings(context, layout, measurement, 1, farthest_m)

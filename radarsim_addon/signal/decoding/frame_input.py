@@ -97,7 +97,7 @@ class FrameInput:
         if not self.tables:
             raise ConfigError(
                 f"{self.frame.path} was measured by rings, which do not know the object of a path. "
-                "Measure the scene by paths (Acquisition: Paths, or --acquisition paths)."
+                "Measure the scene by paths (Sampling mode: Paths, or --sampling-mode paths)."
             )
         return self.tables[0]
 

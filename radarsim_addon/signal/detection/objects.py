@@ -31,6 +31,9 @@ from ..paths import PathRows, edge_variances, lone_variances, usable
 from ..runs import RadarFrame
 from ..scattering import Link
 
+#: Names in the message of a name that is unknown.
+_NAMES_SHOWN = 10
+
 
 @dataclass(frozen=True)
 class ObjectEcho:
@@ -266,7 +269,9 @@ def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
         }
         found = [name for name in record.objects if name in inside]
     if not found:
-        known = ", ".join(map(repr, [*record.objects, *sorted(collections)]))
+        names = [*record.objects, *sorted(collections)]
+        more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
+        known = ", ".join(map(repr, names[:_NAMES_SHOWN])) + more
         raise ConfigError(
             f"No object or collection of frame {record.frame} is called {pattern!r}; there are "
             f"{known}. Give one of these names; it may contain * and ?."

@@ -182,6 +182,8 @@ class BodyMotion:
     epoch_offset_s
         Time of the pose and of all points [s]; 0 except for further renders of a burst. It replaces
         t = 0 in all texts of this module.
+    rate_stderr_mps
+        Standard error of the velocity then, at the body's farthest point [m/s]. Not in files.
     """
 
     pose: Real
@@ -189,6 +191,7 @@ class BodyMotion:
     noise_m: float = 0.0
     displacement_error_bound_m: float = 0.0
     epoch_offset_s: float = 0.0
+    rate_stderr_mps: float = 0.0
     _start: list[Real] = field(default_factory=list, compare=False, repr=False)
 
     @property

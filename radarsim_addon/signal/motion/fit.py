@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Real
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
-from .fit_segments import FittedSegment, quality_of, split_segments, within_burst
+from .fit_segments import FittedSegment, quality_of, rate_error_of, split_segments, within_burst
 from .motion_file import VertexSeries
 from .series_fit import (
     Burst,
@@ -69,9 +69,9 @@ class _Samples:
             segment = Segment(start_s, stop_s, move.coefficients, linear=axes.coefficients)
             return FittedSegment(segment, move, axes)
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
-        spread = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
+        spread, rate = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
-        turning = Series(turn, criterion, residual, spread, slow)
+        turning = Series(turn, criterion, residual, spread, slow, self.floor_turn, rate)
         bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         pivot = np.zeros(3)
@@ -150,10 +150,10 @@ class _Samples:
             if criterion < best.criterion:
                 coefficients = solved[:-3].reshape(degree + 1, 3)
                 coefficients[0] += offset
-                spread = spread_of(times_s, start_s, stop_s, degree, self.burst)
+                spread, rate = spread_of(times_s, start_s, stop_s, degree, self.burst)
                 spread += np.sqrt(6 / len(times_s))
                 slow = slow_noise(times_s, residual, start_s, stop_s, degree)
-                best = Series(coefficients, criterion, residual, spread, slow)
+                best = Series(coefficients, criterion, residual, spread, slow, self.floor_m, rate)
                 pivot = solved[-3:]
         return best, pivot
 
@@ -214,7 +214,8 @@ def fit_body(
         bound += 10 * floor_m if any(len(part.segment.translation) > 1 for part in fitted) else 0.0
     if still:
         return BodyMotion(pose, (), noise, bound, epoch_s)
-    return BodyMotion(pose, tuple(part.segment for part in fitted), noise, bound, epoch_s)
+    segments = tuple(part.segment for part in fitted)
+    return BodyMotion(pose, segments, noise, bound, epoch_s, rate_error_of(fitted, reach_m))
 
 
 def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:

@@ -30,6 +30,8 @@ class Series:
     residual: Real  # (samples, columns)
     spread: float  # largest standard deviation of a displacement, for unit noise; see `spread_of`
     slow: float  # noise that a fit takes for motion, see `slow_noise`
+    floor: float = np.inf  # rounding below which nothing is fitted
+    rate: float = 0.0  # standard deviation of the rate at the epoch, for unit noise [1/s]
 
     @property
     def scatter(self) -> float:
@@ -61,22 +63,30 @@ class Burst(NamedTuple):
     epoch_s: float
 
 
-def spread_of(times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst) -> float:
-    """Return the largest standard deviation of a displacement during a burst, for unit noise.
+def spread_of(
+    times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst
+) -> tuple[float, float]:
+    """Return the largest standard deviations of a displacement in a burst, and of the rate.
 
-    It is that of fit(t) - fit(epoch) where the fit contains the epoch, else of both positions.
+    For unit noise. The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else
+    both positions count; the rate is that at the epoch [1/s], 0 elsewhere.
     """
     if stop_s <= 0 or start_s >= burst.stop_s:
-        return 0.0
+        return 0.0, 0.0
     design = design_matrix(times_s, start_s, stop_s, degree)
     inverse = np.linalg.pinv(design.T @ design)
     needed_s = np.linspace(max(start_s, 0.0), min(stop_s, burst.stop_s), 33)
     rows = design_matrix(needed_s, start_s, stop_s, degree)
+    rate = 0.0
     if start_s <= burst.epoch_s <= stop_s:
         rows = rows - design_matrix(np.array([burst.epoch_s]), start_s, stop_s, degree)
+        per_s = 2 / (stop_s - start_s)
+        slopes = chebyshev.chebder(np.eye(degree + 1), axis=0)
+        slope = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes) * per_s
+        rate = float(np.sqrt(slope @ inverse @ slope))
     else:
         inverse = 2 * inverse
-    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, inverse, rows).max()))
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, inverse, rows).max())), rate
 
 
 def fit_series(
@@ -105,9 +115,9 @@ def fit_series(
             break
     criterion, solved, residual = fits[best]
     solved[0] += offset
-    spread = spread_of(times_s, start_s, stop_s, best, burst)
+    spread, rate = spread_of(times_s, start_s, stop_s, best, burst)
     slow = slow_noise(times_s, residual, start_s, stop_s, best)
-    return Series(solved, criterion, residual, spread, slow)
+    return Series(solved, criterion, residual, spread, slow, floor, rate)
 
 
 def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:

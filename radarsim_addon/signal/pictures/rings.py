@@ -49,7 +49,9 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
     columns = min(7, frame.rings)
     lines = math.ceil(frame.rings / columns)
     aspect = frame.record.height_px / frame.record.width_px
-    figure = new_figure(2.0 * columns + 0.8, (1.83 * aspect + 0.22) * lines + 0.4)
+    # at least as high as the label of the colour bar
+    height_in = max((1.83 * aspect + 0.22) * lines + 0.4, 2.2)
+    figure = new_figure(2.0 * columns + 0.8, height_in)
     figure.set_layout_engine("compressed")  # pictures keep their shape, without gaps between them
     axes = figure.subplots(lines, columns, squeeze=False)
     for ring, axis in enumerate(axes.ravel()):
@@ -63,9 +65,8 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
             level = power_to_db(thumbnails[ring], reference, floor_db)
             axis.imshow(level, vmin=floor_db, vmax=0, cmap="magma")
             axis.set_title(f"{ring * step_m:g}-{(ring + 1) * step_m:g} m", fontsize=7, pad=2)
-    figure.colorbar(
-        axes.flat[0].images[0], ax=axes, label="radiance [dB re strongest pixel]", fraction=0.02
-    )
+    bar = figure.colorbar(axes.flat[0].images[0], ax=axes, fraction=0.02)
+    bar.set_label("radiance\n[dB re strongest pixel]", fontsize=8)
     later = (
         ""
         if snapshot_index == 0

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``radarsim`` command: ``radarsim process DIR`` and ``radarsim info DIR``.
 
-Exit codes: 0 done, 1 failed (``Name: message`` on stderr), 2 bad arguments.
+Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C; on stderr
+``radarsim: Name: message``.
 """
 
 from __future__ import annotations
@@ -76,14 +77,14 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
         return _process(chosen) if chosen.command == "process" else print_run(chosen.folder)
     except RadarSimError as error:
-        print(f"{type(error).__name__}: {printable(str(error))}", file=sys.stderr)
+        print(f"radarsim: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:
         # Whoever read our output has seen enough (| head): no word more, not at exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
-        print("Interrupted: files written so far are whole.", file=sys.stderr)
+        print("radarsim: Interrupted; files written so far are whole.", file=sys.stderr)
         return 130  # 128 + SIGINT, as in shells
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 
+from ...errors import ConfigError
 from ...option_arguments import add_arguments, given
 from ...options import declared
 from ..detection import Cfar
@@ -70,7 +71,13 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     if chosen.waveform is not None:
         # a waveform file may hold no burst: then the run's own
         radar = load_radar(chosen.waveform, open_run(chosen.folder).radar.burst)
-    cfar = given(chosen, declared(Cfar))
+    detector = declared(Cfar)
+    cfar = given(chosen, detector)
+    if cfar and "kind" not in cfar:
+        options = ", ".join(detector[name].flag for name in cfar)
+        raise ConfigError(
+            f"{options} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
+        )
     return ProcessOptions(
         radar=radar,
         receiver=Receiver(**given(chosen, declared(Receiver))),

@@ -17,6 +17,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
 from radarsim_addon.blender import rig_settings as properties
+from radarsim_addon.blender.run.leases import Leases
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
@@ -87,6 +88,25 @@ def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None
         again = start(blend, "--out", folder, "--resolution", "16x16", *words)
         assert again.returncode == 0, again.stderr
         assert table.stat().st_mtime_ns == written
+
+
+def test_who_finishes_last_processes_a_shared_run(blend: Path, tmp_path: Path) -> None:
+    """Another process holds frame 2: this one leaves the processing to it, and does not fail."""
+    folder = tmp_path / "run"
+    words = ["--frames", "1:2", "--sampling-mode", "paths", "--shifts", "1", "--resolution", "8x8"]
+    assert start(blend, "--out", folder, *words).returncode == 0
+    for frame in (1, 2):
+        (folder / contract.frame_dir(frame) / contract.PATHS_FILE).unlink()
+    lease = Leases(folder / contract.FRAMES_DIR).claim("frame_0002")
+    assert lease is not None
+    with lease:
+        done = start(blend, "--out", folder, *words, "--process")
+    assert done.returncode == 0, done.stderr
+    assert "not processed: other processes still measure frames" in done.stdout
+    assert not (folder / "products").exists()
+    last = start(blend, "--out", folder, *words, "--process")
+    assert last.returncode == 0, last.stderr
+    assert len(list((folder / "products").glob("*_map.npz"))) == 2
 
 
 def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:

@@ -16,7 +16,11 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.materials import assigned_materials, set_layer_normals
+from radarsim_addon.blender.materials import (
+    assigned_materials,
+    media_beyond_their_band,
+    set_layer_normals,
+)
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.nodes.group_search import find_group, group_input
@@ -390,11 +394,14 @@ def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: P
     assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
 
 
-def test_band_of_a_material_set_by_geometry_nodes_stops_the_run() -> None:
+def test_band_of_a_material_set_by_geometry_nodes_is_checked() -> None:
     item = wall(soil())
     item.data.materials.clear()
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
     depsgraph = bpy.context.evaluated_depsgraph_get()
     assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):
-        pm.update_materials(5e12, None, assigned)
+        pm.update_materials(5e12, None, assigned, "refuse")
+    assert pm.update_materials(5e12, None, assigned) == []
+    (found,) = media_beyond_their_band(5e12, "hold", assigned)
+    assert found.code == "medium-beyond-band" and found.subjects == ("Ice",)

@@ -205,11 +205,16 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     bpy.data.objects["Looking-glass"].location.x = 21
     wall = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("Wall", [(-20, 10, -20), (0, 10, -20), (0, 10, 20), (-20, 10, 20)], wall)
+    # A rough ground that is met at 80 degrees is no mirror: exp(-tan^2 / alpha^2) = 1e-1700.
+    ground = nodes.make_material("Ground", 1e4, 1e4, 1.0, 0.3)
+    ph.quad("Ground", [(-20, 1, -1), (20, 1, -1), (20, 9, -1), (-20, 9, -1)], ground)
     run = ph.run_paths(tmp_path / "both", width_px=8, height_px=8)
     findings = run.record().findings
     assert [item.subjects for item in findings if item.code == "object-without-echo"] == [
         ("Looking-glass",)
     ]
+    (grazing,) = [item for item in findings if item.code == "rough-object-without-echo"]
+    assert grazing.subjects == ("Ground",) and "mirror" not in grazing.cause
     assert run.job.frame_findings == findings
     assert run.job.findings[-len(findings) :] == findings
 

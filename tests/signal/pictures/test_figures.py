@@ -25,9 +25,11 @@ from radarsim_addon.signal import (
     detect_targets,
     make_paths,
     map_noise_gain,
+    open_run,
     plot_echo,
     plot_range_doppler,
     plot_range_profile,
+    plot_rings,
     range_doppler,
     synthesize,
 )
@@ -38,6 +40,7 @@ from radarsim_addon.signal.pictures.cells import cell_axis, strongest
 from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
 from radarsim_addon.signal.pictures.numbers import frequency_unit, range_unit
 from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
+from tests.signal.synthetic import Setup, points, write_run
 
 pytest.importorskip("matplotlib")
 
@@ -376,3 +379,28 @@ def test_cfar_of_a_noisy_map_can_be_drawn() -> None:
     assert_apart(boxes_of_numbers(figure))
     first = labels(figure)[0].splitlines()
     assert abs(float(first[1].split()[0]) - 5.5) < 0.6
+
+
+def test_the_label_of_the_rings_colours_is_inside_the_picture(tmp_path: Path) -> None:
+    """One row of wide, low images: the bar is as high as its label."""
+    for rings in (1, 3):
+        setup = Setup(rings=rings, width_px=64, height_px=12)
+        run = open_run(
+            write_run(tmp_path / str(rings), setup, points(setup, [(2, 3, 100.0, 0.0, 1e-6)]))
+        )
+        figure = plot_rings(run.frame(1))
+        figure.draw_without_rendering()
+        label = figure.axes[-1].yaxis.label.get_window_extent()
+        assert figure.bbox.contains(label.x0, label.y0) and figure.bbox.contains(label.x1, label.y1)
+
+
+def test_the_axis_of_the_range_rate_tells_where_it_folds() -> None:
+    """5.3 GHz and 1 kHz hold lambda PRF / 4 = 14.1 m/s; a folded target has its true rate, too."""
+    rd_map, _ = map_of(RADAR, [600.0], [40.0], [1e-6], (500.0, 700.0))
+    folded = dataclasses.replace(peak(600.0, 11.72, -60.0), unfolded_velocity_mps=40.0)
+    figure = plot_range_doppler(rd_map, [folded])
+    upper = figure.axes[0].child_axes[0].get_xlabel()
+    assert upper == r"range rate $v$ [m/s], folds at $\pm$14.1 m/s"
+    assert "true +40.0" in labels(figure)[0]
+    still = dataclasses.replace(folded, unfolded_velocity_mps=folded.velocity_mps)
+    assert "true" not in labels(plot_range_doppler(rd_map, [still]))[0]

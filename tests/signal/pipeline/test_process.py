@@ -245,7 +245,7 @@ def test_named_errors_without_traceback(tmp_path: Path) -> None:
     root = Path(__file__).parents[3]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True)
     assert done.returncode == 1
-    assert done.stderr.startswith("FrameFileError: ")
+    assert done.stderr.startswith("radarsim: FrameFileError: ")
     assert "Traceback" not in done.stderr
 
 
@@ -264,12 +264,32 @@ def test_exit_code_of_bad_numbers_and_arguments(
     assert stop.value.code == 2
 
 
+def test_a_detectors_options_without_a_detector_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture
+) -> None:
+    for words in (["--pfa", "1e-3"], ["--cfar-guard", "2,4"]):
+        assert main(["process", str(folder), *words]) == 2
+        error = capsys.readouterr().err
+        assert f"radarsim: ConfigError: {words[0]} without --cfar" in error
+        assert "Add --cfar ca or --cfar os" in error
+    assert main(["process", str(folder), "--no-plots", "--cfar", "ca", "--pfa", "1e-3"]) == 0
+
+
+def test_help_tells_defaults_in_words(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit):
+        main(["process", "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "[none]" not in shown and "None:" not in shown
+    assert "Set the one-way ranges of the profile [those of the run]" in shown
+    assert "Set the false alarms per cell [1e-06]" in shown
+
+
 def test_truncated_exr_ends_with_its_name(folder: Path, capsys: pytest.CaptureFixture) -> None:
     path = folder / "frames/frame_0001/ring_001_t0.exr"
     path.write_bytes(path.read_bytes()[:-40])
     assert main(["process", str(folder)]) == 1
     error = capsys.readouterr().err
-    assert error.startswith("FrameFileError: ")
+    assert error.startswith("radarsim: FrameFileError: ")
     assert "ring_001_t0.exr is damaged or truncated" in error
 
 

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Waves that meet a face from inside beyond the critical angle are named, with their fraction."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.materials import total_reflections
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+from tests.blender.slab_scene import physical_material
+
+pytestmark = pytest.mark.blender
+
+
+def prism(apex_deg: float, index: float) -> Any:
+    """A wedge 20 m ahead: its front is upright and square to the ray, its back leans."""
+    rs.new_scene()
+    depth = 2.0 * math.tan(math.radians(apex_deg))
+    corners = [(x, y, z) for x in (-1, 1) for y, z in ((0, -1), (0, 1), (depth, -1))]
+    faces = [(0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (0, 2, 5, 3)]
+    mesh = bpy.data.meshes.new("Prism")
+    mesh.from_pydata(corners, [], faces)
+    item = bpy.data.objects.new("Prism", mesh)
+    item.location = (0, 2000, 0)
+    bpy.context.scene.collection.objects.link(item)
+    mesh.materials.append(physical_material(index, 0.0))
+    bpy.context.view_layer.update()
+    return item
+
+
+def found() -> list[Any]:
+    return total_reflections(bpy.context.evaluated_depsgraph_get(), [(0, 0, 0), (0, 0, 0)])
+
+
+@pytest.mark.parametrize("index", [1.5, 2.3])
+@pytest.mark.parametrize("above_deg", [-1.0, 1.0])
+def test_a_prism_about_its_critical_angle(index: float, above_deg: float) -> None:
+    """Along the normal of the front, the wave meets the back at the apex angle."""
+    apex_deg = math.degrees(math.asin(1 / index)) + above_deg
+    prism(apex_deg, index)
+    assert [item.code for item in found()] == (["total-reflection"] if above_deg > 0 else [])
+    if above_deg > 0:
+        (said,) = found()
+        assert said.subjects == ("Prism",)
+        assert said.numbers["fraction"] > 0.95
+        assert said.numbers["index"] == pytest.approx(index)
+
+
+def test_a_block_seen_at_a_slant(tmp_path: Path) -> None:
+    """A cube, 40 degrees from its front: bent to asin(sin 40 / n), waves reach the side on
+    tan of that of the width, and there beyond the critical angle for any n above 1.41."""
+    index, angle = 2.3, math.radians(40)
+    rs.new_scene()
+    bpy.ops.mesh.primitive_cube_add(size=2, location=(0, 2000, 0), rotation=(0, 0, angle))
+    cube = bpy.context.object
+    cube.scale = (1, 1, 50)  # no top in reach
+    cube.data.materials.append(physical_material(index, 0.0))
+    bpy.context.view_layer.update()
+    (said,) = found()
+    # Two faces are seen, under 40 and 50 degrees, each with its own bent angle.
+    want = 0.0
+    for seen in (angle, math.pi / 2 - angle):
+        bent = math.asin(math.sin(seen) / index)
+        want += math.cos(seen) * math.tan(bent)
+    want /= math.cos(angle) + math.sin(angle)
+    assert said.numbers["fraction"] == pytest.approx(want, abs=0.02)
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8)
+    assert "total-reflection" in {item.code for item in run.job.findings}
+
+
+def test_walls_spheres_and_thin_media_are_silent() -> None:
+    rs.new_scene()
+    for number, turn in enumerate((0.0, 0.7)):
+        bpy.ops.mesh.primitive_cube_add(location=(20 * number, 2000, 0), rotation=(0, 0, turn))
+        bpy.context.object.scale = (6, 0.05, 6)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, location=(40, 2000, 0))
+    for item in bpy.data.objects:
+        if item.type == "MESH":
+            item.data.materials.append(physical_material(2.3, 0.0))
+    bpy.context.view_layer.update()
+    assert found() == []
+    prism(44.0, 1.4)  # the critical angle of 1.4 is 45.6 degrees
+    assert found() == []
