@@ -19,7 +19,15 @@ import numpy as np
 from ...array_types import Complex, Real
 from ..echoes import Echoes, EchoOptions, synthesizer_for
 from ..paths import make_paths
-from ..radar import Burst, FmcwWaveform, Radar
+from ..radar import (
+    AnyWaveform,
+    Burst,
+    FmcwWaveform,
+    Radar,
+    frequencies_hz,
+    matched_filter,
+    replica,
+)
 from .mti import mti_cancel
 from .range_compression import RangeProfiles, range_process
 from .range_doppler_map import RangeDopplerMap, range_doppler
@@ -28,8 +36,6 @@ from .range_doppler_map import RangeDopplerMap, range_doppler
 _NODE_ERROR = 1e-4
 #: Maximum number of nodes: a migration of some ten range cells.
 _MAX_NODES = 24
-#: Echoes at rest; what moves within a pulse stands at its apparent range.
-_AT_REST = EchoOptions(nufft_backend="direct", motion_within_pulse=False)
 #: Nearest echo: delays below 0 are not received [m].
 _NEAREST_M = 1e-6
 
@@ -135,7 +141,8 @@ def point_response(
         error *= turn / count
     nodes = np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count))
     weights = _lagrange(nodes, times / max(times[-1], 0.5))
-    profiles = [_profiles(recording, range_m + travel_m * node) for node in nodes]
+    rate_mps = -(cycles + folds) * waveform.wavelength_m / 2 * radar.burst.prf_hz
+    profiles = [_profiles(recording, range_m + travel_m * node, rate_mps) for node in nodes]
     turns: Complex = np.exp(2j * np.pi * cycles * times)[:, None]
     response = PointResponse(
         _doppler(recording, weights * turns), np.stack([own for own, _ in profiles])
@@ -205,12 +212,17 @@ def fit_point(own: Complex, patch: Complex) -> tuple[complex, float]:
 
 
 def _unit_echo(
-    recording: Recording, radar: Radar, range_m: float, range_rate_mps: float = 0.0
+    recording: Recording,
+    radar: Radar,
+    range_m: float,
+    range_rate_mps: float = 0.0,
+    within_pulse: bool = False,
 ) -> Echoes:
     """Echoes of one scatterer with amplitude 1 in the recording's receive window."""
     aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
     limits_m = recording.echoes.range_limits_m
-    synthesizer = synthesizer_for(radar, limits_m, _AT_REST)
+    options = EchoOptions(nufft_backend="direct", motion_within_pulse=within_pulse)
+    synthesizer = synthesizer_for(radar, limits_m, options)
     synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
     return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
 
@@ -240,17 +252,44 @@ def _lagrange(nodes: Real, places: Real) -> Real:
     return np.asarray(values)
 
 
-def _profiles(recording: Recording, range_m: float) -> tuple[Complex, Complex | None]:
-    """Return profiles (ranges,) of a stationary unit echo, and of its image in a real ADC, without
-    their carrier phases, so that they change slowly with range.
+def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
+    """How much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a chirp.
+
+    A Doppler shift turns the spectrum W of w(t) by the spectrum T of t w(t); the slope of its phase
+    over the band is a delay.
+    """
+    samples = replica(waveform)
+    times_s = (np.arange(samples.size) - (samples.size - 1) / 2) / waveform.sampling_rate_hz
+    size = 4 * samples.size
+    f = frequencies_hz(waveform, size)
+    spectrum = np.fft.fft(samples, size)
+    late = np.fft.fft(times_s * samples, size)
+    weight = np.abs(matched_filter(waveform, size, range_taper)) / np.maximum(
+        np.abs(spectrum), 1e-300
+    )
+    slope = np.sum(weight * f * (late * np.conj(spectrum)).real)
+    return float(waveform.carrier_hz * slope / np.sum(weight * f**2 * np.abs(spectrum) ** 2))
+
+
+def _profiles(
+    recording: Recording, range_m: float, rate_mps: float
+) -> tuple[Complex, Complex | None]:
+    """Return profiles (ranges,) of a unit echo that is shown at a range, and of its image in a real
+    ADC, without their carrier phases, so that they change slowly with range.
+
+    Pulses move while they are under way; where frequencies come one after the other it is the
+    profile of a stationary echo.
     """
     echoes, range_taper = recording.echoes, recording.rd_map.range_taper
     waveform = echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
         waveform = dataclasses.replace(waveform, real_adc=False)  # what the image adds is its own
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
+    moves = waveform.family == "pulse"
+    if moves:
+        range_m -= rate_mps * _coupling_s(waveform, range_taper)
     range_m = max(range_m, _NEAREST_M)
-    echo = _unit_echo(recording, radar, range_m)
+    echo = _unit_echo(recording, radar, range_m, rate_mps if moves else 0.0, moves)
     columns = recording.rd_map.range_m.size
     carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
     own = range_process(echo, range_taper).values[0, 0, :columns] * carrier
