@@ -106,6 +106,13 @@ SCENE = {
         "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "
         "it opaque.",
     ),
+    "walls-averaged-separately": Kind(
+        "info",
+        "{subjects} let waves through in the mean of both polarisations, each by itself.",
+        "Behind two walls at 60 degrees the power is about 1 dB too low: rings, and scenes with "
+        "other than Radar Materials, cannot carry the polarisations through all walls.",
+        "Choose the polarisation of your radar, or Paths with Radar Materials alone.",
+    ),
     "facets-encode-range": Kind(
         "caution",
         "Range encoding is Materials, and rough physical materials return several reflections.",

@@ -10,6 +10,8 @@ from typing import Any
 
 #: Names that a text gives in full; the others are counted.
 _NAMES_SHOWN = 3
+#: Frames, or series of them, that a text gives; the others are counted.
+_FRAMES_SHOWN = 8
 #: Unit, its size, and the least value that is given in it.
 _NUMBER_UNITS = {
     "length": (("km", 1e3, 1e4), ("m", 1.0, -math.inf)),
@@ -47,7 +49,10 @@ def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
                 continue
         runs.append([frame])
     words = [word for run in runs for word in _run_words(run)]
-    return f"frame{'s' if len(frames) > 1 else ''} {', '.join(words)}"
+    shown = ", ".join(words[:_FRAMES_SHOWN])
+    left = len(words) - _FRAMES_SHOWN
+    more = f" and {left} more" if left > 0 else ""
+    return f"frame{'s' if len(frames) > 1 else ''} {shown}{more}"
 
 
 def _run_words(run: Sequence[int]) -> list[str]:

@@ -196,6 +196,10 @@ def test_frames_that_follow_one_another_are_joined() -> None:
     assert frames_text([1, 3, 7], [1, 3, 5, 7]) == "frames 1, 3, 7"
     assert frames_text(range(2, 21, 2), range(2, 31, 2)) == "frames 2-20 (every 2nd)"
     assert frames_text([1, 2, 3, 8], [1, 2, 3, 8, 9]) == "frames 1-3, 8"
+    scattered = [n * n for n in range(1, 101)]
+    assert frames_text(scattered, range(1, 10_001)) == (
+        "frames 1, 4, 9, 16, 25, 36, 49, 64 and 92 more"
+    )
     assert frames_text([9, 1], [1]) == "frames 1, 9"
 
 

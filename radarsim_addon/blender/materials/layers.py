@@ -254,12 +254,14 @@ def thinnest(item: Any, depsgraph: Any) -> float:
 
 
 def shell_thickness(item: Any, depsgraph: Any) -> float | None:
-    """Return the thickness of an object's walls, Blender units; None unless all have the same.
+    """Return the thickness of an object's walls in its own units; None unless all have the same.
 
     A hollow room, or walls in several directions. Walls are thin against the object.
     """
     areas, depths, parallel = _depths(item, depsgraph)
-    if not parallel.any():
+    linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+    scales = np.linalg.svd(linear, compute_uv=False)
+    if not parallel.any() or np.ptp(scales) > _ONE_THICKNESS * scales.max():
         return None
     order = np.argsort(depths[parallel])
     below = np.cumsum(areas[parallel][order])
@@ -267,7 +269,9 @@ def shell_thickness(item: Any, depsgraph: Any) -> float | None:
     alike = parallel & (np.abs(depths - thickness) <= _ONE_THICKNESS * thickness)
     size = np.array(item.evaluated_get(depsgraph).dimensions).min()
     thin = thickness <= _THIN * size
-    return thickness if thin and areas[alike].sum() >= MIN_PLATE_FRACTION * areas.sum() else None
+    if not thin or areas[alike].sum() < MIN_PLATE_FRACTION * areas.sum():
+        return None
+    return float(thickness / scales.mean())
 
 
 def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:

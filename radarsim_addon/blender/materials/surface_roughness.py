@@ -39,6 +39,10 @@ def is_rough(item: Any) -> bool:
     Parameters
     ----------
     item : bpy.types.Object
+
+    Returns
+    -------
+    bool : False for an object without materials
     """
     sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
     return bool(sockets) and all(

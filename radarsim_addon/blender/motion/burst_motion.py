@@ -212,10 +212,8 @@ class BurstMotion:
                 )
                 break
             count = min(2 * count - 1, plan.max_samples)
-            if fits.resolved:
-                moments = plan.grid(count, *plan.window)
-            else:
-                moments = plan.grid(count, *plan.burst)
+            follows = fits.resolved and not fits.noisy
+            moments = plan.grid(count, *(plan.window if follows else plan.burst))
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()

@@ -50,7 +50,11 @@ class Fits:
     @property
     def displacement_error_bound_m(self) -> float:
         """Largest error bound of all moving bodies [m]."""
-        moving = [m.displacement_error_bound_m for m in self.motions if m.moving]
+        moving = [
+            motion.displacement_error_bound_m
+            for index, motion in enumerate(self.motions)
+            if motion.moving or self._is_noisy(index, motion)
+        ]
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
 
     def fit(self, times_s: list[float]) -> None:
@@ -70,15 +74,20 @@ class Fits:
             self._missed.pop(index, None)
             present = np.isfinite(poses[:, index, 0, 0])
             motion = self._fit_body(index, times[present], poses[present, index])
-            if index in self._missed and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
+            follows = index not in self._missed and not self._is_noisy(index, motion)
+            if not follows and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
                 # What happens before or after the burst can be harder to follow.
-                missed = self._missed.pop(index)
+                missed = self._missed.pop(index, None)
                 present &= in_burst
                 alone = self._fit_body(index, times[present], poses[present, index])
-                if motion.displacement_error_bound_m < alone.displacement_error_bound_m:
-                    self._missed[index] = missed
-                else:
+                if alone.noise_m < 0.7 * motion.noise_m and not (
+                    missed is None and index in self._missed
+                ):
                     motion = alone
+                elif missed is None:
+                    self._missed.pop(index, None)
+                else:
+                    self._missed[index] = missed
             motions.append(motion)
         self.motions = motions
         for name in sampler.surfaces:
@@ -152,11 +161,17 @@ class Fits:
         step_m = _rounding_step(found, self._plan.metres_per_unit)
         return max(self._target_m, _TARGET_ROUNDING * step_m)
 
+    def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
+        """Return whether a fit leaves more than the rounding of poses."""
+        return motion.noise_m > self._rounding_m(index)
+
     def _is_accurate(self, index: int) -> bool:
         motion = self.motions[index]
-        if index in self._missed or index in self._smooth or not motion.moving:
-            return index not in self._missed
-        return (
+        if index in self._smooth:
+            return True
+        if index in self._missed or self._is_noisy(index, motion):
+            return False
+        return not motion.moving or (
             motion.displacement_error_bound_m <= self._target_of(index)
             and motion.rate_stderr_mps <= _TARGET_RATE * self._plan.wavelength_m
         )
@@ -199,8 +214,18 @@ class Fits:
 
     @property
     def resolved(self) -> bool:
-        """Whether all fits follow the motion between the samples."""
-        return not self._missed
+        """Whether all fits follow the motion between the samples, up to rounding."""
+        return not self._missed and all(
+            index in self._smooth
+            or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
+            for index, motion in enumerate(self.motions)
+            if motion.moving
+        )
+
+    @property
+    def noisy(self) -> bool:
+        """Whether a fit leaves more than the rounding of poses, perhaps motion."""
+        return any(self._is_noisy(index, motion) for index, motion in enumerate(self.motions))
 
     def series(self) -> dict[int, VertexSeries]:
         """Return the vertex series by number of the body."""

@@ -36,8 +36,8 @@ use it to find rays that began inside, so that echoes between the faces keep the
 
 OBJECT_SHELL_THICKNESS = "radarsim_shell_thickness"
 """Custom property of an object whose walls are all of one thickness, in any directions: this
-thickness, Blender units. Each face that a ray meets from inside absorbs and delays for the wall
-that it crossed, at its own angle, in place of the volume. 0 or absent: no such object."""
+thickness, in the object's own units. Each face that a ray meets from inside absorbs and delays for
+the wall that it crossed, at its own angle, in place of the volume. 0 or absent: none."""
 
 # Path class of a render in the sampling mode "paths" (absent: all paths). Half-integers, so that no
 # comparison in a shader depends on rounding.

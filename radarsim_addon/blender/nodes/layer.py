@@ -16,10 +16,34 @@ computes positions to 1e-7 of the mesh's size: for a pane of 5 mm, 100 m wide, 2
 thickness."""
 
 
-def shell_thickness(build: TreeBuilder) -> Any:
-    """Add nodes for the thickness of the object's walls, Blender units; 0 for other objects."""
+def shell_thickness(build: TreeBuilder, at_face: bool) -> Any:
+    """Add nodes for the thickness of the object's walls, Blender units; 0 for other objects.
+
+    In an interior, where there is no normal, it only tells whether there are such walls.
+    """
     thickness = build.object_vector_attribute("Shell thickness", attributes.OBJECT_SHELL_THICKNESS)
-    return build.node("ShaderNodeSeparateXYZ", "Shell", {0: thickness}).outputs["X"]
+    own = build.node("ShaderNodeSeparateXYZ", "Shell", {0: thickness}).outputs["X"]
+    if not at_face:
+        return own
+    normal = build.node("ShaderNodeNewGeometry", "Face of the wall").outputs["Normal"]
+    local = _to_object(build, "Normal in object units", normal)
+    # An instance may be scaled: the unit normal is 1/scale long in the object's units.
+    length = build.node(
+        "ShaderNodeVectorMath", "1 / scale", {0: local}, operation="LENGTH"
+    ).outputs["Value"]
+    return build.math("DIVIDE", "Shell thickness, scaled", own, length)
+
+
+def _to_object(build: TreeBuilder, label: str, vector: Any) -> Any:
+    """Add a node that turns a vector of the world into the object's own units."""
+    return build.node(
+        "ShaderNodeVectorTransform",
+        label,
+        {0: vector},
+        vector_type="VECTOR",
+        convert_from="WORLD",
+        convert_to="OBJECT",
+    ).outputs[0]
 
 
 def layer_cosine(build: TreeBuilder) -> Any:
@@ -58,14 +82,7 @@ def internal_echoes(build: TreeBuilder) -> Any:
     across = build.node("ShaderNodeSeparateXYZ", "Thickness", {0: thickness}).outputs["X"]
     ray = build.node("ShaderNodeNewGeometry", "Ray (echoes)").outputs["Incoming"]
     # In the object's own units, so that its scale does not matter.
-    local = build.node(
-        "ShaderNodeVectorTransform",
-        "Ray, object",
-        {0: ray},
-        vector_type="VECTOR",
-        convert_from="WORLD",
-        convert_to="OBJECT",
-    ).outputs[0]
+    local = _to_object(build, "Ray, object", ray)
     rise = build.dot("Rise per length", local, unit)
     path = build.node("ShaderNodeLightPath", "Path (echoes)").outputs
     crossed = math("MULTIPLY", "ray across", path["Ray Length"], math("ABSOLUTE", "rise", rise))

@@ -100,7 +100,9 @@ def _wall_crossed(
     """Add nodes for a wall of a shell that the ray crossed: code and colour with it, and 0 or 1."""
     math = build.math
     back = build.node("ShaderNodeNewGeometry", "Side (shell)").outputs["Backfacing"]
-    thickness = math("MULTIPLY", "d of the wall crossed", shell_thickness(build), back)
+    thickness = math(
+        "MULTIPLY", "d of the wall crossed", shell_thickness(build, at_face=True), back
+    )
     waves = math("DIVIDE", "d / wavelength", thickness, wavelength(build))
     minus = math("MULTIPLY", "-4 pi d / wavelength", waves, -4.0 * _math.pi)
     loss = math("MULTIPLY", "-4 pi Im(q) d / wavelength", minus, wave.v)
@@ -197,7 +199,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
-        solid = math("LESS_THAN", "no shell", shell_thickness(build), 1e-30)
+        solid = math("LESS_THAN", "no shell", shell_thickness(build, at_face=False), 1e-30)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
@@ -217,7 +219,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=5,
+    version=6,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

@@ -20,7 +20,7 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets, passes_by_polarisation
+from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -140,7 +140,7 @@ class PathJob(MeasurementJob):
             self.options,
             self.code_world,
             self.deterministic,
-            self._polarising(),
+            bool(self._settings is not None and self._settings.averaging),
             self.versions,
         )
         self._count_tiles()
@@ -304,14 +304,6 @@ class PathJob(MeasurementJob):
         self.summary = (
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
-        )
-
-    def _polarising(self) -> bool:
-        """Whether waves pass physical materials, in the mean of both polarisations."""
-        return self._measurement.polarisation == "average" and any(
-            passes_by_polarisation(material)
-            for assigned in assigned_materials(evaluated_depsgraph(self._view_layer))
-            for material in assigned.materials
         )
 
     # -- progress of a frame -----------------------------------------------------------------------

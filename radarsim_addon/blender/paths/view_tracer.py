@@ -212,7 +212,8 @@ class ViewTracer:
             return None
         place_m = np.asarray(self.receiver.matrix_world, dtype=np.float64)[:3, 3]
         apart_m = float(np.linalg.norm(self.transmitter_m - place_m))
-        return 2 if apart_m <= _ONE_PLACE * run.plan.extent.from_receiver_m else 0
+        together = apart_m <= _ONE_PLACE * run.plan.extent.from_receiver_m
+        return 2 if together and self.receiver.kind != "orthographic" else 0
 
     def _limits(self, probe: bool) -> TraceLimits:
         run = self.run

@@ -45,6 +45,7 @@ from ..scene import (
     Rig,
     find_rig,
     receiver_record,
+    show_as_rendered,
     show_what_renders,
     simulation_frames,
     transmitter_record,
@@ -86,6 +87,8 @@ class MeasurementJob:
     pausing = False
     #: Whether objects of any material echo.
     code_world = False
+    #: Whether paths pass Radar Materials with certainty, so that renders can be compared.
+    deterministic = False
 
     def __init__(
         self,
@@ -242,7 +245,7 @@ class MeasurementJob:
         frames = self._measurement.frames
         if len(frames) > 1:
             interval_s = min(abs(b - a) for a, b in itertools.pairwise(frames)) / self.plan.fps
-        return config_findings(
+        found = config_findings(
             self._measurement,
             self.plan.rings,
             self.plan.extent.from_emitter_m or None,
@@ -251,6 +254,10 @@ class MeasurementJob:
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
             self._speeds.by_object,
         )
+        assert self._settings is not None
+        if len(self._settings.averaging) > 1 and not self.deterministic:
+            found.append(finding("walls-averaged-separately", *self._settings.averaging))
+        return found
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -297,6 +304,8 @@ class MeasurementJob:
     def _show(self, instant: Instant) -> Any:
         """Bring the scene to a moment; returns the depsgraph at it."""
         # Before the time is set: what appears later would keep the place of another time.
+        if self._shown is None:
+            show_as_rendered(self._shown_for_run, self._scene)
         if self._shown is None or self._shown.frame != instant.frame:
             show_what_renders(self._shown_for_run, self._view_layer)
         needed = instant.frame + (instant.subframe > 0)

@@ -19,6 +19,7 @@ from ..materials import (
     assigned_materials,
     beyond_float32,
     media_beyond_their_band,
+    passes_by_polarisation,
     set_layer_normals,
     settle_interiors,
     total_reflections,
@@ -65,6 +66,8 @@ class MeasurementSettings:
         self._any_material = any_material
         self._recorder = SettingsRestorer()
         self.findings: list[Finding] = []
+        #: Objects that waves pass in the mean of two polarisations.
+        self.averaging: tuple[str, ...] = ()
 
     def __enter__(self) -> MeasurementSettings:
         self.apply()
@@ -271,6 +274,12 @@ class MeasurementSettings:
         failures += media_beyond_their_band(carrier_hz, beyond, in_order)
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
+        if measurement.polarisation == "average":
+            self.averaging = tuple(
+                one.item.name
+                for one in assigned_materials(depsgraph)
+                if any(passes_by_polarisation(material) for material in one.materials)
+            )
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
         antennas = [

@@ -34,7 +34,7 @@ from .rig import (
     setup_rig,
 )
 from .simulations import is_simulated_body, simulation_frames
-from .visibility import show_what_renders
+from .visibility import show_as_rendered, show_what_renders
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -71,6 +71,7 @@ __all__ = [
     "rigid_pose",
     "scene_extent",
     "setup_rig",
+    "show_as_rendered",
     "show_what_renders",
     "simulation_frames",
     "suggest_materials",

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rendered objects, and making them visible to Blender's evaluated scene.
+"""Rendered objects, and making them visible to Blender's evaluated scene as they render.
 
-Poses, extents and ground truth come from the scene of the viewport, which does not contain objects
-that are hidden there. Cycles renders them nevertheless, so radarsim makes them visible during a
-measurement. Objects in a collection that does not render are not part of it.
+Poses, meshes, extents and ground truth come from the scene of the viewport, which does not contain
+objects that are hidden there, and whose modifiers may have other settings. Cycles renders them
+nevertheless, so radarsim shows during a measurement what renders. Objects in a collection that
+does not render are not part of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
+
+import bpy
 
 from ..state import SettingsRestorer
 
@@ -38,6 +41,29 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
                 f"{item.name}: hidden",
                 lambda item=item: item.hide_set(True, view_layer=view_layer),
             )
+
+
+def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
+    """Give modifiers, curves and metaballs of the viewport their settings for renders.
+
+    Parameters
+    ----------
+    recorder
+        Restores the former settings.
+    scene : bpy.types.Scene
+    """
+    recorder.set(scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render)
+    for item in bpy.data.objects:
+        for modifier in item.modifiers:
+            recorder.set(modifier, "show_viewport", modifier.show_render)
+            if hasattr(modifier, "render_levels"):
+                recorder.set(modifier, "levels", modifier.render_levels)
+    for curve in bpy.data.curves:
+        for name in ("resolution_u", "resolution_v"):
+            # 0: that of the viewport
+            recorder.set(curve, name, getattr(curve, f"render_{name}") or getattr(curve, name))
+    for ball in bpy.data.metaballs:
+        recorder.set(ball, "resolution", ball.render_resolution)
 
 
 def _rendered_collections(layer: Any) -> Iterator[Any]:

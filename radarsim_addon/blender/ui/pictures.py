@@ -242,7 +242,8 @@ def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
         column = round(axes.column(-2 * value / wavelength_m))
         canvas[TOP - 5 : TOP + 1, column] = _INK
         _put_text(canvas, _number(value), column, TOP - 18)
-    label = f"Range rate [m/s] (receding: positive; folds at +-{high:.3g} m/s)"
+    limit_mps = (high - low) / 2  # rows are centred on 0 Hz, the outer ones not on the axis' ends
+    label = f"Range rate [m/s] (receding: positive; folds at +-{limit_mps:.3g} m/s)"
     _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 

@@ -20,10 +20,12 @@ from .peaks import Peak
 _Target = TypeVar("_Target", Peak, Detection)
 #: A target takes the paths within so many cells of range, and Doppler rows, of its peak.
 _REACH_CELLS, _REACH_ROWS = 2, 2
+#: More than any profile has.
+_RANGE_CELLS = 1 << 31
 
 
 class DopplerFolds:
-    """Power of the moving paths by range cell, Doppler row, and number of folds.
+    """Power of the moving paths by range cell and Doppler cell before folding.
 
     Parameters
     ----------
@@ -39,8 +41,9 @@ class DopplerFolds:
         fmcw = radar.waveform.kind == "fmcw"
         self._period_m = math.inf if fmcw else radar.unambiguous_range_m
         self._cell_m = radar.waveform.range_resolution_m
-        self._keys = np.zeros((0, 3), dtype=np.int64)
-        #: Power, and power times range rate, of each key.
+        #: Both cells in one number (a sort of pairs takes ten times as long), and the power and
+        #: power times range rate of each.
+        self._codes = np.zeros(0, dtype=np.int64)
         self._sums = np.zeros((2, 0))
 
     def add(self, paths: Paths) -> None:
@@ -49,29 +52,36 @@ class DopplerFolds:
         rate = paths.range_rate_mps[moving]
         # a peak of the map stands where its echo was in the middle of the burst
         middle_s = (self._rows - 1) / 2 / self._radar.burst.prf_hz
-        cell, row = self._cell(paths.range_m[moving] + rate * middle_s, rate)
-        keys = np.stack([cell, row, np.rint(rate / self._interval_mps).astype(np.int64)], axis=1)
+        cell, doppler = self._cells(paths.range_m[moving] + rate * middle_s, rate)
         power = path_power_w(paths, self._radar.waveform.wavelength_m)[moving]
-        joined = np.concatenate([self._keys, keys])
-        self._keys, place = np.unique(joined, axis=0, return_inverse=True)
+        joined = np.concatenate([self._codes, doppler * _RANGE_CELLS + cell])
+        self._codes, place = np.unique(joined, return_inverse=True)
         parts = np.concatenate([self._sums, [power, power * rate]], axis=1)
-        self._sums = np.stack([np.bincount(place.ravel(), part) for part in parts])
+        self._sums = np.stack([np.bincount(place, part) for part in parts])
 
-    def _cell(self, range_m: Real, rate_mps: Real) -> tuple[Integers, Integers]:
-        """Return range cell and Doppler row of paths, or of a peak."""
+    def _cells(self, range_m: Real, rate_mps: Real) -> tuple[Integers, Integers]:
+        """Return range cell, and Doppler cell before folding, of paths or of a peak."""
         if math.isfinite(self._period_m):
             range_m = np.mod(range_m, self._period_m)
-        row = np.rint(rate_mps / self._interval_mps * self._rows).astype(np.int64)
-        return np.rint(range_m / self._cell_m).astype(np.int64), row % self._rows
+        doppler = np.rint(rate_mps / self._interval_mps * self._rows)
+        limit = _RANGE_CELLS - 1
+        cell = np.clip(np.rint(range_m / self._cell_m), 0, limit).astype(np.int64)
+        return cell, np.clip(doppler, -limit, limit).astype(np.int64)
+
+    def _known(self) -> tuple[Integers, Integers, Integers]:
+        """Return range cell, Doppler row and number of folds of what was added."""
+        doppler, cell = np.divmod(self._codes, _RANGE_CELLS)
+        return cell, doppler % self._rows, (doppler + self._rows // 2) // self._rows
 
     def covers(self, rd_map: RangeDopplerMap) -> Mask:
         """Return where a moving path may make a peak of a map, (Doppler, ranges)."""
         range_m, rows, count = rd_map.range_m, self._rows, rd_map.plane.shape[0]
         edges = np.zeros((count, range_m.size + 1))
-        centre_m = self._keys[:, 0] * self._cell_m
+        cell, known_row, order = self._known()
+        centre_m = cell * self._cell_m
         # a map after a canceller has fewer rows
-        row = np.rint(-self._keys[:, 1] * count / rows).astype(np.int64) + count // 2
-        reach_m = self._reach_m(self._keys[:, 2])
+        row = np.rint(-known_row * count / rows).astype(np.int64) + count // 2
+        reach_m = self._reach_m(order)
         first, last = (np.searchsorted(range_m, centre_m + s * reach_m) for s in (-1, 1))
         for apart in range(-_REACH_ROWS, _REACH_ROWS + 1):
             np.add.at(edges, ((row + apart) % count, first), 1)
@@ -93,11 +103,11 @@ class DopplerFolds:
         Their range rate is `velocity_mps` plus this many intervals of lambda PRF / 2. None: no
         moving path is there.
         """
-        cell, row = self._cell(np.array(range_m), np.array(velocity_mps))
-        apart = np.abs(self._keys[:, 1] - row)
+        own_cell, own_doppler = self._cells(np.array(range_m), np.array(velocity_mps))
+        cell, row, order = self._known()
+        apart = np.abs(row - own_doppler % self._rows)
         near = np.minimum(apart, self._rows - apart) <= _REACH_ROWS
-        order = self._keys[:, 2]
-        near &= np.abs(self._keys[:, 0] - cell) * self._cell_m <= self._reach_m(order)
+        near &= np.abs(cell - own_cell) * self._cell_m <= self._reach_m(order)
         if not near.any():
             return None
         _, place = np.unique(order[near], return_inverse=True)

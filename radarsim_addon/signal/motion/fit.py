@@ -71,7 +71,7 @@ class _Samples:
         turn, reference, criterion, residual = self._fit_turn(rows, start_s, stop_s)
         spread, rate = spread_of(times_s, start_s, stop_s, len(turn), self.burst)
         slow = slow_noise(times_s, residual, start_s, stop_s, len(turn))
-        turning = Series(turn, criterion, residual, spread, slow, rate)
+        turning = Series(turn, criterion, residual, spread, slow, self.floor_turn, rate)
         bare = Segment(start_s, stop_s, np.zeros((1, 3)), np.zeros(3), turn, reference)
         turned = bare.orientation(times_s)
         pivot = np.zeros(3)
@@ -153,7 +153,7 @@ class _Samples:
                 spread, rate = spread_of(times_s, start_s, stop_s, degree, self.burst)
                 spread += np.sqrt(6 / len(times_s))
                 slow = slow_noise(times_s, residual, start_s, stop_s, degree)
-                best = Series(coefficients, criterion, residual, spread, slow, rate)
+                best = Series(coefficients, criterion, residual, spread, slow, self.floor_m, rate)
                 pivot = solved[-3:]
         return best, pivot
 

@@ -17,6 +17,8 @@ _LEAST_SAMPLES = 6
 _MAX_DEPTH = 7
 #: Minimum gain of two segments over one, in units of the criterion.
 _SPLIT_GAIN = 20.0
+#: Largest scatter of rounding, in units of the floor, which is a tenth of float32's step.
+_MOST_NOISE = 20.0
 #: Standard deviations in a bound.
 _SIGMAS = 3.0
 
@@ -81,10 +83,14 @@ def within_burst(fitted: Sequence[FittedSegment], span_s: float) -> list[FittedS
 
 
 def _is_noise(fitted: FittedSegment) -> bool:
-    """Whether the residual looks like rounding: no slow part, no peaks."""
+    """Whether the residual looks like rounding: small, no slow part, no peaks."""
     for series in (fitted.move, fitted.turn):
         scatter = series.scatter
-        if series.slow > 2 * scatter or np.abs(series.residual).max() > 8 * scatter:
+        if (
+            scatter > _MOST_NOISE * series.floor
+            or series.slow > 2 * scatter
+            or np.abs(series.residual).max() > 8 * scatter
+        ):
             return False
     return True
 

@@ -30,6 +30,7 @@ class Series:
     residual: Real  # (samples, columns)
     spread: float  # largest standard deviation of a displacement, for unit noise; see `spread_of`
     slow: float  # noise that a fit takes for motion, see `slow_noise`
+    floor: float = np.inf  # rounding below which nothing is fitted
     rate: float = 0.0  # standard deviation of the rate at the epoch, for unit noise [1/s]
 
     @property
@@ -116,7 +117,7 @@ def fit_series(
     solved[0] += offset
     spread, rate = spread_of(times_s, start_s, stop_s, best, burst)
     slow = slow_noise(times_s, residual, start_s, stop_s, best)
-    return Series(solved, criterion, residual, spread, slow, rate)
+    return Series(solved, criterion, residual, spread, slow, floor, rate)
 
 
 def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:

@@ -227,3 +227,23 @@ def test_keys_that_act_from_elsewhere(tmp_path: Path, how: str) -> None:
     assert rate_mps < RATE_WITHIN_MPS
     assert phase < PHASE_WITHIN
     assert bpy.context.scene.frame_current == 1
+
+
+@pytest.mark.parametrize("rate", [20, 150])
+@pytest.mark.parametrize("amplitude_m", [1e-2, 1e-4])
+def test_vibration_that_is_fast_for_the_samples(
+    tmp_path: Path, amplitude_m: float, rate: float
+) -> None:
+    """A hundredth of a wavelength counts too: scatter above float32's rounding is motion."""
+    mh.scene_at(20.0, 1.0)
+    target = mh.facets("Target", [(0, 0, 0)], 0.6)
+    target.location = (0, 20, 0)
+    curve = target.driver_add("location", 1)
+    curve.driver.expression = f"20 + {amplitude_m} * sin(frame * {rate})"
+
+    def motion(frame: float) -> float:
+        return 20 + amplitude_m * math.sin(frame * rate)
+
+    _, phase, record = errors(tmp_path, LONG, motion, 3)
+    assert phase < PHASE_WITHIN
+    assert not record.findings

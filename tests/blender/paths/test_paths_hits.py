@@ -284,3 +284,54 @@ def test_mirror_in_closed_form(tmp_path: Path) -> None:
     assert np.abs(rows["last_scatterer_m"] - ends).max() < 1e-9
     assert np.abs(rows["length_m"] - exact_m).max() < 1e-6 * WAVELENGTH_M
     assert rows["length_sigma_m"].max() < 1e-6 * WAVELENGTH_M
+
+
+@pytest.mark.parametrize("range_m", [10.0, 1e4])
+def test_the_mesh_of_renders_is_that_of_lengths(tmp_path: Path, range_m: float) -> None:
+    """Modifiers that show another mesh in the viewport; one of them in a linked file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add(size=1.2)
+    source = bpy.context.object
+    smoother = source.modifiers.new("Smoother", "SUBSURF")
+    smoother.levels, smoother.render_levels = 1, 3
+    bent = source.modifiers.new("Bend", "SIMPLE_DEFORM")
+    bent.deform_method, bent.angle, bent.show_viewport = "TAPER", 1.5, False
+    bpy.data.libraries.write(str(tmp_path / "linked.blend"), {source}, fake_user=True)
+    rs.new_scene()
+    with bpy.data.libraries.load(str(tmp_path / "linked.blend"), link=True) as (_, wanted):
+        wanted.objects = ["Cube"]
+    linked = bpy.data.objects["Cube"]
+    holder = bpy.data.collections.new("Holder")
+    holder.objects.link(linked)
+    item = bpy.data.objects.new("Instance", None)
+    item.instance_type, item.instance_collection = "COLLECTION", holder
+    bpy.context.scene.collection.objects.link(item)
+    look_at(item, range_m, "radar")
+    run = measure(tmp_path / "run", range_encoding="world")
+    assert linked.modifiers[0].levels == 1
+    assert not linked.modifiers[1].show_viewport
+    linked.modifiers[0].levels, linked.modifiers[1].show_viewport = 3, True
+    triangles = triangles_of(linked)
+    bpy.context.view_layer.update()
+    check(run, triangles + np.array(item.matrix_world, dtype=np.longdouble)[:3, 3])
+
+
+def test_displaced_surfaces_keep_the_hit_points_of_cycles(tmp_path: Path) -> None:
+    """The mesh that is hit is not the one that Blender evaluates: sigmas stay those of float32."""
+    rs.new_scene()
+    material = ph.lambert(0.5)
+    material.displacement_method = "DISPLACEMENT"
+    tree = material.node_tree
+    shift = tree.nodes.new("ShaderNodeDisplacement")
+    for name, value in (("Midlevel", 0.0), ("Height", 0.05), ("Scale", 1.0)):
+        shift.inputs[name].default_value = value
+    output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+    tree.links.new(shift.outputs[0], output.inputs["Displacement"])
+    item = ph.plate_at(0.0, 1.0, material)
+    look_at(item, 100.0, "radar")
+    rows = measure(tmp_path, range_encoding="world").table()
+    assert rows.size > 100
+    # the plate faces -y and was lifted by 5 cm
+    lifted_m = item.location.y - rows["last_scatterer_m"][:, 1]
+    np.testing.assert_allclose(lifted_m, 0.05, atol=1e-4)
+    assert rows["length_sigma_m"].min() > 1e-6

@@ -67,6 +67,20 @@ def test_empty_map_and_profile_can_be_drawn() -> None:
     assert words.min() < 0.3 and plain.min() == 1.0  # "no echo" in the middle
 
 
+@pytest.mark.parametrize(("pulses", "limit"), [(128, 0.973), (4, 0.973), (5, 0.973)])
+def test_the_axis_of_the_range_rate_tells_where_it_folds(
+    monkeypatch: pytest.MonkeyPatch, pulses: int, limit: float
+) -> None:
+    """77 GHz and 1 kHz hold lambda PRF / 4, however many pulses there are."""
+    texts: list[str] = []
+    mask = pictures.text_mask
+    monkeypatch.setattr(pictures, "text_mask", lambda text: texts.append(text) or mask(text))
+    doppler_hz = np.fft.fftshift(np.fft.fftfreq(pulses, 1e-3))
+    power_db = np.full((pulses, 10), -80.0)
+    pictures.draw_map(np.arange(10.0), doppler_hz, power_db, 299792458 / 77e9, "Folds")
+    assert f"Range rate [m/s] (receding: positive; folds at +-{limit} m/s)" in texts
+
+
 def test_one_pulse_has_no_doppler_numbers() -> None:
     power_db = np.full((1, 10), -80.0)
     one = pictures.draw_map(np.arange(10.0), np.zeros(1), power_db, 0.05, "One")

@@ -392,3 +392,15 @@ def test_the_label_of_the_rings_colours_is_inside_the_picture(tmp_path: Path) ->
         figure.draw_without_rendering()
         label = figure.axes[-1].yaxis.label.get_window_extent()
         assert figure.bbox.contains(label.x0, label.y0) and figure.bbox.contains(label.x1, label.y1)
+
+
+def test_the_axis_of_the_range_rate_tells_where_it_folds() -> None:
+    """5.3 GHz and 1 kHz hold lambda PRF / 4 = 14.1 m/s; a folded target has its true rate, too."""
+    rd_map, _ = map_of(RADAR, [600.0], [40.0], [1e-6], (500.0, 700.0))
+    folded = dataclasses.replace(peak(600.0, 11.72, -60.0), unfolded_velocity_mps=40.0)
+    figure = plot_range_doppler(rd_map, [folded])
+    upper = figure.axes[0].child_axes[0].get_xlabel()
+    assert upper == r"range rate $v$ [m/s], folds at $\pm$14.1 m/s"
+    assert "true +40.0" in labels(figure)[0]
+    still = dataclasses.replace(folded, unfolded_velocity_mps=folded.velocity_mps)
+    assert "true" not in labels(plot_range_doppler(rd_map, [still]))[0]
