@@ -95,7 +95,8 @@ class PaperScene:
     ) -> Result:
         """Rings of 250 m, one snapshot: 21 as in the scene, or so many."""
         folder = self._fresh("rings")
-        values = {"width_px": width_px, "height_px": height_px, "samples": samples, "snapshots": 1}
+        values: dict[str, Any] = {"width_px": width_px, "height_px": height_px, "samples": samples}
+        values["snapshots"] = 1
         if count is not None:
             values["rings"] = count
         with stopwatch() as acquire:

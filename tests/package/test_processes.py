@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -106,7 +107,7 @@ def test_temporary_files_of_killed_processes_go(
         assert theirs.is_file() and theirs.match(atomic_files.TEMPORARY_PATTERN)
         remove_abandoned(tmp_path)
         assert theirs.is_file()
-    monkeypatch.setattr(processes.socket, "gethostname", lambda: "elsewhere")
+    monkeypatch.setattr(socket, "gethostname", lambda: "elsewhere")
     processes._identity_of.cache_clear()
     remove_abandoned(tmp_path)
     assert theirs.is_file()
