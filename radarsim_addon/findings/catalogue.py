@@ -8,8 +8,9 @@ Templates name the finding's numbers in braces, with Python's format specificati
 from __future__ import annotations
 
 from .kinds import Kind
+from .path_kinds import MOTION, NO_ECHO, PATHS
 from .processing_kinds import PROCESSING, ROUGHNESS
-from .rendering_kinds import MOTION, NO_ECHO, PATHS, RUNS, SCENE, SETTINGS
+from .rendering_kinds import RUNS, SCENE, SETTINGS
 
 #: Codes by topic, in the order of the reference page.
 TOPICS: dict[str, dict[str, Kind]] = {

@@ -39,9 +39,10 @@ PROCESSING = {
     "no-echo": Kind(
         "error",
         "The frame contains no echo, so all maps are empty.",
-        "A Point light does not show in mirrors, and a transmitter inside a closed mesh "
-        "illuminates nothing.",
-        "Check that the transmitter is outside closed meshes, then give smooth surfaces a "
+        "The scene has no objects in view, or none returns power to the radar: a Point light does "
+        "not show in mirrors, and a transmitter inside a closed mesh illuminates nothing.",
+        "Check that objects are in the camera's view and the transmitter is outside closed meshes, "
+        "then give smooth surfaces a "
         "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
         "Shadow Catcher off. Check that no object is scaled to 0.",
     ),

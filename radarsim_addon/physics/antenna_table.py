@@ -31,7 +31,8 @@ class TableAntenna:
     ----------
     azimuth_deg, elevation_deg
         Increasing angles, (A,) and (E,) [deg]. A grid of azimuths over the full circle is closed.
-    gain_db : Gain over isotropic, (A, E) [dBi]
+    gain_db
+        Gain over isotropic, (A, E) [dBi].
 
     Attributes
     ----------

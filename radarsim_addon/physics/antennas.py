@@ -39,11 +39,13 @@ def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> R
 
     Parameters
     ----------
-    azimuth_rad, elevation_rad : Angles of any shapes that broadcast [rad]
+    azimuth_rad, elevation_rad
+        Angles of any shapes that broadcast [rad].
 
     Returns
     -------
-    ndarray : Directions, (..., 3)
+    ndarray
+        Directions, (..., 3).
     """
     azimuth, elevation = np.broadcast_arrays(
         np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
@@ -57,11 +59,13 @@ def angles_from_direction(directions: ArrayLike) -> tuple[Real, Real]:
 
     Parameters
     ----------
-    directions : Vectors of any length in the antenna's frame, (..., 3)
+    directions
+        Vectors of any length in the antenna's frame, (..., 3).
 
     Returns
     -------
-    azimuth, elevation : Angles, (...) [rad]
+    azimuth, elevation
+        Angles, (...) [rad].
     """
     x, y, z = np.moveaxis(unit_directions(directions), -1, 0)
     # hypot keeps the digits near the poles, where asin(y) loses them.
@@ -73,15 +77,18 @@ def unit_directions(directions: ArrayLike) -> Real:
 
     Parameters
     ----------
-    directions : Vectors, (..., 3)
+    directions
+        Vectors, (..., 3).
 
     Returns
     -------
-    ndarray : Unit vectors, (..., 3)
+    ndarray
+        Unit vectors, (..., 3).
 
     Raises
     ------
-    ConfigError : NaN, a vector of length zero, or a last axis other than 3
+    ConfigError
+        NaN, a vector of length zero, or a last axis other than 3.
     """
     vectors = real_array("Direction", directions)
     if vectors.ndim == 0 or vectors.shape[-1] != 3:
@@ -99,15 +106,18 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
     ----------
     matrix_world
         Pose of the antenna, (4, 4) or (3, 3). Only its rotation is used; a scale has no effect.
-    directions_world : Directions in the world, (..., 3)
+    directions_world
+        Directions in the world, (..., 3).
 
     Returns
     -------
-    ndarray : Unit vectors, (..., 3)
+    ndarray
+        Unit vectors, (..., 3).
 
     Raises
     ------
-    ConfigError : The matrix has another shape, or a direction is NaN or zero
+    ConfigError
+        The matrix has another shape, or a direction is NaN or zero.
     """
     matrix = real_array("Pose matrix", matrix_world)
     if matrix.shape not in ((3, 3), (4, 4)):
@@ -122,11 +132,13 @@ def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> 
     Parameters
     ----------
     transmit, receive : Antennas
-    directions : Directions in the common frame, (..., 3)
+    directions
+        Directions in the common frame, (..., 3).
 
     Returns
     -------
-    ndarray : Gain over isotropic, squared, (...)
+    ndarray
+        Gain over isotropic, squared, (...).
     """
     return transmit.gain(directions) * receive.gain(directions)
 
@@ -136,13 +148,15 @@ def sphere_mean(antenna: Antenna, latitudes: int = 181, longitudes: int = 360) -
 
     Parameters
     ----------
-    antenna : Antenna to integrate
+    antenna
+        Antenna to integrate.
     latitudes, longitudes
         Nodes per hemisphere and around boresight; use several per sidelobe for large apertures.
 
     Returns
     -------
-    float : Mean gain, linear
+    float
+        Mean gain, linear.
 
     Notes
     -----
@@ -172,7 +186,8 @@ class Isotropic:
 
     Parameters
     ----------
-    efficiency : Radiated over accepted power, 0 to 1
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     efficiency: float = 1.0
@@ -191,8 +206,10 @@ class CosinePower:
 
     Parameters
     ----------
-    exponent : q, 0 or more. Directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact).
-    efficiency : Radiated over accepted power, 0 to 1
+    exponent
+        q, 0 or more. Directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact).
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     exponent: float
@@ -208,16 +225,20 @@ class CosinePower:
 
         Parameters
         ----------
-        half_power_rad : Full width, more than 0 and less than pi [rad]
-        efficiency : Radiated over accepted power, 0 to 1
+        half_power_rad
+            Full width, more than 0 and less than pi [rad].
+        efficiency
+            Radiated over accepted power, 0 to 1.
 
         Returns
         -------
-        CosinePower : The pattern
+        CosinePower
+            The pattern.
 
         Raises
         ------
-        ConfigError : The width is not between 0 and pi
+        ConfigError
+            The width is not between 0 and pi.
         """
         half = _positive("Beamwidth", half_power_rad, "rad") / 2
         if half >= np.pi / 2:
@@ -250,8 +271,10 @@ class Gaussian:
 
     Parameters
     ----------
-    azimuth_beamwidth_rad, elevation_beamwidth_rad : Full widths at half power, up to pi [rad]
-    efficiency : Radiated over accepted power, 0 to 1
+    azimuth_beamwidth_rad, elevation_beamwidth_rad
+        Full widths at half power, up to pi [rad].
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     azimuth_beamwidth_rad: float
@@ -301,9 +324,12 @@ class Aperture:
 
     Parameters
     ----------
-    width_m, height_m : W and H [m]
-    wavelength_m : lambda [m]
-    efficiency : Radiated over accepted power, 0 to 1
+    width_m, height_m
+        W and H [m].
+    wavelength_m
+        lambda [m].
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     width_m: float

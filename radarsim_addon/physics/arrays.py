@@ -28,15 +28,18 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
     taper
         Name of `TAPERS` ('taylor' is nbar 4, -35 dB; 'chebyshev' -50 dB), or one weight per
         element.
-    count : Number of elements
+    count
+        Number of elements.
 
     Returns
     -------
-    ndarray : Amplitudes, (count,)
+    ndarray
+        Amplitudes, (count,).
 
     Raises
     ------
-    ConfigError : Unknown name, wrong number of weights, NaN, or a sum of zero
+    ConfigError
+        Unknown name, wrong number of weights, NaN, or a sum of zero.
     MissingDependencyError : 'taylor' or 'chebyshev' without scipy
     """
     if not isinstance(taper, str):
@@ -86,14 +89,20 @@ class PlanarArray:
 
     Parameters
     ----------
-    columns, rows : Elements to the right and up
-    column_spacing_m, row_spacing_m : Distances between them [m]
-    wavelength_m : Wavelength [m]
-    steer_azimuth_rad, steer_elevation_rad : Direction of the beam [rad]
-    column_taper, row_taper : Name of `TAPERS` or one weight per element
+    columns, rows
+        Elements to the right and up.
+    column_spacing_m, row_spacing_m
+        Distances between them [m].
+    wavelength_m
+        Wavelength [m].
+    steer_azimuth_rad, steer_elevation_rad
+        Direction of the beam [rad].
+    column_taper, row_taper
+        Name of `TAPERS` or one weight per element.
     element_exponent
         Element's power pattern cos^q ahead and 0 behind; None: isotropic on both sides.
-    efficiency : Radiated over accepted power, 0 to 1
+    efficiency
+        Radiated over accepted power, 0 to 1.
     """
 
     columns: int

@@ -34,19 +34,24 @@ def real_array(
 
     Parameters
     ----------
-    name, unit : For the message
-    value : Number or array; all elements must be finite
+    name, unit
+        For the message.
+    value
+        Number or array; all elements must be finite.
     minimum, maximum
         Closed bounds; None: no bound. Values beyond one by up to `EDGE_SLACK` of it are set to it.
-    above : Open lower bound; None: no bound
+    above
+        Open lower bound; None: no bound.
 
     Returns
     -------
-    ndarray : The numbers, in the shape of `value`
+    ndarray
+        The numbers, in the shape of `value`.
 
     Raises
     ------
-    ConfigError : A value is no number, not finite or out of range; the message has the first one
+    ConfigError
+        A value is no number, not finite or out of range; the message has the first one.
     """
     try:
         if np.asarray(value).dtype.kind not in "iuf":  # a text or a truth value is no number
@@ -95,11 +100,13 @@ def require_one_shape(**arrays: NDArray[Any]) -> None:
 
     Parameters
     ----------
-    **arrays : Arrays by the name that the message uses
+    **arrays
+        Arrays by the name that the message uses.
 
     Raises
     ------
-    ConfigError : They do not; the message has the name and shape of each
+    ConfigError
+        They do not; the message has the name and shape of each.
     """
     try:
         np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -115,15 +122,18 @@ def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
 
     Parameters
     ----------
-    index : n + jk, any shape, finite, not zero, k >= 0
+    index
+        n + jk, any shape, finite, not zero, k >= 0.
 
     Returns
     -------
-    ndarray : The index, in the same shape
+    ndarray
+        The index, in the same shape.
 
     Raises
     ------
-    ConfigError : NaN or Inf, zero, or gain, which is nearly always the other sign convention
+    ConfigError
+        NaN or Inf, zero, or gain, which is nearly always the other sign convention.
     """
     array = np.array(index, dtype=np.complex128)
     if not np.all(np.isfinite(array)):
@@ -149,11 +159,13 @@ def direction_cosine(cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    cos_incidence : Cosine, any shape, 0 to 1
+    cos_incidence
+        Cosine, any shape, 0 to 1.
 
     Returns
     -------
-    ndarray : The cosine, in the same shape
+    ndarray
+        The cosine, in the same shape.
     """
     return real_array("Cosine of the angle of incidence", cos_incidence, "", 0.0, 1.0)
 
@@ -165,8 +177,10 @@ class CsvTable:
     Attributes
     ----------
     path : File
-    columns : Cells of each column by its name in lower case
-    lines : Line of the file that each row comes from
+    columns
+        Cells of each column by its name in lower case.
+    lines
+        Line of the file that each row comes from.
     """
 
     path: Path
@@ -178,15 +192,18 @@ class CsvTable:
 
         Parameters
         ----------
-        column : Name in lower case
+        column
+            Name in lower case.
 
         Returns
         -------
-        ndarray : Numbers, (rows,)
+        ndarray
+            Numbers, (rows,).
 
         Raises
         ------
-        ConfigError : A cell is not a finite number; the message has file and line
+        ConfigError
+            A cell is not a finite number; the message has file and line.
         """
         values = []
         for cell, line in zip(self.columns[column], self.lines, strict=True):
@@ -211,11 +228,13 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
     path
         Comma-separated, UTF-8 with or without byte-order mark; blank lines and lines that start
         with # are skipped; columns in any order, names in any case.
-    choices : Alternative sets of column names
+    choices
+        Alternative sets of column names.
 
     Returns
     -------
-    CsvTable : Its cells
+    CsvTable
+        Its cells.
 
     Raises
     ------

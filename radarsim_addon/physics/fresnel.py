@@ -20,9 +20,12 @@ class FacePower(NamedTuple):
 
     Attributes
     ----------
-    r : Amplitude reflection coefficient
-    tt : Product of the amplitudes that enter and leave, 1 - r^2
-    entering : Fraction of the power that enters, 1 - |r|^2
+    r
+        Amplitude reflection coefficient.
+    tt
+        Product of the amplitudes that enter and leave, 1 - r^2.
+    entering
+        Fraction of the power that enters, 1 - |r|^2.
     """
 
     r: Complex
@@ -35,12 +38,15 @@ def normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Re
 
     Parameters
     ----------
-    index : Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
-    cos_incidence : Cosine of the angle of incidence, 0 to 1
+    index
+        Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
+    cos_incidence
+        Cosine of the angle of incidence, 0 to 1.
 
     Returns
     -------
-    eps, cosine, q : q = sqrt(n^2 - sin^2(theta)), the branch with Im(q) >= 0
+    eps, cosine, q
+        q = sqrt(n^2 - sin^2(theta)), the branch with Im(q) >= 0.
     """
     eps = np.asarray(index, dtype=np.complex128) ** 2
     cosine = np.asarray(cos_incidence, dtype=np.float64)
@@ -53,11 +59,13 @@ def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]
 
     Parameters
     ----------
-    eps, cosine, q : As `normal_wave` returns them
+    eps, cosine, q
+        As `normal_wave` returns them.
 
     Returns
     -------
-    s, p : Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s
+    s, p
+        Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s.
 
     Notes
     -----
@@ -82,11 +90,13 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
     Parameters
     ----------
-    index, cos_incidence : As for `normal_wave`
+    index, cos_incidence
+        As for `normal_wave`.
 
     Returns
     -------
-    r_s, r_p : See `faces`
+    r_s, r_p
+        See `faces`.
     """
     s, p = faces(*normal_wave(index, cos_incidence))
     return s.r, p.r
@@ -99,11 +109,13 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 
     Parameters
     ----------
-    index, cos_incidence : As for `normal_wave`
+    index, cos_incidence
+        As for `normal_wave`.
 
     Returns
     -------
-    t_s, t_p : Fractions for both polarisations, of the broadcast shape
+    t_s, t_p
+        Fractions for both polarisations, of the broadcast shape.
     """
     s, p = faces(*normal_wave(index, cos_incidence))
     return s.entering, p.entering
@@ -114,11 +126,13 @@ def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence : As for `normal_wave`
+    index, cos_incidence
+        As for `normal_wave`.
 
     Returns
     -------
-    ndarray : Fraction of the incident power, of the broadcast shape
+    ndarray
+        Fraction of the incident power, of the broadcast shape.
     """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
     return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)

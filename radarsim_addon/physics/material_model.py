@@ -27,9 +27,12 @@ class OutOfBand:
 
     Attributes
     ----------
-    edge_hz : Nearest edge of the band [Hz]
-    reflection_db : Reflection at normal incidence, held against extrapolated [dB, 0 or more]
-    absorption_ratio : Absorption per length, the larger of the two over the smaller
+    edge_hz
+        Nearest edge of the band [Hz].
+    reflection_db
+        Reflection at normal incidence, held against extrapolated [dB, 0 or more].
+    absorption_ratio
+        Absorption per length, the larger of the two over the smaller.
     """
 
     edge_hz: float
@@ -51,10 +54,14 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit, meaning : Texts for users
-    default : Value if none is given; None: it must be given
-    minimum, maximum : Closed bounds; None: no bound
-    above : Open lower bound; None: no bound
+    name, unit, meaning
+        Texts for users.
+    default
+        Value if none is given; None: it must be given.
+    minimum, maximum
+        Closed bounds; None: no bound.
+    above
+        Open lower bound; None: no bound.
     """
 
     name: str
@@ -72,14 +79,20 @@ class MaterialModel:
 
     Parameters
     ----------
-    name : Key in the registry
-    title : Name for people
-    source, edition : Publication of the equation or the numbers, and its edition
-    bands_hz : Frequency intervals [Hz], both ends included, in which the source declares it valid
+    name
+        Key in the registry.
+    title
+        Name for people.
+    source, edition
+        Publication of the equation or the numbers, and its edition.
+    bands_hz
+        Frequency intervals [Hz], both ends included, in which the source declares it valid.
     permittivity_of
         Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
-    parameters : Its other parameters
-    remedy : Advice for frequencies outside the band
+    parameters
+        Its other parameters.
+    remedy
+        Advice for frequencies outside the band.
     """
 
     name: str
@@ -106,12 +119,15 @@ class MaterialModel:
 
         Parameters
         ----------
-        frequency_hz : Frequency [Hz], any shape; parameters broadcast with it
-        **parameters : Values of the model's `parameters` by name
+        frequency_hz
+            Frequency [Hz], any shape; parameters broadcast with it.
+        **parameters
+            Values of the model's `parameters` by name.
 
         Returns
         -------
-        ndarray : Complex, of the broadcast shape
+        ndarray
+            Complex, of the broadcast shape.
 
         Raises
         ------
@@ -149,12 +165,15 @@ class MaterialModel:
 
         Parameters
         ----------
-        frequency_hz : Frequency [Hz], one number
-        **parameters : As for `permittivity`
+        frequency_hz
+            Frequency [Hz], one number.
+        **parameters
+            As for `permittivity`.
 
         Returns
         -------
-        OutOfBand or None : Infinite errors if the equation cannot be continued so far
+        OutOfBand or None
+            Infinite errors if the equation cannot be continued so far.
         """
         edge_hz = float(self._nearest(np.asarray(float(frequency_hz))))
         if abs(edge_hz - frequency_hz) <= EDGE_SLACK * edge_hz:

@@ -41,12 +41,15 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
 
     Parameters
     ----------
-    name : Key of `models`, or 'table'
-    path : CSV file, for 'table' only
+    name
+        Key of `models`, or 'table'.
+    path
+        CSV file, for 'table' only.
 
     Returns
     -------
-    MaterialModel : The model
+    MaterialModel
+        The model.
 
     Raises
     ------
@@ -81,15 +84,21 @@ def material(
 
     Parameters
     ----------
-    name : Key of `models`, or 'table' together with `path`
-    frequency_hz : Frequency [Hz], any shape
-    path : CSV file, for 'table' only
-    beyond_band : Outside the band of validity: 'refuse', 'hold' its nearest edge or 'extrapolate'
-    **parameters : Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`
+    name
+        Key of `models`, or 'table' together with `path`.
+    frequency_hz
+        Frequency [Hz], any shape.
+    path
+        CSV file, for 'table' only.
+    beyond_band
+        Outside the band of validity: 'refuse', 'hold' its nearest edge or 'extrapolate'.
+    **parameters
+        Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`.
 
     Returns
     -------
-    ndarray : Index of the broadcast shape, Im >= 0
+    ndarray
+        Index of the broadcast shape, Im >= 0.
 
     Raises
     ------
@@ -111,10 +120,12 @@ def permittivity(
 
     Parameters
     ----------
-    name, frequency_hz, path, beyond_band, **parameters : As for `material`
+    name, frequency_hz, path, beyond_band, **parameters
+        As for `material`.
 
     Returns
     -------
-    ndarray : Permittivity of the broadcast shape, Im >= 0
+    ndarray
+        Permittivity of the broadcast shape, Im >= 0.
     """
     return material_model(name, path).permittivity(frequency_hz, beyond_band, **parameters)

@@ -33,13 +33,17 @@ def conductor_permittivity(
 
     Parameters
     ----------
-    frequency_hz : f [Hz]. All arguments broadcast.
-    conductivity_s_per_m : sigma [S/m]
-    relative_permittivity : eps'
+    frequency_hz
+        f [Hz]. All arguments broadcast.
+    conductivity_s_per_m
+        sigma [S/m].
+    relative_permittivity
+        eps'.
 
     Returns
     -------
-    ndarray : Complex relative permittivity
+    ndarray
+        Complex relative permittivity.
     """
     f = np.asarray(frequency_hz, dtype=np.float64)
     loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
@@ -88,7 +92,8 @@ def general_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel : Vacuum, permittivity, index, debye, conductor
+    tuple of MaterialModel
+        Vacuum, permittivity, index, debye, conductor.
     """
     own, edition = "values given by the user", "constant over frequency"
     return (

@@ -29,8 +29,10 @@ class ItuRow(NamedTuple):
 
     Attributes
     ----------
-    low_ghz, high_ghz : Band [GHz]
-    a, b, c, d : eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m
+    low_ghz, high_ghz
+        Band [GHz].
+    a, b, c, d
+        eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m.
     """
 
     low_ghz: float
@@ -110,7 +112,8 @@ def itu_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel : One per material
+    tuple of MaterialModel
+        One per material.
     """
     return tuple(
         _model(name, rows, edition)

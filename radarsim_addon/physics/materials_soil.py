@@ -39,11 +39,16 @@ def soil_permittivity(
 
     Parameters
     ----------
-    frequency_hz : Frequency [Hz]. All arguments broadcast.
-    moisture : Water by volume, fraction of 1
-    sand, clay : Fractions of 1 by weight
-    bulk_density_g_per_cm3 : Dry bulk density [g/cm^3]
-    temperature_c : Temperature [degC]
+    frequency_hz
+        Frequency [Hz]. All arguments broadcast.
+    moisture
+        Water by volume, fraction of 1.
+    sand, clay
+        Fractions of 1 by weight.
+    bulk_density_g_per_cm3
+        Dry bulk density [g/cm^3].
+    temperature_c
+        Temperature [degC].
 
     Returns
     -------
@@ -99,7 +104,8 @@ def soil_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel : One model
+    tuple of MaterialModel
+        One model.
     """
     return (
         MaterialModel(

@@ -24,12 +24,15 @@ def debye_permittivity(
 
     Parameters
     ----------
-    frequency_hz, relaxation_frequency_hz : f and f_r [Hz]
-    static_permittivity, infinite_permittivity : eps_s and eps_inf
+    frequency_hz, relaxation_frequency_hz
+        f and f_r [Hz].
+    static_permittivity, infinite_permittivity
+        eps_s and eps_inf.
 
     Returns
     -------
-    ndarray : Complex relative permittivity
+    ndarray
+        Complex relative permittivity.
     """
     static = np.asarray(static_permittivity, dtype=np.float64)
     infinite = np.asarray(infinite_permittivity, dtype=np.float64)
@@ -44,11 +47,13 @@ def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Com
 
     Parameters
     ----------
-    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
+    frequency_hz, temperature_c
+        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
-    ndarray : Complex relative permittivity
+    ndarray
+        Complex relative permittivity.
     """
     theta = 300 / (np.asarray(temperature_c, dtype=np.float64) + ZERO_CELSIUS_K) - 1
     static = 77.66 + 103.3 * theta
@@ -69,11 +74,13 @@ def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Co
 
     Parameters
     ----------
-    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
+    frequency_hz, temperature_c
+        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
-    ndarray : Complex relative permittivity, one relaxation
+    ndarray
+        Complex relative permittivity, one relaxation.
     """
     celsius = np.asarray(temperature_c, dtype=np.float64)
     static = 10 ** (1.94404 - 1.991e-3 * celsius)
@@ -92,11 +99,13 @@ def klein_swift_permittivity(
 
     Parameters
     ----------
-    frequency_hz, temperature_c, salinity_psu : Frequency [Hz], temperature [degC], salinity [psu]
+    frequency_hz, temperature_c, salinity_psu
+        Frequency [Hz], temperature [degC], salinity [psu].
 
     Returns
     -------
-    ndarray : Complex relative permittivity
+    ndarray
+        Complex relative permittivity.
     """
     f = np.asarray(frequency_hz, dtype=np.float64)
     t = np.asarray(temperature_c, dtype=np.float64)
@@ -127,11 +136,13 @@ def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Compl
 
     Parameters
     ----------
-    frequency_hz, temperature_c : Frequency [Hz] and temperature [degC]
+    frequency_hz, temperature_c
+        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
-    ndarray : Complex relative permittivity
+    ndarray
+        Complex relative permittivity.
     """
     f_ghz = np.asarray(frequency_hz, dtype=np.float64) / 1e9
     celsius = np.asarray(temperature_c, dtype=np.float64)
@@ -158,7 +169,8 @@ def water_models() -> tuple[MaterialModel, ...]:
 
     Returns
     -------
-    tuple of MaterialModel : Four models
+    tuple of MaterialModel
+        Four models.
     """
     return (
         MaterialModel(

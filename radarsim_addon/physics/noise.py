@@ -29,16 +29,20 @@ def noise_power_w(
     bandwidth_hz
         B [Hz]. For complex samples it is the sampling rate: the result is the power of each
         sample's noise, real and imaginary together.
-    noise_figure_db : F in dB, 0 or more
-    antenna_temperature_k : T_a [K]
+    noise_figure_db
+        F in dB, 0 or more.
+    antenna_temperature_k
+        T_a [K].
 
     Returns
     -------
-    ndarray : Power of the broadcast shape [W]
+    ndarray
+        Power of the broadcast shape [W].
 
     Raises
     ------
-    ConfigError : NaN, bandwidth not positive, noise figure below 0 dB, negative temperature
+    ConfigError
+        NaN, bandwidth not positive, noise figure below 0 dB, negative temperature.
     """
     bandwidth = real_array("Noise bandwidth", bandwidth_hz, "Hz", above=0.0)
     factor = from_db(real_array("Noise figure", noise_figure_db, "dB", minimum=0.0))
@@ -54,13 +58,17 @@ def complex_noise(
 
     Parameters
     ----------
-    rng : Source of random numbers
-    shape : Shape of the result
-    power_w : Mean |x|^2 [W]
+    rng
+        Source of random numbers.
+    shape
+        Shape of the result.
+    power_w
+        Mean |x|^2 [W].
 
     Returns
     -------
-    ndarray : Complex noise
+    ndarray
+        Complex noise.
     """
     scale = np.sqrt(float(real_array("Noise power", power_w, "W", minimum=0.0)) / 2)
     noise = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
@@ -73,10 +81,12 @@ class SnrPrediction:
 
     Attributes
     ----------
-    single_sample_db : One complex sample of the echo, before any processing [dB]
+    single_sample_db
+        One complex sample of the echo, before any processing [dB].
     single_pulse_db
         Peak of the compressed pulse: signal energy over noise density, P T / (k T_s) [dB].
-    burst_db : Peak of the range-Doppler map, all pulses added coherently, tapers included [dB]
+    burst_db
+        Peak of the range-Doppler map, all pulses added coherently, tapers included [dB].
     """
 
     single_sample_db: float
@@ -103,19 +113,24 @@ def predict_snr(
     ----------
     received_power_w
         Power of the echo during the pulse [W], from the radar equation with its losses.
-    pulse_length_s, sampling_rate_hz : Pulse width [s] and complex sampling rate [Hz]
-    pulses : Pulses added coherently
-    noise_figure_db, antenna_temperature_k : As in `noise_power_w`
+    pulse_length_s, sampling_rate_hz
+        Pulse width [s] and complex sampling rate [Hz].
+    pulses
+        Pulses added coherently.
+    noise_figure_db, antenna_temperature_k
+        As in `noise_power_w`.
     window_loss_db
         SNR loss of the range and Doppler tapers together, 0 or more: see `window_loss_db()`.
 
     Returns
     -------
-    SnrPrediction : In dB
+    SnrPrediction
+        In dB.
 
     Raises
     ------
-    ConfigError : As in `noise_power_w`; pulses below 1; a negative loss
+    ConfigError
+        As in `noise_power_w`; pulses below 1; a negative loss.
     """
     if not (isinstance(pulses, int) and pulses >= 1):
         raise ConfigError(f"Number of pulses is {pulses!r}; expected an integer from 1 up.")
@@ -141,15 +156,18 @@ def window_loss_db(window: ArrayLike) -> float:
 
     Parameters
     ----------
-    window : Weights, (N,)
+    window
+        Weights, (N,).
 
     Returns
     -------
-    float : Loss [dB], 0 or more
+    float
+        Loss [dB], 0 or more.
 
     Raises
     ------
-    ConfigError : The weights are no list, or their sum is zero
+    ConfigError
+        The weights are no list, or their sum is zero.
     """
     weights = real_array("Window", window)
     if weights.ndim != 1 or weights.size == 0 or weights.sum() == 0:

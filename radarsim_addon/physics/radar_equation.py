@@ -15,15 +15,18 @@ def to_db(ratio: ArrayLike) -> Real:
 
     Parameters
     ----------
-    ratio : Ratio, 0 or more
+    ratio
+        Ratio, 0 or more.
 
     Returns
     -------
-    ndarray : Decibels; -inf for zero
+    ndarray
+        Decibels; -inf for zero.
 
     Raises
     ------
-    ConfigError : For a negative ratio or NaN
+    ConfigError
+        For a negative ratio or NaN.
     """
     value = real_array("Power ratio", ratio, "", minimum=0.0)
     with np.errstate(divide="ignore"):
@@ -39,7 +42,8 @@ def from_db(level_db: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : Ratio, in the same shape
+    ndarray
+        Ratio, in the same shape.
     """
     value = np.asarray(level_db, dtype=np.float64)
     return np.asarray(10 ** (value / 10), dtype=np.float64)
@@ -50,12 +54,15 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
 
     Parameters
     ----------
-    wavelength_m : lambda [m]
-    gain : G, linear
+    wavelength_m
+        lambda [m].
+    gain
+        G, linear.
 
     Returns
     -------
-    ndarray : Area [m^2]
+    ndarray
+        Area [m^2].
     """
     wavelength = np.asarray(wavelength_m, dtype=np.float64)
     return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
@@ -70,13 +77,17 @@ def received_power_w(
 
     Parameters
     ----------
-    radiance : L [W/(m^2 sr)]
-    solid_angle_sr : dOmega [sr]
-    wavelength_m, gain : As for `effective_area_m2`
+    radiance
+        L [W/(m^2 sr)].
+    solid_angle_sr
+        dOmega [sr].
+    wavelength_m, gain
+        As for `effective_area_m2`.
 
     Returns
     -------
-    ndarray : Power [W]
+    ndarray
+        Power [W].
     """
     return (
         np.asarray(radiance, dtype=np.float64)
@@ -96,15 +107,21 @@ def monostatic_power_w(
 
     Parameters
     ----------
-    eirp_w : EIRP [W]
-    rcs_m2 : sigma [m^2]
-    range_m : R [m]
-    wavelength_m : lambda [m]
-    gain : G_r, linear
+    eirp_w
+        EIRP [W].
+    rcs_m2
+        sigma [m^2].
+    range_m
+        R [m].
+    wavelength_m
+        lambda [m].
+    gain
+        G_r, linear.
 
     Returns
     -------
-    ndarray : Received power [W]
+    ndarray
+        Received power [W].
     """
     numerator = (
         np.asarray(eirp_w, dtype=np.float64)
@@ -128,16 +145,23 @@ def bistatic_power_w(
 
     Parameters
     ----------
-    eirp_w : EIRP towards the target [W]
-    rcs_m2 : sigma [m^2]
-    transmitter_range_m, receiver_range_m : R_t and R_r [m]
-    wavelength_m : lambda [m]
-    gain : G_r towards the target, linear
-    loss_db : All losses together, L in dB
+    eirp_w
+        EIRP towards the target [W].
+    rcs_m2
+        sigma [m^2].
+    transmitter_range_m, receiver_range_m
+        R_t and R_r [m].
+    wavelength_m
+        lambda [m].
+    gain
+        G_r towards the target, linear.
+    loss_db
+        All losses together, L in dB.
 
     Returns
     -------
-    ndarray : Received power [W]
+    ndarray
+        Received power [W].
 
     Raises
     ------
@@ -166,12 +190,15 @@ def rcs_from_power_m2(
 
     Parameters
     ----------
-    power_w : Received power [W]
-    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain : As for `bistatic_power_w`
+    power_w
+        Received power [W].
+    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain
+        As for `bistatic_power_w`.
 
     Returns
     -------
-    ndarray : Cross section [m^2]
+    ndarray
+        Cross section [m^2].
     """
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
@@ -184,13 +211,17 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
 
     Parameters
     ----------
-    albedo : rho
-    area_m2 : A [m^2]
-    cos_incidence : cos(theta)
+    albedo
+        rho.
+    area_m2
+        A [m^2].
+    cos_incidence
+        cos(theta).
 
     Returns
     -------
-    ndarray : Cross section [m^2]
+    ndarray
+        Cross section [m^2].
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     area = np.asarray(area_m2, dtype=np.float64)
@@ -206,14 +237,19 @@ def lambert_radiance(
 
     Parameters
     ----------
-    albedo : rho
-    eirp_w : EIRP [W]
-    range_m : R [m]
-    cos_incidence : cos(theta)
+    albedo
+        rho.
+    eirp_w
+        EIRP [W].
+    range_m
+        R [m].
+    cos_incidence
+        cos(theta).
 
     Returns
     -------
-    ndarray : Radiance [W/(m^2 sr)]
+    ndarray
+        Radiance [W/(m^2 sr)].
     """
     irradiance = (
         np.asarray(eirp_w, dtype=np.float64)

@@ -36,11 +36,13 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m : h and l [m]
+    rms_height_m, correlation_length_m
+        h and l [m].
 
     Returns
     -------
-    ndarray : Rms slope
+    ndarray
+        Rms slope.
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
@@ -52,7 +54,8 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope : Rms slope m
+    slope
+        Rms slope m.
 
     Returns
     -------
@@ -60,7 +63,8 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Raises
     ------
-    ConfigError : For slopes above 1/sqrt(2), beyond a roughness of 1
+    ConfigError
+        For slopes above 1/sqrt(2), beyond a roughness of 1.
     """
     roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
@@ -76,11 +80,13 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
 
     Parameters
     ----------
-    roughness : r, 0 to 1
+    roughness
+        r, 0 to 1.
 
     Returns
     -------
-    ndarray : Rms slope
+    ndarray
+        Rms slope.
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
@@ -95,12 +101,15 @@ def coherent_fraction(
 
     Parameters
     ----------
-    rms_height_m, wavelength_m : h and wavelength [m]
-    cos_incidence : Cosine of the angle of incidence
+    rms_height_m, wavelength_m
+        h and wavelength [m].
+    cos_incidence
+        Cosine of the angle of incidence.
 
     Returns
     -------
-    ndarray : Fraction, 0 to 1
+    ndarray
+        Fraction, 0 to 1.
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -123,12 +132,15 @@ def kirchhoff_limits(
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m, wavelength_m : h, l and lambda [m]
-    cos_incidence : Cosine of the angle of incidence
+    rms_height_m, correlation_length_m, wavelength_m
+        h, l and lambda [m].
+    cos_incidence
+        Cosine of the angle of incidence.
 
     Returns
     -------
-    tuple of Finding : Without subjects; empty if the model is valid
+    tuple of Finding
+        Without subjects; empty if the model is valid.
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -166,14 +178,18 @@ def sigma0(
 
     Parameters
     ----------
-    index : Complex index n + jk
-    slope : Rms slope m, more than 0
-    cos_incidence : Cosine of the incidence angle; at 0 the coefficient is 0
+    index
+        Complex index n + jk.
+    slope
+        Rms slope m, more than 0.
+    cos_incidence
+        Cosine of the incidence angle; at 0 the coefficient is 0.
     masking : 'none', 'smith' or 'cycles'; see `masking_lambda`
 
     Returns
     -------
-    ndarray : sigma_0 [m^2/m^2]
+    ndarray
+        sigma_0 [m^2/m^2].
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -201,8 +217,10 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Parameters
     ----------
-    alpha : Width of the Beckmann distribution
-    cosine : Cosine of the angle from the normal
+    alpha
+        Width of the Beckmann distribution.
+    cosine
+        Cosine of the angle from the normal.
     masking
         'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
         'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use, with
@@ -210,7 +228,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Returns
     -------
-    ndarray : Lambda, 0 or more
+    ndarray
+        Lambda, 0 or more.
     """
     width = np.asarray(alpha, dtype=np.float64)
     c = np.asarray(cosine, dtype=np.float64)
@@ -243,19 +262,25 @@ def albedo(
 
     Parameters
     ----------
-    slope : Rms slope m, more than 0
-    cos_incidence : Cosine of the incidence angle, more than 0
-    index : Complex index; None is a perfect conductor, F = 1
+    slope
+        Rms slope m, more than 0.
+    cos_incidence
+        Cosine of the incidence angle, more than 0.
+    index
+        Complex index; None is a perfect conductor, F = 1.
     masking : 'smith' (exact) or 'cycles' (rational approximation)
-    steps : Cells per direction
+    steps
+        Cells per direction.
 
     Returns
     -------
-    float : Fraction, 0 to 1
+    float
+        Fraction, 0 to 1.
 
     Raises
     ------
-    ConfigError : Slope or cosine out of bounds, amplifying index, or no masking
+    ConfigError
+        Slope or cosine out of bounds, amplifying index, or no masking.
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))

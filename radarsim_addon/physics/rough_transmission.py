@@ -36,9 +36,12 @@ def transmission_factors(
 
     Parameters
     ----------
-    index : Complex index n + jk
-    slope : Rms slope m, 0 for a smooth surface
-    facet_fresnel : Each facet reflects by Fresnel's equations; False: as at normal incidence
+    index
+        Complex index n + jk.
+    slope
+        Rms slope m, 0 for a smooth surface.
+    facet_fresnel
+        Each facet reflects by Fresnel's equations; False: as at normal incidence.
 
     Returns
     -------
@@ -48,7 +51,8 @@ def transmission_factors(
 
     Raises
     ------
-    ConfigError : Negative slope, amplifying index
+    ConfigError
+        Negative slope, amplifying index.
     """
     if slope == 0:
         return 1.0, 1.0

@@ -39,7 +39,8 @@ class SlabPower(NamedTuple):
 
     Attributes
     ----------
-    transmitted_s, transmitted_p, reflected_s, reflected_p : Fractions by polarisation
+    transmitted_s, transmitted_p, reflected_s, reflected_p
+        Fractions by polarisation.
     """
 
     transmitted_s: Real
@@ -105,7 +106,8 @@ def amplitude_coefficients(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence : As for `slab_power`
+    index, thickness_m, wavelength_m, cos_incidence
+        As for `slab_power`.
 
     Returns
     -------
@@ -131,18 +133,23 @@ def slab_power(
 
     Parameters
     ----------
-    index : Complex index n + jk, Im >= 0. All arguments broadcast.
-    thickness_m, wavelength_m : Thickness and vacuum wavelength [m], more than 0
-    cos_incidence : Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
+    index
+        Complex index n + jk, Im >= 0. All arguments broadcast.
+    thickness_m, wavelength_m
+        Thickness and vacuum wavelength [m], more than 0.
+    cos_incidence
+        Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
     model : 'coherent', 'incoherent' or 'single-pass'; see the module's docstring
 
     Returns
     -------
-    SlabPower : Fractions of the incident power
+    SlabPower
+        Fractions of the incident power.
 
     Raises
     ------
-    ConfigError : NaN, thickness or wavelength not positive, amplifying index, unknown model
+    ConfigError
+        NaN, thickness or wavelength not positive, amplifying index, unknown model.
     """
     if model not in MODELS:
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
@@ -186,11 +193,13 @@ def straight_through_power(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence : As for `slab_power`
+    index, thickness_m, wavelength_m, cos_incidence
+        As for `slab_power`.
 
     Returns
     -------
-    ndarray : Fraction of the incident power
+    ndarray
+        Fraction of the incident power.
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = faces(eps, cosine, q)
@@ -206,11 +215,13 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
 
     Parameters
     ----------
-    index, thickness_m, cos_incidence : As for `slab_power`
+    index, thickness_m, cos_incidence
+        As for `slab_power`.
 
     Returns
     -------
-    ndarray : Length [m]
+    ndarray
+        Length [m].
     """
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
     eps, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
@@ -228,11 +239,13 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence : As for `slab_power`
+    index, cos_incidence
+        As for `slab_power`.
 
     Returns
     -------
-    ndarray : Angle [rad]
+    ndarray
+        Angle [rad].
     """
     _, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))

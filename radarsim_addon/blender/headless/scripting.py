@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import math
 import operator
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,14 +36,7 @@ from ..nodes import assign_to
 from ..plan import PathOptions, preset_settings
 from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
 from ..rig_settings import settings as settings_of
-from ..scene import (
-    antennas_of,
-    find_rig,
-    radars,
-    replace_material,
-    setup_rig,
-    suggest_materials,
-)
+from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
 from ..state import evaluated_depsgraph
 from .console import quiet_blender
 from .jobs import make_job
@@ -219,7 +213,7 @@ def material(
     known = medium.removeprefix(_ITU)
     _ensure_registered()
     return make_physical_material(
-        name or (f"Radar {known.replace('_', ' ')}"),
+        name or f"Radar {known.replace('_', ' ')}",
         known,
         carrier_hz=carrier_hz(bpy.context.scene),
         rms_height_m=rms_height_m,
@@ -245,7 +239,8 @@ def assign_material(objects: Any, material: Any) -> list[Any]:
 
     Raises
     ------
-    SceneError : None of the objects can carry a material
+    SceneError
+        None of the objects can carry a material.
     """
     if not isinstance(material, bpy.types.Material):
         raise SceneError(f"{material!r} is no material; expected what radarsim.material returns.")
@@ -260,20 +255,23 @@ def assign_by_name(scene: Any = None) -> dict[str, str]:
 
     Parameters
     ----------
-    scene : bpy.types.Scene, optional; None: the current one
+    scene : bpy.types.Scene, optional
+        None: the current one.
 
     Returns
     -------
-    dict of str : Radar material by optical material; the others are as they were
+    dict of str
+        Radar material by optical material; the others are as they were.
     """
     _ensure_registered()
     scene = bpy.context.scene if scene is None else scene
     layer = scene.view_layers[0]
-    found = suggest_materials(evaluated_depsgraph(layer))
-    known = {material: ready for material, ready in found.items() if ready}
-    for material, ready in known.items():
-        replace_material(material, ready, carrier_hz(scene), evaluated_depsgraph(layer))
-    return {material.name: ready for material, ready in known.items()}
+    taken = {}
+    for material, ready in suggest_materials(evaluated_depsgraph(layer)).items():
+        if ready:
+            replace_material(material, ready, carrier_hz(scene), evaluated_depsgraph(layer))
+            taken[material.name] = ready
+    return taken
 
 
 def measure(
@@ -303,8 +301,7 @@ def measure(
     scene : bpy.types.Scene, optional
         None: the current one.
     **values
-        Settings in place of the radar's own for this run, by their names, in SI; also those that
-        the window does not show (docs/settings.md).
+        Settings in place of the radar's own for this run, in SI (docs/settings.md lists them).
 
     Returns
     -------
@@ -314,7 +311,12 @@ def measure(
     Raises
     ------
     RadarSimError
-        One of its named kinds. The scene and its settings are as they were.
+        A named kind of it. The scene and its settings are as they were.
+
+    Warns
+    -----
+    UserWarning
+        For each error or caution among the findings.
     """
     view, scene = settings(rig), bpy.context.scene if scene is None else scene
     if frames is not None:
@@ -336,6 +338,9 @@ def measure(
                     stream.flush()
     if progress is not None:  # the last tile counts as done when no further one is asked for
         progress(1.0)
+    for item in job.findings:
+        if item.severity != "info":
+            warnings.warn(f"{item.code}: {item.message}", stacklevel=2)
     return open_run(path)
 
 

@@ -23,7 +23,8 @@ class MaterialAssignment(NamedTuple):
     ----------
     item : bpy.types.Object
         The original object.
-    materials : Original materials by slot; None for an empty slot
+    materials
+        Original materials by slot; None for an empty slot.
     """
 
     item: Any
@@ -42,7 +43,8 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
 
     Returns
     -------
-    list of MaterialAssignment : One per object, in the order of the depsgraph
+    list of MaterialAssignment
+        One per object, in the order of the depsgraph.
     """
     found: dict[int, MaterialAssignment] = {}
     for one in evaluated_objects(depsgraph):
@@ -65,7 +67,8 @@ def slot_materials(item: Any) -> tuple[Any, ...]:
 
     Returns
     -------
-    tuple of bpy.types.Material or None : One per slot
+    tuple of bpy.types.Material or None
+        One per slot.
     """
     return tuple(
         None if slot.material is None else slot.material.original for slot in item.material_slots

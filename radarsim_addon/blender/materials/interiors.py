@@ -21,16 +21,20 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
 
     Parameters
     ----------
-    recorder : Records the changes
-    materials : Materials of the rendered objects, evaluated at the carrier
+    recorder
+        Records the changes.
+    materials
+        Materials of the rendered objects, evaluated at the carrier.
 
     Returns
     -------
-    list of Finding : Names the materials that the missing Volume makes opaque
+    list of Finding
+        Names the materials that the missing Volume makes opaque.
 
     Raises
     ------
-    ConfigError : Two materials, one with Volume, share the node that would be changed
+    ConfigError
+        Two materials, one with Volume, share the node that would be changed.
     """
     closed: list[Any] = []
     opaque: list[Any] = []

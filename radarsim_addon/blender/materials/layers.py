@@ -135,13 +135,15 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
     Parameters
     ----------
-    recorder : Records the changes
+    recorder
+        Records the changes.
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding : Names the objects that are no layers
+    list of Finding
+        Names the objects that are no layers.
     """
     others = []
     for item, materials in assigned_materials(depsgraph):
@@ -189,7 +191,8 @@ def is_entered(material: Any) -> bool:
 
     Returns
     -------
-    bool : False for None and for materials without the physical group
+    bool
+        False for None and for materials without the physical group.
     """
     node = group_node(material)
     return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND and has_interior(material)
@@ -204,7 +207,8 @@ def passes_by_polarisation(material: Any) -> bool:
 
     Returns
     -------
-    bool : True for thin panes, and for physical materials with an interior
+    bool
+        True for thin panes, and for physical materials with an interior.
     """
     node = group_node(material)
     sheet = node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
@@ -279,13 +283,15 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
 
     Parameters
     ----------
-    wavelength : Wavelength in Blender units
+    wavelength
+        Wavelength in Blender units.
     depsgraph : bpy.types.Depsgraph
         Up to date.
 
     Returns
     -------
-    list of Finding : One ``absorption-below-float32`` per object, with its loss and the limit [dB]
+    list of Finding
+        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}

@@ -47,13 +47,17 @@ def media_beyond_their_band(
 
     Parameters
     ----------
-    carrier_hz : Carrier [Hz]
-    beyond_band : What a medium does outside its band
-    materials : Materials of rendered objects. None: those of the file that are used.
+    carrier_hz
+        Carrier [Hz].
+    beyond_band
+        What a medium does outside its band.
+    materials
+        Materials of rendered objects. None: those of the file that are used.
 
     Returns
     -------
-    list of Finding : One for each material; the panel and the run tell unknown media
+    list of Finding
+        One for each material; the panel and the run tell unknown media.
     """
     found = []
     if materials is None:

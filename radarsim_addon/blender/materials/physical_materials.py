@@ -111,7 +111,8 @@ def is_physical(material: Any) -> bool:
 
     Returns
     -------
-    bool : False for None
+    bool
+        False for None.
     """
     return _kind_of(material) in (KIND, SHEET_KIND)
 
@@ -125,7 +126,8 @@ def has_rough_facets(material: Any) -> bool:
 
     Returns
     -------
-    bool : Then from order 2 on the world should encode the range
+    bool
+        Then from order 2 on the world should encode the range.
     """
     if not EXACT_FACETS or _kind_of(material) != KIND:
         return False
@@ -165,12 +167,16 @@ def make_physical_material(
 
     Parameters
     ----------
-    name : Name of the data-block. Blender adds a number if it is in use.
-    medium, path, parameters : As in `physics.materials.material`
+    name
+        Name of the data-block. Blender adds a number if it is in use.
+    medium, path, parameters
+        As in `physics.materials.material`.
     carrier_hz
         Carrier for the first evaluation [Hz]. A run evaluates the medium at its own carrier.
-    rms_height_m, correlation_length_m, rms_slope : Surface. All 0: smooth.
-    penetrable : Link the interior. None: yes, unless the medium is a conductor at this carrier.
+    rms_height_m, correlation_length_m, rms_slope
+        Surface. All 0: smooth.
+    penetrable
+        Link the interior. None: yes, unless the medium is a conductor at this carrier.
     sheet_thickness_m
         Above 0: a thin pane of smooth faces, modelled as one face with interference [m].
 
@@ -180,7 +186,8 @@ def make_physical_material(
 
     Raises
     ------
-    ConfigError : Unknown medium or parameter, carrier outside the band, or slope too steep
+    ConfigError
+        Unknown medium or parameter, carrier outside the band, or slope too steep.
     """
     numbers = {
         RMS_HEIGHT: rms_height_m,
@@ -301,10 +308,14 @@ def update_materials(
 
     Parameters
     ----------
-    carrier_hz : Carrier [Hz]
-    recorder : Records the changes. None: they are permanent.
-    assigned : Materials of rendered objects. None: those in the slots of all objects of the file.
-    beyond_band : What a medium does outside its band
+    carrier_hz
+        Carrier [Hz].
+    recorder
+        Records the changes. None: they are permanent.
+    assigned
+        Materials of rendered objects. None: those in the slots of all objects of the file.
+    beyond_band
+        What a medium does outside its band.
 
     Returns
     -------
@@ -364,8 +375,10 @@ def refresh_materials(carrier_hz: float, beyond_band: str = "hold") -> None:
 
     Parameters
     ----------
-    carrier_hz : Carrier [Hz]
-    beyond_band : What a medium does outside its band
+    carrier_hz
+        Carrier [Hz].
+    beyond_band
+        What a medium does outside its band.
     """
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):

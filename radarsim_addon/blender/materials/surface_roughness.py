@@ -42,7 +42,8 @@ def is_rough(item: Any) -> bool:
 
     Returns
     -------
-    bool : False for an object without materials
+    bool
+        False for an object without materials.
     """
     sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
     return bool(sockets) and all(

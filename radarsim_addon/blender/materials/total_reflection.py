@@ -35,11 +35,13 @@ def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
     ----------
     depsgraph : bpy.types.Depsgraph
         Up to date.
-    antennas : Positions of receiver and transmitter, (3,) each [Blender units]
+    antennas
+        Positions of receiver and transmitter, (3,) each [Blender units].
 
     Returns
     -------
-    list of Finding : One ``total-reflection`` per object, with its index and fraction
+    list of Finding
+        One ``total-reflection`` per object, with its index and fraction.
     """
     found = []
     for item, materials in assigned_materials(depsgraph):

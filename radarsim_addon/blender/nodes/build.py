@@ -105,10 +105,14 @@ class TreeBuilder:
 
         Parameters
         ----------
-        idname : ``bl_idname`` of the node
-        label : Label and name of the node: the quantity that it computes
-        inputs : Socket (name or index) to an output socket, which is linked, or to a constant
-        properties : Attributes of the node, set before its inputs
+        idname
+            ``bl_idname`` of the node.
+        label
+            Label and name of the node: the quantity that it computes.
+        inputs
+            Socket (name or index) to an output socket, which is linked, or to a constant.
+        properties
+            Attributes of the node, set before its inputs.
         """
         node = self.tree.nodes.new(idname)
         node.name = node.label = self._prefix + label

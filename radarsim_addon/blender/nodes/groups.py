@@ -37,7 +37,8 @@ def group_version(tree: Any) -> int | None:
 
     Returns
     -------
-    int or None : None for other groups
+    int or None
+        None for other groups.
     """
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
@@ -50,11 +51,13 @@ def find_groups(kind: str) -> list[Any]:
 
     Parameters
     ----------
-    kind : Key of `DEFINITIONS`
+    kind
+        Key of `DEFINITIONS`.
 
     Returns
     -------
-    list of bpy.types.NodeTree : Newest version first
+    list of bpy.types.NodeTree
+        Newest version first.
     """
     groups = [
         tree
@@ -111,7 +114,8 @@ def ensure_group(kind: str) -> Any:
 
     Parameters
     ----------
-    kind : ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``
+    kind
+        ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``.
 
     Returns
     -------
@@ -119,7 +123,8 @@ def ensure_group(kind: str) -> Any:
 
     Raises
     ------
-    SceneError : The file contains a group of this kind from a newer radarsim
+    SceneError
+        The file contains a group of this kind from a newer radarsim.
     """
     definition = DEFINITIONS[kind]
     groups = find_groups(kind)
@@ -142,7 +147,8 @@ def refresh_groups() -> list[str]:
 
     Returns
     -------
-    list of str : Names of the rebuilt groups
+    list of str
+        Names of the rebuilt groups.
     """
     stale = [
         tree

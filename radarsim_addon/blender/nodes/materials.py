@@ -36,13 +36,16 @@ class MaterialPreset:
 
     Parameters
     ----------
-    label, description : For menus. The description names the source of the index.
+    label, description
+        For menus. The description names the source of the index.
     n, kappa
         Complex index n + j kappa. kappa is normalised: power falls as exp(-4 pi kappa d / Lambda).
         With Lambda = wavelength it is the physical kappa. With another Lambda, waves penetrate as
         many Lambda as they would penetrate wavelengths.
-    specularity, roughness : Typical values for the surface, not measured
-    penetrable : The interior absorbs and delays. False for a conductor.
+    specularity, roughness
+        Typical values for the surface, not measured.
+    penetrable
+        The interior absorbs and delays. False for a conductor.
     """
 
     label: str
@@ -94,7 +97,8 @@ def is_radar_material(material: Any) -> bool:
 
     Returns
     -------
-    bool : False for None
+    bool
+        False for None.
     """
     return group_node(material) is not None
 
@@ -131,7 +135,8 @@ def has_interior(material: Any) -> bool:
 
     Returns
     -------
-    bool : A Radar Material that is not opaque, with its Volume connected
+    bool
+        A Radar Material that is not opaque, with its Volume connected.
     """
     return volume_link(material) is not None and not lets_nothing_through(material)
 
@@ -179,12 +184,16 @@ def make_material(
 
     Parameters
     ----------
-    name : Name of the data-block. Blender adds a number if it is in use.
+    name
+        Name of the data-block. Blender adds a number if it is in use.
     n, kappa
         Complex index of refraction n + j kappa, kappa normalised (see :class:`MaterialPreset`).
-    specularity : Fraction of the reflected power in the specular lobe, 0 to 1
-    roughness : Roughness of the specular lobe, 0 to 1 (alpha = roughness^2)
-    penetrable : Link absorption and delay of the interior. False for conductors.
+    specularity
+        Fraction of the reflected power in the specular lobe, 0 to 1.
+    roughness
+        Roughness of the specular lobe, 0 to 1 (alpha = roughness^2).
+    penetrable
+        Link absorption and delay of the interior. False for conductors.
 
     Returns
     -------
@@ -192,7 +201,8 @@ def make_material(
 
     Raises
     ------
-    ConfigError : A number outside its limits
+    ConfigError
+        A number outside its limits.
     """
     real_array("Index of refraction n", n, minimum=1.0)
     real_array("Extinction coefficient kappa", kappa, minimum=0.0)
@@ -240,16 +250,20 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-    preset : Key of `PRESETS`
+    preset
+        Key of `PRESETS`.
 
     Returns
     -------
-    list of bpy.types.Object : The objects with the material
+    list of bpy.types.Object
+        The objects with the material.
 
     Raises
     ------
-    ConfigError : No preset of that name
-    SceneError : None of the objects can have a material
+    ConfigError
+        No preset of that name.
+    SceneError
+        None of the objects can have a material.
     """
     usable = _with_materials(objects)  # fails before a material is made
     return assign_to(usable, preset_material(preset))
@@ -266,11 +280,13 @@ def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
 
     Returns
     -------
-    list of bpy.types.Object : The objects with the material
+    list of bpy.types.Object
+        The objects with the material.
 
     Raises
     ------
-    SceneError : None of the objects can have a material
+    SceneError
+        None of the objects can have a material.
     """
     usable = _with_materials(objects)
     for obj in usable:

@@ -24,11 +24,13 @@ def setup_emitter(light: Any) -> Any:
 
     Returns
     -------
-    bpy.types.ShaderNodeGroup : The group node in the light's tree
+    bpy.types.ShaderNodeGroup
+        The group node in the light's tree.
 
     Raises
     ------
-    SceneError : The light is of another type, or linked from a library
+    SceneError
+        The light is of another type, or linked from a library.
     """
     if light.type != "POINT":
         raise SceneError(

@@ -145,7 +145,8 @@ class QualitySums:
         left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
         if max(left, stderr) > _WARN_SHARE:
             lost = finding("reflections-truncated", fraction=left, fraction_stderr=stderr)
-            found.append(told(lost, max(left, stderr)))
+            # a fraction within its own standard error is no news
+            found.append(told(lost, left - stderr))
         behind = self.share(self.truncated_transparency_w)
         if behind > _WARN_SHARE:
             found.append(told(finding("transparency-truncated", fraction=behind), behind))

@@ -108,7 +108,8 @@ def beyond_band(scene: Any) -> str:
 
     Returns
     -------
-    str : Without a radar, the initial choice
+    str
+        Without a radar, the initial choice.
     """
     with contextlib.suppress(SceneError):
         return str(settings(active_radar(scene)).beyond_band)

@@ -112,7 +112,7 @@ class Type1:
         self._gridding: _Gridding | None = None
 
     def __call__(self, points: Real, values: Complex) -> Complex:
-        """F[k] of points within [-pi, pi] and contiguous complex values."""
+        """F[k] of points within [-pi, pi] and complex values."""
         if self.backend == "direct":
             return _direct(points, values, self._size)
         if self.backend == "numpy":
@@ -126,7 +126,7 @@ class Type1:
                 1, (self._size,), eps=self._tolerance, isign=-1, nthreads=1, spread_sort=sort
             )
         self._plan.setpts(points)
-        result: Complex = self._plan.execute(values)
+        result: Complex = self._plan.execute(np.ascontiguousarray(values))
         return result
 
 
@@ -139,7 +139,7 @@ def nufft2d3(
     With `single` in float32, to `SINGLE` of the largest: a quarter of the time.
     """
     finufft = importlib.import_module("finufft")
-    points: list[Any] = [x, y, values, s, u]
+    points: list[Any] = [np.ascontiguousarray(part) for part in (x, y, values, s, u)]
     if single:
         # in units of about 1: neither the points nor their frequencies fit into float32
         across, along = (max(float(np.abs(places).max()), 1e-300) for places in (x, y))

@@ -180,9 +180,9 @@ def test_paths_without_directions_are_refused() -> None:
 
 
 def test_a_dark_lamp_is_refused() -> None:
-    system = make_system(contract.LinkBudget(), WAVELENGTH_M)
+    system, here = make_system(contract.LinkBudget(), WAVELENGTH_M), pr.pose((0, 0, 0))
     with pytest.raises(ConfigError, match="power is 0 W"):
-        Link(system, pr.camera(pr.pose((0, 0, 0))), contract.TransmitterRecord([], 0.0))
+        Link(system, pr.camera(here), contract.TransmitterRecord(here, 0.0))
 
 
 def test_gain_follows_rows() -> None:

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kinds of findings of path tables, frames without an echo, and motion."""
+
+from __future__ import annotations
+
+from .kinds import Kind
+
+PATHS = {
+    "reflections-truncated": Kind(
+        "caution",
+        "{fraction:percent} of the received power (standard error {fraction_stderr:percent}) has "
+        "more reflections than radarsim followed.",
+        "This power is missing from the path table.",
+        "Raise Max reflections.",
+    ),
+    "transparency-truncated": Kind(
+        "caution",
+        "{fraction:percent} of the received power lies behind more transparent surfaces than "
+        "radarsim followed, or is below Max unfollowed fraction.",
+        "This power is missing from the path table.",
+        "Use fewer transparent layers, or make them opaque.",
+    ),
+    "mixed-paths": Kind(
+        "caution",
+        "{fraction:percent} of the received power is in pixels that hold several paths (subsurface "
+        "scattering, volumes).",
+        "The range of such a pixel is a mixture of the ranges of its paths.",
+        "Replace subsurface scattering and volumes by surfaces.",
+    ),
+    "unranged-power": Kind(
+        "caution",
+        "{fraction:percent} of the received power carries no range encoding.",
+        "This power is in the path table without a length, and in no echo.",
+        "Give every object a Radar Material, or set Range encoding to World volume.",
+    ),
+    "phase-unreliable": Kind(
+        "caution",
+        "Path lengths have a standard deviation of {length_sigma_m:.2g} m, "
+        "{length_sigma_wavelengths:.2g} wavelengths.",
+        "Phases are not reliable at this carrier; powers and ranges are.",
+        "Move the scene near the world origin and make it smaller, or lower the carrier.",
+    ),
+    "object-without-echo": Kind(
+        "caution",
+        "Rays met {subjects}, but received no echo from there.",
+        "A Point light does not show in mirrors (roughness 0). Black, fully transparent and "
+        "shadowed objects return no echo either.",
+        "Give smooth surfaces a roughness above 0.",
+    ),
+    "rough-object-without-echo": Kind(
+        "caution",
+        "Rays met {subjects}, which are rough, but received no echo from there.",
+        "A rough surface reflects around the specular direction: at grazing incidence, what comes "
+        "back is too little for float32 to hold. Objects in a radar shadow return none either.",
+        "If you expect an echo, raise the roughness, or give the material a diffuse part "
+        "(Specularity below 1).",
+    ),
+    "object-missed-by-rays": Kind(
+        "caution",
+        "No ray met {subjects}: in view, but smaller than a pixel.",
+        "Their echoes are missing, and no error estimate includes them.",
+        "Raise the resolution or the replicates, or narrow the field of view.",
+    ),
+    "small-objects-share-tiles": Kind(
+        "info",
+        "{small:,} small objects are in view; the {tiled:,} with the fewest pixels among those "
+        "whose echo matters got tiles of their own.",
+        "The rays of the whole frame measure the others, with larger standard errors.",
+        "Raise the resolution to measure more of them well.",
+    ),
+    "object-error-above-target": Kind(
+        "info",
+        "The power of {subjects} has a standard error of {stderr_fraction:percent}, more than "
+        "twice the maximum of {target_fraction:percent}.",
+        "The maximum standard error applies to all objects together.",
+        "Lower the maximum standard error, or raise the replicates.",
+    ),
+}
+
+NO_ECHO = {
+    "antenna-inside-mesh": Kind(
+        "error",
+        "The frame contains no echo: one antenna is inside {subjects}, the other is not.",
+        "A closed mesh lets no light of the transmitter out or in, so all maps are empty.",
+        "Move the radar out of the mesh, or hide the mesh from renders.",
+    ),
+    "nothing-in-view": Kind(
+        "error",
+        "The frame contains no echo: no ray of the receiver met a surface of this scene: "
+        "{subjects}.",
+        "All of them are outside the view, edge-on, smaller than a pixel, or hidden, so all maps "
+        "are empty.",
+        "Turn the radar or widen its field of view. Check Object > Visibility: Ray Visibility > "
+        "Camera on, Holdout and Shadow Catcher off. Check that no object is scaled to 0.",
+    ),
+    "shaders-reflect-nothing": Kind(
+        "error",
+        "The frame contains no echo: the materials of {subjects} reflect nothing.",
+        "Emission, Background, Holdout and Transparent shaders return no light of the transmitter.",
+        "Choose Radar > Material > Assign, or use a BSDF.",
+    ),
+    "surfaces-return-nothing": Kind(
+        "error",
+        "The frame contains no echo, although rays of the receiver met {subjects}.",
+        "A Point light does not show in mirrors (roughness 0). Black and fully transparent "
+        "surfaces, and those in shadow of the transmitter, return nothing either.",
+        "Give smooth surfaces a roughness above 0. Check that nothing lies between transmitter "
+        "and surface.",
+    ),
+}
+
+MOTION = {
+    "vertex-count-changes": Kind(
+        "caution",
+        "The number of vertices of {subjects} changes during the burst.",
+        "radarsim moves these objects by their matrix only.",
+        "Use modifiers that keep the vertices, or a shorter burst.",
+    ),
+    "motion-sampling-slow": Kind(
+        "caution",
+        "radarsim took {samples:#motion sample} and stopped after {elapsed_s:.0f} s.",
+        "Displacements are known to {displacement_error_bound_m:.2g} m.",
+        "Simplify the animated meshes, or shorten the burst.",
+    ),
+    "motion-unresolved": Kind(
+        "caution",
+        "With {samples:#motion sample} per burst, the fit misses the motion of {subjects} by up to "
+        "{miss_m:.2g} m.",
+        "These objects turn or vibrate too fast, so their Doppler is wrong.",
+        "Shorten the burst, or raise Max motion samples.",
+    ),
+    "driver-disabled": Kind(
+        "caution",
+        "Blender does not evaluate {count:#driver} of {subjects}.",
+        "What they drive stands still: their Python expressions are disabled, as in any file that "
+        "is opened without its scripts, or they are wrong.",
+        "If you trust the file, open it with Auto Run Python Scripts (blender -b "
+        "--enable-autoexec FILE -P scripts/render_radar.py), or bake the animation to keyframes.",
+    ),
+    "motion-between-frames": Kind(
+        "info",
+        "Blender stores the simulated motion of {subjects} at whole frames only.",
+        "radarsim takes a smooth cubic through these poses; Blender's straight lines between them "
+        "would give steps of Doppler.",
+        "Set Motion to Linear simulations for Blender's straight lines.",
+    ),
+    "motion-in-steps": Kind(
+        "caution",
+        "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
+        "Between two steps they are stationary and have no Doppler; at a step they jump.",
+        "Set the interpolation of their keyframes to Linear or Bezier in the Graph Editor.",
+    ),
+    "instances-appear-or-vanish": Kind(
+        "caution",
+        "Instances of {subjects} exist during a part of the burst only.",
+        "radarsim treats them as present during the whole burst.",
+        "Shorten the burst, or keep the number of instances constant.",
+    ),
+    "motion-approximated": Kind(
+        "caution",
+        "{fraction:percent} of the received power moves in paths of three or more reflections.",
+        "For these paths, radarsim takes the way between first and last scatterer as a straight "
+        "line that changes with both.",
+        "Lower Max reflections to leave such paths out.",
+    ),
+    "displacement-error": Kind(
+        "caution",
+        "Displacements during the burst have an error of up to {displacement_error_bound_m:.2g} m, "
+        "{wavelengths:.2g} wavelengths.",
+        "Blender stores positions in float32, so phases from pulse to pulse are not reliable.",
+        "Move the scene near the world origin, or raise Max motion samples.",
+    ),
+}
