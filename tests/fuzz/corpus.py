@@ -94,9 +94,9 @@ def _files(folder: Path) -> None:
     folder.mkdir()
     burst = {"pulses": 8, "prf_hz": 100.0}
     for waveform in ALL:
-        record = waveform_to_dict(waveform)
-        data = {"waveform": record, "burst": burst}
-        (folder / f"radar_{record['kind']}.json").write_text(json.dumps(data))
+        data = {"waveform": waveform_to_dict(waveform), "burst": burst}
+        kind = getattr(type(waveform), "kind", "")
+        (folder / f"radar_{kind}.json").write_text(json.dumps(data))
     np.save(folder / "samples.npy", np.exp(1j * np.linspace(0, 30, 64) ** 2))
     (folder / "samples.csv").write_text("real,imaginary\n1,0\n0,1\n-1,0\n0.5,0.5\n")
     for kind in ("npy", "csv"):
