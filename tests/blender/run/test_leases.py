@@ -242,6 +242,9 @@ from radarsim_addon.blender.run.leases import Leases
 folder = Path(sys.argv[1])
 leases = Leases(folder)
 todo = [f"frame_{n:04d}" for n in range(40)]
+(folder / f"{os.getpid()}.ready").touch()
+while len(list(folder.glob("*.ready"))) < 3:  # on a busy machine one would do all
+    time.sleep(0.005)
 while todo:
     left = []
     for name in todo:
