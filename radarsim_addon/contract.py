@@ -292,7 +292,7 @@ class PathsRecord:
     error_scope: str = "both"
     small_objects: int = 0
     small_objects_tiled: int = 0
-    motion_file: str = ""  # empty: nothing is known of motion, all stands still
+    motion_file: str = ""  # empty: no motion is known, all is stationary
     motion_sha256: str = ""
     column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)

@@ -27,7 +27,7 @@ class BodyRecord:
     """One object or instance: its pose at t, translation in metres, and how it moves from there.
 
     instance tells instances of one object apart; it is empty for the object itself. Without
-    pieces the body stands still. noise_m is what the samples scatter about the fit,
+    pieces the body is stationary. noise_m is what the samples scatter about the fit,
     displacement_error_bound_m bounds the error of a displacement, both at the body's farthest
     point.
     """
@@ -52,7 +52,7 @@ class MotionRecord:
     and emitter. displacement_error_bound_m is the largest bound of what moves.
     approximated_motion_fraction is the power of moving paths of three and more reflections, whose
     middle is unknown; unknown_motion_fraction that of paths with a vertex that is not known to
-    belong to any body, which is taken to stand still.
+    belong to any body, which is taken as stationary.
     """
 
     frame: int

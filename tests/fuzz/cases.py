@@ -23,7 +23,7 @@ from radarsim_addon.signal.pictures import figure as _figure  # noqa: F401  (loa
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.pipeline.process_arguments import add_process_parser
 
-from .corpus import mend
+from .corpus import correct_hashes
 from .mutations import NUMBERS, TEXTS, change_file
 
 #: Processor time, memory and output that a case may take.
@@ -93,7 +93,7 @@ def _change(rng: random.Random, place: Path, words: Sequence[str]) -> list[str]:
         change_file(rng, path, place)
         changed.append(str(path.relative_to(place)))
     if rng.random() < 0.7:
-        mend(place / "run")
+        correct_hashes(place / "run")
     return changed
 
 

@@ -87,7 +87,7 @@ def _paths(folder: Path) -> None:
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
     record = dataclasses.replace(record, motion_file=contract.MOTION_FILE)
     write_record(frame / contract.PATHS_FILE, record)
-    mend(folder)
+    correct_hashes(folder)
 
 
 def _files(folder: Path) -> None:
@@ -122,7 +122,7 @@ def _files(folder: Path) -> None:
     (folder / "link_budget.json").write_text(json.dumps(system))
 
 
-def mend(run: Path) -> None:
+def correct_hashes(run: Path) -> None:
     """Write the digests of changed files into the sidecars, as far as these can be read."""
     for path in run.rglob("*.json"):
         try:
@@ -134,7 +134,7 @@ def mend(run: Path) -> None:
                 if data.get(file):
                     data[digest] = file_sha256(path.with_name(data[file]))
                     path.write_text(json.dumps(data))
-        except Exception:
+        except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue
     for path in run.rglob(contract.PATHS_FILE):
         try:
@@ -145,5 +145,5 @@ def mend(run: Path) -> None:
                 if digest in data and path.with_name(name).exists():
                     data[digest] = file_sha256(path.with_name(name))
             path.write_text(json.dumps(data))
-        except Exception:
+        except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue

@@ -24,7 +24,7 @@ from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import load_radar
 from tests.fuzz import cases
 from tests.fuzz.cases import run_case
-from tests.fuzz.corpus import make_corpus, mend
+from tests.fuzz.corpus import make_corpus, correct_hashes
 from tests.fuzz.mutations import change_file
 
 CASES, SEED = 100, 2
@@ -122,7 +122,7 @@ def test_numbers_beyond_any_scene(
         owner = owner[key]
     owner[place[-1]] = value
     path.write_text(json.dumps(data), encoding="utf-8")
-    mend(run)
+    correct_hashes(run)
     began_s = time.process_time()
     code = main(["process", str(run), "--no-plots"])
     assert time.process_time() - began_s < 5
@@ -139,7 +139,7 @@ def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], va
     rows = np.load(path)
     rows["length_m"][3] = value
     np.save(path, rows)
-    mend(run)
+    correct_hashes(run)
     assert main(["process", str(run), "--no-plots"]) == 1
     assert re.search(r"Row \d of the paths has length .*; expected a fin", capsys.readouterr().err)
 
@@ -169,7 +169,7 @@ def test_points_far_from_their_triangle_are_refused(
         arrays = dict(archive)
     arrays["track_weights"][:] = 2.0**31
     np.savez(path, **arrays)
-    mend(run)
+    correct_hashes(run)
     assert main(["process", str(run), "--no-plots"]) == 1
     assert "weights of corners" in capsys.readouterr().err
 

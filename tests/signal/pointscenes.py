@@ -63,7 +63,7 @@ def scene(
 
 
 def clutter(count: int, seed: int) -> list[tuple[float, float, float]]:
-    """Points at rest, up to 30 dB above a target of 0 dB."""
+    """Stationary points, up to 30 dB above a target of 0 dB."""
     rng = np.random.default_rng(seed)
     return [(rng.uniform(100, 800), 0.0, rng.uniform(-20, 30)) for _ in range(count)]
 

@@ -106,7 +106,7 @@ def _in_scene(strip: Any, frames: Any, first: float, last: float) -> Iterator[fl
     yield from (at for at in (strip.frame_start, strip.frame_end) if first <= at <= last)
 
 
-def movers(item: Any) -> list[Any]:
+def driving_objects(item: Any) -> list[Any]:
     """Return an object with its parents, constraints' targets and modifiers' objects."""
     found: dict[Any, None] = {}
     waiting = [item]
@@ -131,7 +131,7 @@ def is_linear_between_frames(scene: Any, item: Any) -> bool:
     return any(
         is_simulated_body(scene, one)
         or any(constraint.type == "TRANSFORM_CACHE" for constraint in one.constraints)
-        for one in movers(item)
+        for one in driving_objects(item)
     )
 
 
@@ -139,7 +139,7 @@ def moves_in_steps(item: Any, first: float, last: float) -> bool:
     """Return whether an F-curve holds a value between `first` and `last`, then jumps."""
     return any(
         _MOVES.search(curve.data_path) and _has_step(curve, first, last)
-        for one in movers(item)
+        for one in driving_objects(item)
         for owner in (one, getattr(one.data, "shape_keys", None))
         if owner is not None
         for curve in animation_curves(owner.animation_data)

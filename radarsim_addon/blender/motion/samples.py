@@ -101,7 +101,7 @@ class SamplingPlan:
         )
 
     def clear_at(self, frame: float) -> tuple[float, Instant]:
-        """Return the moment at a frame, or beside the key that it is too near to."""
+        """Return the moment at a frame, or next to the key that it is too near to."""
         found = self._at_frame(frame)
         if self.is_clear(found[0]):
             return found

@@ -33,7 +33,7 @@ _LARGEST_SIGMAS = 20.0
 #: Path lengths are computed again where float32 may be off by more than this [wavelengths].
 TOLERANCE_WAVELENGTHS = 1e-3
 #: Fraction of a mesh's points off it above which Cycles renders another one (displaced by its
-#: material, diced adaptively). Beside limbs some thousandths are.
+#: material, diced adaptively). At limbs a few thousandths are.
 _MOST_MISSED = 0.05
 
 
@@ -101,7 +101,7 @@ class HitPoints:
         length_m = way_m + np.linalg.norm(found_m - transmitter_m, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
-            # surface it tells where another one hit, a little beside. It is too short where Cycles
+            # surface it tells where another one hit, close by. It is too short where Cycles
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
             cosine = np.abs(np.sum(mine["direction"] * normal, axis=1))
             grazed_m = 2 * reach_m * np.linalg.norm(normal, axis=1) / cosine

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drivers that Blender does not evaluate: what they drive stands still without a word."""
+"""Drivers that Blender does not evaluate: the objects that they drive do not move."""
 
 from __future__ import annotations
 

@@ -223,7 +223,7 @@ def _one_reflection(
     transmitter_m: Real,
 ) -> _Vertices:
     """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
-    # Rounding of the world's coordinates, and of the ray, which ends beside the pixel's own.
+    # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
     scale_m = np.maximum(
         np.max(np.abs(pixels.position_m), axis=-1, initial=0.0),
         np.linalg.norm(pixels.position_m - origin_m, axis=-1),

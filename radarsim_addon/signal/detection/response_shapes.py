@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shapes of the responses of a map: to a Doppler, to what nearly stands still, and envelopes."""
+"""Shapes of the responses of a map: to a Doppler, to slow paths, and envelopes."""
 
 from __future__ import annotations
 

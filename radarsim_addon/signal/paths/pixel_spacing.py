@@ -114,6 +114,6 @@ def _pixels(col: Integers, row: Integers) -> float:
 
 
 def _without_gaps(places: Integers) -> Integers:
-    """Numbers that keep neighbours beside each other, and others apart."""
+    """Numbers that keep neighbours adjacent, and others apart."""
     found, number = np.unique(places, return_inverse=True)
     return np.asarray(np.cumsum(np.minimum(np.diff(found, prepend=found[0]), _GAP))[number])

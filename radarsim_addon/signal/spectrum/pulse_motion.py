@@ -8,7 +8,7 @@ rate beta
 
 The exponential in u is interpolated between Chebyshev nodes u_j of the pulse by their Lagrange
 polynomials L_j: s = sum_j W_j(f) S(tau(t_m) + beta u_j) (1 + beta), with W_j the spectrum of w L_j
-and S that of paths at rest. Phases within +-L over the pulse take M nodes with an error of
+and S that of stationary paths. Phases within +-L over the pulse take M nodes with an error of
 4 (L/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler coupling and the
 stretched envelope are all in it. Nothing is left out at a constant rate.
 

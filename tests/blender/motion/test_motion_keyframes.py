@@ -203,8 +203,8 @@ def test_keys_that_act_from_elsewhere(tmp_path: Path, how: str) -> None:
     mh.scene_at(20.0, 1.0)
     item = mh.facets("Moved", [(0, 0, 0)], 0.6)
     other = mh.empty("Other", (0, 0, 0))
-    mover = item if how in ("cycles", "strip") else other
-    curve = keyed(mover, "LINEAR", (3.0, 19.0), (9.0, 20.0), (15.0, 20.5))
+    driving = item if how in ("cycles", "strip") else other
+    curve = keyed(driving, "LINEAR", (3.0, 19.0), (9.0, 20.0), (15.0, 20.5))
     times = lambda frame: frame  # noqa: E731
     if how == "parent":
         item.parent = other

@@ -37,15 +37,15 @@ def sampled_chirp() -> ArbitraryPulse:
 PULSES = {"chirp": sampled_chirp, "smooth": smooth_chirp}
 
 
-def movers(radar: Radar) -> Paths:
+def moving_paths(radar: Radar) -> Paths:
     return unit_paths(radar, [120.3, 131.77, 100.0, 140.0], [60.0, -60.0, 13.0, 0.0])
 
 
 @functools.cache
 def truth_of(pulse: str) -> tuple[Radar, np.ndarray]:
-    """Three pulses of all movers, term by term."""
+    """Three pulses of all moving paths, term by term."""
     radar = Radar(PULSES[pulse](), Burst(5000.0, 3))
-    paths = movers(radar)
+    paths = moving_paths(radar)
     times = synthesize(paths, radar, range_limits_m=WINDOW_M)
     return radar, echo_at(paths, radar, times.fast_time_s, times.slow_time_s)
 
@@ -62,7 +62,7 @@ def test_moving_echoes_are_those_of_retarded_times(
 ) -> None:
     """60 m/s turn a pulse of 10 us by 2 rad: stop and go is half off. Edges of a chirp ring."""
     radar, truth = truth_of(pulse)
-    paths = movers(radar)
+    paths = moving_paths(radar)
     found = synthesize(paths, radar, range_limits_m=WINDOW_M, slow_time_transform=transform)
     assert relative(found.plane, truth) < bound
     assert found.report is not None
@@ -79,7 +79,7 @@ def test_one_pulse_has_the_doppler_shift_in_it(backend: Any) -> None:
     if backend == "finufft":
         pytest.importorskip("finufft")
     radar = Radar(smooth_chirp(), Burst(5000.0, 1))
-    paths = movers(radar)
+    paths = moving_paths(radar)
     found = synthesize(paths, radar, range_limits_m=WINDOW_M, nufft_backend=backend)
     assert error_of(found, paths) < 1e-6
 

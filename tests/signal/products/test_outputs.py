@@ -101,7 +101,7 @@ def test_receiver_and_detector_by_the_command_line(
     assert len(still) >= 1
 
 
-def test_noise_alone_has_no_movers(tmp_path: Path) -> None:
+def test_noise_alone_has_no_moving_targets(tmp_path: Path) -> None:
     far = write_run(tmp_path / "run", SETUP, points(SETUP, [(2, 3, 300.0, 0.0, 1e-12)]))
     noisy = ProcessOptions(
         products=False, plots=False, cfar=Cfar(pfa=1e-7), receiver=Receiver(noise_figure_db=60.0)
