@@ -84,7 +84,7 @@ class AtomicFile:
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Give an empty temporary file in the folder of `path`, with its suffix, and rename it at the end.
+    """Give an empty temporary file in the folder of `path`, with its suffix; rename it at the end.
 
     OutputError: the folder is missing, read-only or full, or `path` is a symbolic link.
     """

@@ -132,8 +132,8 @@ MOTION = {
     "driver-disabled": Kind(
         "caution",
         "Blender does not evaluate {count:#driver} of {subjects}.",
-        "The objects that they drive do not move. The Python expressions are wrong, or disabled, as "
-        "in any file that is opened without its scripts.",
+        "The objects that they drive do not move. The Python expressions are wrong, or disabled, "
+        "as in any file that is opened without its scripts.",
         "If you trust the file, open it with Auto Run Python Scripts (blender -b "
         "--enable-autoexec FILE -P scripts/render_radar.py), or bake the animation to keyframes.",
     ),

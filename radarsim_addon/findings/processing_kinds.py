@@ -127,10 +127,9 @@ PROCESSING = {
     ),
     "coherent-part-not-formed": Kind(
         "caution",
-        "{fraction:percent} of the received power is coherent: {subjects}"
-        " (RMS height small against the wavelength).",
-        "Echoes and maps contain it as speckle, of the right mean power but without the phase of a "
-        "mirror.",
+        "{fraction:percent} of the received power is a specular echo of smooth surfaces: "
+        "{subjects}.",
+        "Echoes and maps contain this power as speckle: its mean is correct, its phase is random.",
         "Rely on the expected power of these objects, or raise their RMS height.",
     ),
     "few-scatterers": Kind(

@@ -24,7 +24,7 @@ from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import load_radar
 from tests.fuzz import cases
 from tests.fuzz.cases import run_case
-from tests.fuzz.corpus import make_corpus, correct_hashes
+from tests.fuzz.corpus import correct_hashes, make_corpus
 from tests.fuzz.mutations import change_file
 
 CASES, SEED = 100, 2

@@ -14,15 +14,15 @@ from ..state import SettingsRestorer
 
 
 def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> list[Finding]:
-    """Make Radar Materials opaque where waves do not come out again.
+    """Make Radar Materials opaque, until they are restored, if their Volume is not connected.
 
-    A material without Volume has no thickness that could attenuate: what enters stays inside. An
-    opaque material needs no Volume, which would cost Cycles time.
+    Without the Volume of the Material Output, Cycles does not attenuate waves inside the object.
+    The Volume of materials that are opaque anyway is disconnected, because it costs render time.
 
     Parameters
     ----------
     recorder
-        Records the changes.
+        Records the changes, so that they can be restored.
     materials
         Materials of the rendered objects, evaluated at the carrier.
 

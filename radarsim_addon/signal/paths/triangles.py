@@ -32,7 +32,9 @@ _STEPS = np.linspace(-2.0, 2.0, 17)
 
 
 class TriangleMesh:
-    """Triangles that can be found by points near them.
+    """A mesh that finds where rays hit it, from a point near each hit; in any one unit of length.
+
+    Triangles without area are left out.
 
     Parameters
     ----------
@@ -74,15 +76,15 @@ class TriangleMesh:
         near
             Points near the hits, shape (n, 3).
         reach
-            Largest distance of these points from the triangles, and of rays from triangles that
-            they miss at an edge; (n,) or one for all.
+            Largest error of `near`, (n,) or one for all. A ray that passes an edge within it counts
+            as a hit.
 
         Returns
         -------
         way
-            Distance along each ray in lengths of its direction, (n,); NaN where no triangle is.
+            Ray parameter t of the hit, origin + t * direction, (n,); NaN if no triangle was found.
         normal
-            Normal of the triangle that was hit, of any length, (n, 3).
+            Normal of the triangle that was hit, of any length, (n, 3); arbitrary if `way` is NaN.
         """
         way, triangle = np.full(len(near), np.nan), np.zeros(len(near), dtype=np.intp)
         if not len(self):

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pulses that are scaled in time by the motion of the paths while they are under way.
+"""Spectra of echoes whose delay changes during the pulse.
 
-What a pulse emits at t_m + u comes back after the delay tau(t_m + u), so that with the delay's own
-rate beta
+t_m is the middle of pulse m, u the time from there, w(u) the transmitted pulse, f0 the carrier and
+f the baseband frequency. What is emitted at t_m + u returns after the delay tau(t_m + u), which
+changes at the rate beta. The spectrum s of the echo is then
 
     s(t_m, f) = (1 + beta) int w(u) exp(-j 2 pi (f0 + f) [tau(t_m) + beta u]) exp(-j 2 pi f u) du
 
 The exponential in u is interpolated between Chebyshev nodes u_j of the pulse by their Lagrange
 polynomials L_j: s = sum_j W_j(f) S(tau(t_m) + beta u_j) (1 + beta), with W_j the spectrum of w L_j
-and S that of stationary paths. Phases within +-L over the pulse take M nodes with an error of
-4 (L/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler coupling and the
-stretched envelope are all in it. Nothing is left out at a constant rate.
+and S that of stationary paths. If the phase stays within +-Phi over the pulse, M nodes leave an
+error of 4 (Phi/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler
+coupling and the stretched envelope are included. At a constant rate only this error remains.
 
 The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2), which for a
-length l(t) = l + r (t - t_m) is tau = l / (c - r / 2), exact for one reflection and antennas at one
+two-way length l(t) = l + r (t - t_m), r > 0 receding, is tau = l / (c - r / 2), exact for one reflection and antennas at one
 place.
 """
 
@@ -69,8 +70,10 @@ def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> E
 
 
 class PulseMotionTransform:
-    """As :class:`.spectrum.transform.PulseTransform`, times the pulse's spectrum, for lengths in
-    the middle of a pulse and their rates.
+    """Transform of moving paths to spectra of their echoes, the pulse's spectrum included.
+
+    Takes path lengths in the middle of a pulse and their rates; else as
+    :class:`.spectrum.transform.PulseTransform`.
     """
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:

@@ -19,8 +19,8 @@ from tests.blender import radar_scenes as rs
 pytestmark = pytest.mark.blender
 
 
-#: Properties that are not settings; use_nodes is always on from 5.0, where reading it warns. storage_type is how
-#: Blender packs an attribute in memory.
+#: Properties that are not settings. use_nodes is always on from 5.0, where reading it warns;
+#: storage_type is how Blender packs an attribute in memory.
 SKIPPED = {"rna_type", "session_uid", "is_evaluated", "depsgraph", "storage_type"} | (
     {"use_nodes"} if bpy.app.version >= (5, 0, 0) else set()
 )
