@@ -13,9 +13,9 @@ and S that of stationary paths. If the phase stays within +-Phi over the pulse, 
 error of 4 (Phi/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler
 coupling and the stretched envelope are included. At a constant rate only this error remains.
 
-The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2), which for a
-two-way length l(t) = l + r (t - t_m), r > 0 receding, is tau = l / (c - r / 2), exact for one reflection and antennas at one
-place.
+The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2). For a two-way
+length l(t) = l + r (t - t_m), r > 0 receding, that is tau = l / (c - r / 2), exact for one
+reflection and antennas at one place.
 """
 
 from __future__ import annotations
