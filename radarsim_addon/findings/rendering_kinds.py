@@ -92,8 +92,9 @@ SCENE = {
         "The carrier, {carrier_hz:frequency}, is outside the band of the medium {medium} of "
         "{subjects}: {band}.",
         "The setting Beyond Band is {beyond_band}; the nearest edge of the band is "
-        "{edge_hz:frequency}. Held and extrapolated values differ by {reflection_db:.2g} dB in reflection and by a factor {absorption_ratio:.3g} in "
-        "absorption: error class {error_class}.",
+        "{edge_hz:frequency}. Held and extrapolated values differ by {reflection_db:.2g} dB in "
+        "reflection and by a factor {absorption_ratio:.3g} in absorption: error class "
+        "{error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
         "Radar > Material > Beyond Band to Refuse.",
     ),
