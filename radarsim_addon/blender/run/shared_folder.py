@@ -58,8 +58,10 @@ class SharedFolder:
             write_record(self._folder / contract.RUN_FILE, record)
             frames = make_folder(self._folder / contract.FRAMES_DIR)
             for left in frames.glob("*.lease"):  # of processes that are gone
-                with contextlib.suppress(OSError):
-                    left.unlink()
+                # Another may have claimed a frame since, and look for us when we have finished.
+                if self._frames.holder(left.name.split(".")[0]) is None:
+                    with contextlib.suppress(OSError):
+                        left.unlink()
 
     def workers(self) -> list[str]:
         """Return who has claimed frames of this folder, each once."""
@@ -121,7 +123,7 @@ class SharedFolder:
             if lease is None:
                 return None
             # Whoever opens the folder looks for leases after this one of its own: it has seen ours,
-            # or we see its.
+            # or we see its, or the plan that it has written.
             if self._opening.holder(_OPENING) is None:
                 if self._is_ours(read_record(self._folder / contract.RUN_FILE, contract.RunRecord)):
                     return lease

@@ -17,7 +17,7 @@ pytest.importorskip("bpy")
 
 from radarsim_addon import contract
 from radarsim_addon.blender.run import output_folder
-from radarsim_addon.blender.run.leases import Leases
+from radarsim_addon.blender.run.leases import Lease, Leases
 from radarsim_addon.blender.run.shared_folder import SharedFolder
 from radarsim_addon.errors import OutputError
 from radarsim_addon.sidecar import read_record
@@ -95,6 +95,31 @@ def test_nobody_claims_while_the_folder_is_opened(tmp_path: Path) -> None:
     start_s = time.monotonic()
     assert next(shared.claimed([1])) == 1
     assert time.monotonic() - start_s > 1.5
+
+
+def test_a_claim_that_the_opener_did_not_see_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was made after the opener had looked, and its owner looked after the opener had ended."""
+    first, second = opened(tmp_path), SharedFolder(tmp_path)
+    claim, open_folder = first._frames.claim, output_folder.open_folder
+    leases: list[Lease | None] = []
+
+    def opened_meanwhile(name: str) -> Lease | None:
+        monkeypatch.undo()
+
+        def claimed_meanwhile(*arguments: Any) -> None:
+            leases.append(claim(name))
+            open_folder(*arguments)
+
+        monkeypatch.setattr(output_folder, "open_folder", claimed_meanwhile)
+        second.open(PLAN, [PLAN.fingerprint], False)
+        return leases[0]
+
+    monkeypatch.setattr(first._frames, "claim", opened_meanwhile)
+    one, two = first.claimed([1, 2]), second.claimed([1, 2])
+    assert (next(one), next(two)) == (1, 2)
+    assert first.keeps_frame() and second.keeps_frame()
 
 
 def test_leases_of_the_dead_are_tidied_up(tmp_path: Path) -> None:
