@@ -9,6 +9,7 @@ faces inside an object, so the object has their normal as a custom property.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import bpy
@@ -146,8 +147,9 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
         Names the objects that are no layers.
     """
     others = []
+    entered = cache(is_entered)
     for item, materials in assigned_materials(depsgraph):
-        if not any(is_entered(material) for material in materials):
+        if not any(map(entered, materials)):
             continue
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
         normal = None if given is None else np.array(given, dtype=np.float64)
@@ -295,8 +297,9 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
     """
     limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
     deep = {}
+    is_inside = cache(is_entered)
     for item, materials in assigned_materials(depsgraph):
-        entered = [material for material in materials if is_entered(material)]
+        entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
         thickness = thinnest(item, depsgraph)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,9 @@ def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
         One ``total-reflection`` per object, with its index and fraction.
     """
     found = []
+    is_inside = cache(has_interior)
     for item, materials in assigned_materials(depsgraph):
-        entered = [material for material in materials if has_interior(material)]
+        entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
         sockets = [group_input(material, INDEX) for material in entered]

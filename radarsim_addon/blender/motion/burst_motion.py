@@ -115,7 +115,7 @@ class BurstMotion:
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
-        self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
+        self.bodies = Bodies(self._names, self.poses, self._units)
         return depsgraph
 
     def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
@@ -147,7 +147,7 @@ class BurstMotion:
         for column in ("last_body", "first_body"):
             self._seen.update(np.unique(rows[column]).tolist())
         if self._deformations.any:
-            self._deformations.attach(rows, self.bodies.parts)
+            self._deformations.attach(rows, self.bodies)
 
     def complete(self, rows: PathRows) -> PathRows:
         """Fill in range rates and surface points, and number the bodies as in the file.
@@ -155,7 +155,7 @@ class BurstMotion:
         Call it after `sample`, for the same rows and order as `collect`.
         """
         if self._deformations.any:
-            self._deformations.number(rows, self.bodies.parts)
+            self._deformations.number(rows, self.bodies)
         for column in ("last_body", "first_body"):
             rows[column] = self._file_number[rows[column]]
         motion: KinematicMotion = motion_of_rows(rows, self._scene)
@@ -171,8 +171,8 @@ class BurstMotion:
     def sample(self) -> FrameMotion:
         """Sample and fit the collected bodies; the scene is at the frame's time afterwards."""
         plan = self._plan
-        self._touched = [self.bodies.parts[n - 1] for n in sorted(self._seen - {0})]
-        self._file_number = np.zeros(len(self.bodies.parts) + 1, dtype=np.int32)
+        self._touched = [self.bodies[n - 1] for n in sorted(self._seen - {0})]
+        self._file_number = np.zeros(len(self.bodies) + 1, dtype=np.int32)
         for number, body in enumerate(sorted(self._seen - {0}), start=1):
             self._file_number[body] = number
         if self._frozen:

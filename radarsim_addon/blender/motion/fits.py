@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from functools import cache
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Fits:
         #: Rows of poses that move on straight lines between whole frames, to be a cubic.
         self._smooth = smooth
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
-        self._reaches_m = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
+        self._reach_m = cache(lambda index: _reach(sampler.parts[index - 2]) if index > 1 else 0.0)
         self.motions: list[BodyMotion] = []
         self._missed: dict[int, float] = {}
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
@@ -63,6 +64,9 @@ class Fits:
         times = np.array(times_s)
         poses = np.stack([sampler.poses[at_s] for at_s in times_s])
         in_burst = (times >= 0) & (times <= plan.duration_s)
+        rendered = sampler.poses[plan.rendered[0]]
+        checked = np.stack([sampler.poses[at_s] for at_s in self._checks_s])
+        still = (poses == rendered).all(axis=(0, 2, 3)) & (checked == rendered).all(axis=(0, 2, 3))
         motions = []
         for index in range(poses.shape[1]):
             if self.motions and self._is_accurate(index):
@@ -72,6 +76,9 @@ class Fits:
                 motions.append(self._smooth_motion(index))
                 continue
             self._missed.pop(index, None)
+            if still[index]:
+                motions.append(BodyMotion(rendered[index], epoch_offset_s=plan.rendered[0]))
+                continue
             present = np.isfinite(poses[:, index, 0, 0])
             motion = self._fit_body(index, times[present], poses[present, index])
             follows = index not in self._missed and not self._is_noisy(index, motion)
@@ -113,13 +120,13 @@ class Fits:
             times_s,
             poses,
             plan.duration_s,
-            self._reaches_m[index],
+            self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=plan.corners_s,
             pose=self._sampler.poses[plan.rendered[0]][index],
             epoch_s=plan.rendered[0],
         )
-        return self._checked(index, motion, self._reaches_m[index])
+        return self._checked(index, motion, self._reach_m(index))
 
     def _smooth_motion(self, index: int) -> BodyMotion:
         """Return a cubic through the poses at whole frames."""
@@ -136,7 +143,7 @@ class Fits:
             times_s,
             smooth_poses(whole_s, poses[present], times_s),
             plan.duration_s,
-            self._reaches_m[index],
+            self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=whole_s.tolist(),
             pose=self._sampler.poses[plan.rendered[0]][index],
@@ -153,7 +160,7 @@ class Fits:
     def _rounding_m(self, index: int) -> float:
         """Return the step of float32 at the body's farthest point [m]."""
         pose = self._sampler.poses[self._plan.rendered[0]][index]
-        turn_m = self._reaches_m[index] * float(np.spacing(np.float32(1.0)))
+        turn_m = self._reach_m(index) * float(np.spacing(np.float32(1.0)))
         return _rounding_step(pose[:3, 3], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
@@ -163,7 +170,7 @@ class Fits:
 
     def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
         """Return whether a fit leaves more than the rounding of poses."""
-        return motion.noise_m > self._rounding_m(index)
+        return motion.noise_m > 0 and motion.noise_m > self._rounding_m(index)
 
     def _is_accurate(self, index: int) -> bool:
         motion = self.motions[index]

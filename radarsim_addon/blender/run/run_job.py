@@ -45,6 +45,7 @@ from ..scene import (
     Rig,
     disabled_drivers,
     find_rig,
+    hiding_is_animated,
     receiver_record,
     show_as_rendered,
     show_what_renders,
@@ -113,6 +114,7 @@ class MeasurementJob:
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
         self._simulated_to = -math.inf
         self._shown: Instant | None = None
+        self._hiding_moves = True
         self._started_s = 0.0
         self._rendered = 0
         self.total = self.done = 0
@@ -218,6 +220,7 @@ class MeasurementJob:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent, units = Extent(), self._metres_per_unit()
         self._speeds = ClosingSpeeds(units)
+        seen: tuple[Any, ...] = ()
         for frame in self._measurement.frames:
             before = None
             for at in self._surveyed(frame):
@@ -225,7 +228,11 @@ class MeasurementJob:
                 depsgraph = self._refuse_what_is_no_number(instant)
                 boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
                 antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-                extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
+                # Where Blender has evaluated nothing since, all is as before.
+                now = boxes.snapshot, *(place.tobytes() for place in antennas)
+                if now != seen:
+                    extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
+                seen = now
                 if before is not None:
                     interval_s = instant.time_s - before[0].time_s
                     self._speeds.add(before[1], (boxes, antennas), interval_s)
@@ -311,7 +318,9 @@ class MeasurementJob:
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
             show_as_rendered(self._shown_for_run, self._scene)
-        if self._shown is None or self._shown.frame != instant.frame:
+        if self._shown is None:
+            self._hiding_moves = hiding_is_animated()
+        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
             show_what_renders(self._shown_for_run, self._view_layer)
         needed = instant.frame + (instant.subframe > 0)
         if needed > self._simulated_to:

@@ -7,6 +7,7 @@ the comments. What is not ours to change (device, threads, geometry) stays as th
 
 from __future__ import annotations
 
+from functools import cache
 from types import TracebackType
 from typing import Any
 
@@ -275,10 +276,11 @@ class MeasurementSettings:
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         if measurement.polarisation == "average":
+            by_polarisation = cache(passes_by_polarisation)
             self.averaging = tuple(
                 one.item.name
                 for one in assigned_materials(depsgraph)
-                if any(passes_by_polarisation(material) for material in one.materials)
+                if any(map(by_polarisation, one.materials))
             )
         no_layers = set_layer_normals(self._recorder, depsgraph)
         wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit

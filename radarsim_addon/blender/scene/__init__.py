@@ -16,7 +16,7 @@ from .instance_poses import (
     instance_name,
     pose_in_metres,
 )
-from .isolation import animation_curves, echoes, isolate
+from .isolation import action_curves, animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
 from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
@@ -35,7 +35,7 @@ from .rig import (
     setup_rig,
 )
 from .simulations import is_simulated_body, simulation_frames
-from .visibility import show_as_rendered, show_what_renders
+from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -45,6 +45,7 @@ __all__ = [
     "InstancePose",
     "Poses",
     "Rig",
+    "action_curves",
     "active_radar",
     "aim",
     "animation_curves",
@@ -59,6 +60,7 @@ __all__ = [
     "echoes",
     "evaluated_poses",
     "find_rig",
+    "hiding_is_animated",
     "instance_name",
     "is_simulated_body",
     "is_transmitter",

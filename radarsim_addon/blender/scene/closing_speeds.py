@@ -44,14 +44,21 @@ class ClosingSpeeds:
         interval_s: float,
     ) -> None:
         """Add two moments, each with its boxes and the places of the antennas."""
-        first, last = dict(before[0]), dict(after[0])
-        common = [key for key in first if key in last]
-        if not common or not interval_s > 0:
+        common = before[0].pairs(after[0])
+        if all(map(np.array_equal, before[1], after[1])):  # then only what moves has a rate
+            then, now = (
+                boxes.snapshot.corners[rows]
+                for rows, (boxes, _) in zip(common, (before, after), strict=True)
+            )
+            moving = (then != now).any(axis=(1, 2))
+            common = common[0][moving], common[1][moving]
+        if not common[0].size or not interval_s > 0:
             return
         first_m, last_m = (
-            _ranges_m(np.stack([boxes[key] for key in common]), antennas, self._units)
-            for boxes, antennas in ((first, before[1]), (last, after[1]))
+            _ranges_m(boxes.snapshot.corners[rows], antennas, self._units)
+            for rows, (boxes, antennas) in zip(common, (before, after), strict=True)
         )
         rates_mps = np.abs(last_m - first_m).max(axis=1) / interval_s
-        for (label, _), rate_mps in zip(common, rates_mps.tolist(), strict=True):
+        for row, rate_mps in zip(common[0].tolist(), rates_mps.tolist(), strict=True):
+            label = before[0].snapshot.label(row)
             self.by_object[label] = max(rate_mps, self.by_object.get(label, 0.0))

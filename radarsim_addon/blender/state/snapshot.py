@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +23,19 @@ from .evaluated import Key, evaluated_mesh
 
 #: Numbers by which Blender tells the instances of an instancer apart.
 _NUMBERS = 8
+#: Settings of an object that decide on instances.
+_DECIDING = (
+    "instance_type",
+    "instance_collection",
+    "hide_viewport",
+    "parent",
+    "show_instancer_for_viewport",
+    "use_instance_faces_scale",
+    "use_instance_vertices_rotation",
+    "instance_faces_scale",
+)
+#: Arrays of a `Layout`.
+_ARRAYS = ("shape", "instancer", "numbers", "visible")
 
 
 @dataclasses.dataclass(eq=False)
@@ -55,7 +68,7 @@ class Shape:
     first: int
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Layout:
     """Which objects and instances there are, n in Blender's order.
 
@@ -71,10 +84,12 @@ class Layout:
         Blender's numbers of the instances, (n, 8).
     visible
         Whether Blender draws the object itself, and not only its instances, (n,).
+    objects
+        Original objects that are there themselves, or make instances.
     row_of
         Row of each original object that is there itself.
     instanced
-        Original objects that make instances, and those that have some.
+        Original objects that make instances, and those that have some, with what decides on it.
     """
 
     shape: Indices
@@ -82,8 +97,9 @@ class Layout:
     instancer: Indices
     numbers: NDArray[np.int32]
     visible: Mask
+    objects: list[Any]
     row_of: dict[Any, int]
-    instanced: frozenset[Any]
+    instanced: dict[Any, tuple[Any, ...]]
 
     def key(self, row: int) -> Key:
         """Return the key of an instance among those of its object; empty for the object itself."""
@@ -91,7 +107,7 @@ class Layout:
         return () if index < 0 else (self.instancers[index].name, *self.numbers[row].tolist())
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Snapshot:
     """Objects and instances at one moment, in Blender units.
 
@@ -151,7 +167,9 @@ class _Latest:
         self.snapshot: Snapshot | None = None
         #: Objects to be read again; True where more than their pose has changed.
         self.changed: dict[Any, bool] = {}
-        self.layout_changed = False
+        #: Objects that may have other materials.
+        self.shaded: set[Any] = set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
 
     def note(self, depsgraph: Any) -> None:
         """Note what Blender has just evaluated."""
@@ -159,27 +177,41 @@ class _Latest:
             return
         layout = self.snapshot.layout
         for update in depsgraph.updates:
+            self.evaluated = True
             item = update.id.original
-            if isinstance(item, bpy.types.Scene | bpy.types.Collection):
+            if isinstance(item, bpy.types.Collection):
                 self.layout_changed = True
+            elif isinstance(item, bpy.types.Scene):  # a setting, or what is hidden
+                self.scene_changed = True
             elif isinstance(item, bpy.types.Object):
-                if item not in layout.row_of or item in layout.instanced:
-                    self.layout_changed = True
-                other = update.is_updated_geometry or update.is_updated_shading
-                self.changed[item] = other or self.changed.get(item, False)
+                geometry, there = update.is_updated_geometry, item in layout.row_of
+                # A change of the scene reports all its objects, as shaded again.
+                if geometry or update.is_updated_transform:
+                    self.layout_changed |= item in layout.instanced
+                    if there:
+                        self.changed[item] = geometry or self.changed.get(item, False)
+                if update.is_updated_shading:
+                    self.shaded.add(item)
+                self.scene_changed |= item in layout.instanced or not there
 
     def take(self, depsgraph: Any) -> Snapshot:
         """Return the snapshot of now."""
         last = self.snapshot
         if last is not None and last.depsgraph == depsgraph and _follow_evaluations():
-            if self.layout_changed:
-                last = _walk(depsgraph, last.shapes, self.changed)
-            elif self.changed:
+            for shape in last.shapes:
+                if shape.own and shape.original in self.shaded:
+                    shape.materials = _materials(shape.original.evaluated_get(depsgraph))
+            if self.layout_changed or (
+                self.scene_changed and not _is_there(last.layout, depsgraph)
+            ):
+                last = _walk(depsgraph, last, self.changed)
+            elif self.evaluated:
                 last = _read_again(last, self.changed)
         else:
             _follow_evaluations()
             last = _walk(depsgraph)
-        self.snapshot, self.changed, self.layout_changed = last, {}, False
+        self.snapshot, self.changed, self.shaded = last, {}, set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
         return last
 
     def forget(self) -> None:
@@ -233,22 +265,23 @@ def take_snapshot(depsgraph: Any) -> Snapshot:
 
 
 def _shape(evaluated: Any, original: Any, address: int, own: bool, first: int) -> Shape:
-    materials = tuple(
-        None if slot.material is None else slot.material.original
-        for slot in evaluated.material_slots
-    )
     box = np.array([tuple(corner) for corner in evaluated.bound_box], dtype=np.float64)
-    return Shape(original, evaluated.type, address, own, materials, box, first)
+    return Shape(original, evaluated.type, address, own, _materials(evaluated), box, first)
 
 
-def _walk(depsgraph: Any, known: Sequence[Shape] = (), changed: Any = ()) -> Snapshot:
-    """Look at all objects and instances; shapes that are `known` and not `changed` stay."""
+def _materials(evaluated: Any) -> tuple[Any, ...]:
+    return tuple(slot.material and slot.material.original for slot in evaluated.material_slots)
+
+
+def _walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Snapshot:
+    """Look at all objects and instances; shapes of the last time that are not `changed` stay."""
     instances = depsgraph.object_instances
     count = len(instances)
     matrices = _read(instances, "matrix_world", np.float32, 16, count)
     numbers = _read(instances, "persistent_id", np.int32, _NUMBERS, count)
     visible = _read(instances, "show_self", np.bool_, 1, count)
     repeated = _read(instances, "is_instance", np.bool_, 1, count)
+    known = () if last is None else last.shapes
     old = {(one.original, one.address): one for one in known if one.original not in changed}
     shapes: dict[Any, int] = {}
     found: list[Shape] = []
@@ -267,7 +300,7 @@ def _walk(depsgraph: Any, known: Sequence[Shape] = (), changed: Any = ()) -> Sna
                 own = data == original.evaluated_get(depsgraph).data
                 before = _shape(one, original, address, own, row)
             else:
-                before = dataclasses.replace(before, first=row)
+                before.first = row
             found.append(before)
         shape[row] = index
         if repeated[row]:
@@ -281,17 +314,47 @@ def _walk(depsgraph: Any, known: Sequence[Shape] = (), changed: Any = ()) -> Sna
         instancer,
         numbers,
         visible[:, 0],
+        _objects(depsgraph),
         row_of,
-        frozenset(having | set(instancers)),
+        _instancing([*having, *instancers]),
     )
+    if last is not None and _same(last, layout, found):
+        layout = last.layout
     # Blender has the columns of a matrix one after another.
     matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
     return Snapshot(depsgraph, layout, found, np.ascontiguousarray(matrices))
 
 
-def _read(
-    items: Any, name: str, dtype: type[np.generic], width: int, count: int
-) -> NDArray[Any]:
+def _objects(depsgraph: Any) -> list[Any]:
+    return [item.original for item in depsgraph.objects]
+
+
+def _is_there(layout: Layout, depsgraph: Any) -> bool:
+    """Whether the objects of a layout are still all, and make instances as before."""
+    try:
+        alike = _instancing(layout.instanced) == layout.instanced
+    except ReferenceError:  # removed
+        return False
+    return alike and _objects(depsgraph) == layout.objects
+
+
+def _instancing(objects: Iterable[Any]) -> dict[Any, tuple[Any, ...]]:
+    return {item: tuple(getattr(item, name) for name in _DECIDING) for item in objects}
+
+
+def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
+    """Whether there are the same objects and instances as the last time."""
+    before = last.layout
+    pairs = ((getattr(before, name), getattr(layout, name)) for name in _ARRAYS)
+    return (
+        before.instancers == layout.instancers
+        and before.objects == layout.objects
+        and [one.original for one in last.shapes] == [one.original for one in shapes]
+        and all(np.array_equal(one, other) for one, other in pairs)
+    )
+
+
+def _read(items: Any, name: str, dtype: type[np.generic], width: int, count: int) -> NDArray[Any]:
     values = np.empty(count * width, dtype=dtype)
     items.foreach_get(name, values)
     return values.reshape(count, width)
@@ -299,7 +362,9 @@ def _read(
 
 def _read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     """Return a snapshot with some objects read again, which neither make nor have instances."""
-    layout, shapes, matrices = last.layout, last.shapes, last.matrices.copy()
+    layout, shapes, matrices = last.layout, last.shapes, last.matrices
+    if changed:
+        matrices = matrices.copy()
     if any(changed.values()):
         shapes = shapes.copy()
     for original, other in changed.items():

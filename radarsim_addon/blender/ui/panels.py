@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 
@@ -40,12 +41,13 @@ from ..scene import (
     radars,
     scene_extent,
 )
+from ..state import Snapshot, take_snapshot
 from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
 from .material_names import draw_suggestions
 from .shown_findings import draw_findings, read_findings
 
-#: Instances looked at while drawing; larger scenes show their number of rings when rendering.
-_DRAWN_INSTANCES = 2000
+#: How far the scene reaches, by what has been evaluated: panels draw at every move of the mouse.
+_extents: WeakKeyDictionary[Snapshot, dict[Any, Extent]] = WeakKeyDictionary()
 
 
 class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
@@ -278,7 +280,7 @@ def _measurement(context: Any, layout: Any) -> Measurement | None:
 
 
 def _extent(context: Any) -> Extent | None:
-    """How far the scene reaches now; None without a radar, or in a scene too large to look at.
+    """How far the scene reaches now; None without a radar.
 
     With paths, where objects of any material may echo, all that is rendered counts.
 
@@ -294,9 +296,11 @@ def _extent(context: Any) -> Extent | None:
         return None
     scale = check_unit_scale(shortest_decimal(context.scene.unit_settings.scale_length))
     depsgraph = context.evaluated_depsgraph_get()
-    if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
-        return None
-    return scene_extent(depsgraph, rig, scale, any_material=_by_paths(radar))
+    key = (radar, rig, scale, _by_paths(radar))
+    known = _extents.setdefault(take_snapshot(depsgraph), {})
+    if key not in known:
+        known[key] = scene_extent(depsgraph, rig, scale, any_material=key[-1])
+    return known[key]
 
 
 def _by_paths(radar: Any) -> bool:
