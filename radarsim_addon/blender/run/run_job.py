@@ -41,6 +41,7 @@ from ..plan import (
     shortest_decimal,
 )
 from ..scene import (
+    VELOCITY_FRAMES,
     ClosingSpeeds,
     Rig,
     disabled_drivers,
@@ -219,10 +220,11 @@ class MeasurementJob:
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent, units = Extent(), self._metres_per_unit()
-        self._speeds = ClosingSpeeds(units)
+        burst = self._measurement.burst
+        self._speeds = ClosingSpeeds(units, burst.pulses / burst.prf_hz)
         seen: tuple[Any, ...] = ()
         for frame in self._measurement.frames:
-            before = None
+            first = None
             for at in self._surveyed(frame):
                 instant = instant_at(at, self._fps())
                 depsgraph = self._refuse_what_is_no_number(instant)
@@ -233,10 +235,13 @@ class MeasurementJob:
                 if now != seen:
                     extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
                 seen = now
-                if before is not None:
-                    interval_s = instant.time_s - before[0].time_s
-                    self._speeds.add(before[1], (boxes, antennas), interval_s)
-                before = instant, (boxes, antennas)
+                first = first or (instant, (boxes, antennas))
+            assert first is not None
+            soon = instant_at(frame + VELOCITY_FRAMES, self._fps())
+            depsgraph = self._show(soon)
+            boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
+            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+            self._speeds.add(first[1], (boxes, antennas), soon.time_s - first[0].time_s)
         digests = [ground_truth.animation_digest()]
         self._simulated_to = math.inf  # the digest is worth no simulation of the whole scene
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):

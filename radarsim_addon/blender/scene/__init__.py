@@ -4,10 +4,10 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .closing_speeds import ClosingSpeeds
+from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_speeds
 from .driver_checks import disabled_drivers
 from .finite_checks import check_poses, check_vertices
-from .ground_truth import scene_extent
+from .ground_truth import echoing_boxes, scene_extent
 from .instance_poses import (
     InstancePose,
     Poses,
@@ -41,6 +41,7 @@ __all__ = [
     "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "VELOCITY_FRAMES",
     "ClosingSpeeds",
     "InstancePose",
     "Poses",
@@ -58,6 +59,7 @@ __all__ = [
     "distance_from_box",
     "draw_patterns",
     "echoes",
+    "echoing_boxes",
     "evaluated_poses",
     "find_rig",
     "hiding_is_animated",
@@ -65,6 +67,7 @@ __all__ = [
     "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "keyed_speeds",
     "no_echo_findings",
     "pose_in_metres",
     "radar_of",

@@ -52,9 +52,9 @@ def hiding_is_animated() -> bool:
     bool
         True if an F-curve or driver acts on what objects or collections are visible.
     """
-    owners = (*bpy.data.objects, *bpy.data.collections)
-    animated = (item.animation_data for item in owners if item.animation_data is not None)
-    drivers = (curve for animation in animated for curve in animation.drivers)
+    owners = (*bpy.data.objects, *bpy.data.collections)  # older collections have no animation
+    animations = (getattr(item, "animation_data", None) for item in owners)
+    drivers = (curve for one in animations if one is not None for curve in one.drivers)
     curves = (curve for action in bpy.data.actions for curve in action_curves(action))
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 

@@ -37,7 +37,9 @@ from ..scene import (
     active_radar,
     antennas_of,
     echoes,
+    echoing_boxes,
     find_rig,
+    keyed_speeds,
     radars,
     scene_extent,
 )
@@ -48,6 +50,8 @@ from .shown_findings import draw_findings, read_findings
 
 #: How far the scene reaches, by what has been evaluated: panels draw at every move of the mouse.
 _extents: WeakKeyDictionary[Snapshot, dict[Any, Extent]] = WeakKeyDictionary()
+#: The same of speeds.
+_keyed_speeds: WeakKeyDictionary[Snapshot, dict[Any, dict[str, float]]] = WeakKeyDictionary()
 
 
 class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
@@ -232,6 +236,7 @@ def _draw_findings(
         interval_s,
         settings(active_radar(scene)).sampling_mode,
         (scene.frame_end - scene.frame_start) * frame_s,
+        _speeds(context, measurement),
     )
     draw_findings(context, layout, found)
     return found
@@ -300,6 +305,27 @@ def _extent(context: Any) -> Extent | None:
     known = _extents.setdefault(take_snapshot(depsgraph), {})
     if key not in known:
         known[key] = scene_extent(depsgraph, rig, scale, any_material=key[-1])
+    return known[key]
+
+
+def _speeds(context: Any, measurement: Measurement) -> dict[str, float]:
+    """Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s]."""
+    scene, burst = context.scene, measurement.burst
+    try:
+        radar = active_radar(scene)
+        rig = _rig(scene, radar)
+        scale = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    except RadarSimError:
+        return {}
+    depsgraph = context.evaluated_depsgraph_get()
+    fps = scene.render.fps / shortest_decimal(scene.render.fps_base)
+    span_s, frame = burst.pulses / burst.prf_hz, scene.frame_current_final
+    key = (rig, scale, _by_paths(radar), fps, span_s, frame)
+    known = _keyed_speeds.setdefault(take_snapshot(depsgraph), {})
+    if key not in known:
+        found = echoing_boxes(depsgraph, any_material=_by_paths(radar))
+        speeds = keyed_speeds(found, (rig.camera, rig.emitter), frame, fps, span_s)
+        known[key] = {name: scale * speed for name, speed in speeds.items()}
     return known[key]
 
 
