@@ -201,10 +201,27 @@ _CHANNELS = ("location", "rotation_euler", "rotation_quaternion", "scale")
 def keyed_speeds(
     found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
 ) -> dict[str, float]:
-    """Return the largest |range rate| of objects that F-curves move, by label [units/s].
+    """Return the largest |range rate| of objects that F-curves move.
 
-    Nothing is evaluated: what other animation moves is left out. `antennas` are objects, `span_s`
-    is the duration of a burst that begins at `frame`.
+    Nothing is evaluated, so what other animation moves is left out.
+
+    Parameters
+    ----------
+    found
+        Surfaces, at `frame`.
+    antennas : tuple of bpy.types.Object
+        Receiver and transmitter.
+    frame
+        Blender frame at which a burst begins.
+    fps
+        Blender frames per second.
+    span_s
+        Duration of the burst [s].
+
+    Returns
+    -------
+    dict
+        By label [Blender units per second].
     """
     snapshot, layout = found.snapshot, found.snapshot.layout
 

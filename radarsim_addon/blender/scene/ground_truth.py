@@ -99,7 +99,20 @@ class Boxes:
 
 
 def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
-    """Return the boxes of the surfaces that can echo; of all surfaces with `any_material`."""
+    """Return the bounding boxes of the surfaces that can echo, at the depsgraph's time.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    any_material
+        Include surfaces without a Radar Material.
+
+    Returns
+    -------
+    Boxes
+        Rows of the snapshot, and corners in Blender units.
+    """
     snapshot = take_snapshot(depsgraph)
     rows = _rendered_rows(snapshot)
     if not any_material:

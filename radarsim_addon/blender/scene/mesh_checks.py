@@ -9,6 +9,7 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ..nodes.materials import has_interior
-from ..state import read_numbers, take_snapshot
+from ..state import Snapshot, read_numbers, take_snapshot
 
 #: Maximum number of volumes that Cycles tracks along a ray.
 _MOST_NESTED = 31
@@ -72,7 +73,7 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
     if not entered.any():
         return []
-    count = len(rows)
+    count = int(snapshot.of_shapes(_face_counts(snapshot), np.intp)[rows].astype(bool).sum())
     near = _near_an_interior(snapshot.corners[rows], entered)
     read: dict[int, _Shape | None] = {}
     found = []
@@ -94,6 +95,15 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         *_nested_too_deep(found),
         *_slow_for_cycles(found, count),
     ]
+
+
+def _face_counts(snapshot: Snapshot) -> list[int]:
+    """Return the number of faces of each shape; 0 for what is no mesh."""
+    counts = []
+    for shape in snapshot.shapes:
+        with snapshot.mesh(shape) if shape.kind == "MESH" else nullcontext() as mesh:
+            counts.append(0 if mesh is None else len(mesh.polygons))
+    return counts
 
 
 def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
