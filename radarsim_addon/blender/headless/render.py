@@ -22,6 +22,7 @@ from ...signal.pipeline import FrameResult, process_run
 from ...signal.runs import open_run
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
+from ..run.devices import Device, choose_device
 from ..scene import active_radar, radars
 from .console import ProgressLine, quiet_blender
 from .jobs import make_job
@@ -85,6 +86,8 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         if arguments.blend is not None:
             _open_file(arguments.blend)
         scene = _find_scene(arguments.scene)
+        if arguments.device is not None:
+            choose_device(scene, Device(arguments.device.upper()))
         migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
         radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
         folder = arguments.out.absolute() if arguments.out else output_folder(radar)

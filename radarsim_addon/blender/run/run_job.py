@@ -177,6 +177,8 @@ class MeasurementJob:
             digests = [digest + at for digest in digests]
         self._settings = self._make_settings()
         self._settings.apply()
+        if self._settings.device_kind != "CPU":
+            self.versions["device"] = self._settings.device_kind
         self._simulated_to = -math.inf  # changes of the scene empty the caches of simulations
         self.run_findings = [
             *self._settings.findings,
