@@ -62,7 +62,7 @@ def main(words: list[str]) -> int:
         description="Check on small scenes that Cycles gives what measurements stand on.",
     )
     parser.add_argument(
-        "--device", choices=[kind.lower() for kind in KINDS], default="cpu",
+        "--device", choices=[kind.lower() for kind in KINDS], default="cpu", type=str.lower,
         help="Check the devices of this kind [cpu]",
     )  # fmt: skip
     kind = parser.parse_args(words).device.upper()

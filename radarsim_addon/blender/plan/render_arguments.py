@@ -104,6 +104,7 @@ def parse_render_arguments(
     parser.add_argument(
         "--device",
         choices=("cpu", "cuda", "optix", "hip", "oneapi", "metal"),
+        type=str.lower,
         help="Render with this kind of device; else as file and preferences choose",
     )
     parser.add_argument(
