@@ -74,6 +74,7 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
     from scripts.benchmarks.canyon import run_canyon, run_canyon_error
     from scripts.benchmarks.motion import run_motion
     from scripts.benchmarks.scaling import run_scaling
+    from scripts.benchmarks.sionna_canyon import run_sionna
     from scripts.benchmarks.synthesis import run_synthesis
     from scripts.benchmarks.workload_costs import run_demo, run_frames, run_scenes
 
@@ -96,6 +97,7 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
             say("the street canyon")
             result["canyon"] = run_canyon(1 if quick else 5, (1,) if quick else (1, 2))
             result["canyon_error"] = run_canyon_error(quick)
+            result["sionna"] = {} if quick else run_sionna(folder)
         if "frames" in parts:
             say("frames of a moving car")
             result["frames"] = run_frames(folder, quick)

@@ -25,8 +25,8 @@ Figures = dict[str, tuple[float, float]]
 class Row:
     """One figure: its first value, the bound, and Sionna RT's on a canyon like this one.
 
-    First values and Sionna RT's were measured on two cores of another machine; the first canyon was
-    another street of six blocks, before directions near its poles were mended.
+    First values, and Sionna RT's that are quoted, were measured on two cores of another machine, on
+    another street of six blocks.
     """
 
     key: str
@@ -103,6 +103,7 @@ def bound_lines(result: dict[str, Any], history: list[dict[str, Any]]) -> list[s
     measured = figures(result)
     if not measured:
         return []
+    sionna = _sionna(result.get("sionna", {}))
     before = history[-1]["figures"] if history else {}
     lines = [
         "",
@@ -113,15 +114,27 @@ def bound_lines(result: dict[str, Any], history: list[dict[str, Any]]) -> list[s
         if row.key not in measured:
             continue
         value, error = measured[row.key]
+        quoted = row.key not in sionna
+        other = row.sionna if quoted else sionna[row.key]
         now = f"{value:.3g} +- {error:.1g}" if error == error else f"{value:.3g}"
         last = before.get(row.key, [None])[0]
         cells = [f"{'' if n is None else format(n, '.3g'):>{w}}" for n, w in (
-            (last, 14), (row.first, 9), (row.bound, 9), (row.sionna, 10))]  # fmt: skip
-        mark = "*" if row.sionna is not None else " "
+            (last, 14), (row.first, 9), (row.bound, 9), (other, 10))]  # fmt: skip
+        mark = "*" if quoted and other is not None else " "
         over = "  over the bound" if row.bound is not None and value > row.bound else ""
         lines.append(f"{row.label:50}{now + ' ' + row.unit:>19}{''.join(cells)}{mark}{over}")
-    lines.append("* quoted, not measured here: warm, after about 2.5 s of start and compilation")
+    lines.append("* quoted, not measured here. Sionna RT's times are without start and compilation")
     return lines
+
+
+def _sionna(part: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Sionna RT's figures, where they were measured, by the keys of `ROWS`."""
+    names = {"render_s": "render", "mib": "render_mib", "error_db": "error"}
+    return {
+        f"canyon_{order}_{name}": one[key]
+        for order, one in part.items()
+        for key, name in names.items()
+    }
 
 
 def read_history(path: Path = HISTORY) -> list[dict[str, Any]]:
