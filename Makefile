@@ -7,7 +7,8 @@ PYTHON ?=
 OUT ?= out/paper
 # Extra words for pytest, for example PYTEST_ARGS="-k gate".
 PYTEST_ARGS ?=
-# Processes that `make test` uses. Tests of one file share their fixtures, so they stay together.
+# Processes that `make test` uses. Tests of one file share their fixtures, so they stay together;
+# files marked as slow come first.
 JOBS ?= 2
 
 PY := $(VENV)/bin/python
@@ -51,7 +52,7 @@ demo: $(STAMP)
 	@$(PY) scripts/demo.py --out "$(OUT)"
 
 test: $(STAMP)
-	$(PY) -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 validate: $(STAMP)
 	@$(PY) scripts/validate.py
