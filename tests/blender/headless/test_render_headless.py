@@ -25,7 +25,7 @@ from radarsim_addon.blender.run.leases import Leases
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "render_radar.py"
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")

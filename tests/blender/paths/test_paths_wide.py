@@ -23,7 +23,7 @@ from radarsim_addon.signal.paths.pixel_spacing import grid_places
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 DISTANCE = 10.0
 REFLECTANCE = 1 - 4e4 / (1e8 + 2e4 + 1 + 1e8)
