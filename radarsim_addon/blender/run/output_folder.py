@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ... import contract
@@ -12,6 +12,7 @@ from ...atomic_files import (
     TEMPORARY_PATTERN,
     cannot_write,
     make_folder,
+    remove_abandoned,
     remove_file,
     remove_temporaries,
 )
@@ -134,10 +135,20 @@ def clear_run(folder: Path) -> None:
 
 def clear_partial(folder: Path) -> None:
     """Remove what a killed run left half written."""
-    frames = folder / contract.FRAMES_DIR
-    tiles = f"frame_*/{contract.TILES_DIR}"
-    for place in (folder, *frames.glob("frame_*"), *frames.glob(tiles)):
-        remove_temporaries(place)
+    remove_temporaries(folder)
+    for place in (folder / contract.FRAMES_DIR).glob("frame_*"):
+        _clear_partial(place, remove_temporaries)
+
+
+def clear_partial_frame(folder: Path, frame: int) -> None:
+    """Remove what processes that were killed on this machine left half written in a frame."""
+    _clear_partial(folder / contract.frame_dir(frame), remove_abandoned)
+
+
+def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
+    for place in (frame_folder, *frame_folder.glob("burst_*")):
+        remove(place)
+        remove(place / contract.TILES_DIR)
 
 
 def is_done(folder: Path, task: Task) -> bool:
