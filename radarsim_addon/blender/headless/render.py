@@ -15,7 +15,7 @@ from ...errors import RadarSimError
 from ...findings import Finding, finding_lines
 from ...option_arguments import share_of
 from ...progress import ProgressLine
-from ...signal.pipeline import FrameResult, process_run
+from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import open_run
 from ..run import MeasurementJob
 from .console import quiet_blender
@@ -93,7 +93,7 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
             text = "not processed: other processes still measure frames; the last one processes all"
             print(f"radarsim: {text}", file=stream, flush=True)
         elif arguments.process and job.own_frames:
-            process(job, stream, stop)
+            process(job, stream, stop, ProcessOptions(animate=False if share.shard else None))
 
 
 def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
@@ -102,13 +102,13 @@ def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any)
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(job: MeasurementJob, stream: Any, stop: _StopRequest) -> None:
+def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: ProcessOptions) -> None:
     """Process the job's frames; print findings whose codes were not printed at the render."""
     printed = {item.code for item in job.findings}
     findings: list[Finding] = []
     frames: list[int] = []
     try:
-        for event in process_run(job.folder, frames=job.own_frames):
+        for event in process_run(job.folder, options, frames=job.own_frames):
             if stop.asked:
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):

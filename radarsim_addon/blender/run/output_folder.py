@@ -11,6 +11,7 @@ from ... import contract
 from ...atomic_files import (
     TEMPORARY_PATTERN,
     cannot_write,
+    dangling,
     make_folder,
     remove_abandoned,
     remove_file,
@@ -31,6 +32,8 @@ def prepare_folder(folder: Path) -> None:
             "Create it, or choose a folder whose parent exists."
         ) from None
     except FileExistsError:
+        if folder.is_symlink():
+            raise dangling(folder) from None
         raise OutputError(
             f"The output folder {folder} is a file. Choose another name or remove the file."
         ) from None
@@ -68,7 +71,7 @@ def check_there(folder: Path, frame: int | None = None) -> None:
 def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
     """Make the folder of a radar frame, or of one of the renders of its burst."""
     check_there(folder)
-    make_folder(folder / contract.burst_dir(frame, render))
+    make_folder(folder / contract.burst_dir(frame, render), within=folder)
 
 
 def earlier_run(folder: Path) -> contract.RunRecord | None:

@@ -86,7 +86,7 @@ def render_record(
         transmitter=emitter,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_reflections - 1,
+        max_reflections=measurement.max_reflections,
         exr_file=exr.name,
         exr_sha256=file_sha256(exr),
         versions=versions,

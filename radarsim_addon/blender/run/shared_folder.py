@@ -58,7 +58,7 @@ class SharedFolder:
                 return
             output_folder.open_folder(self._folder, fingerprints, overwrite)
             write_record(self._folder / contract.RUN_FILE, record)
-            make_folder(self._folder / contract.FRAMES_DIR)
+            make_folder(self._folder / contract.FRAMES_DIR, within=self._folder)
             for left in self._folder.glob("*.lease"):  # of processes that are gone
                 # Another may have claimed a frame since, and look for us when we have finished.
                 if self._leases.holder(left.name.split(".")[0]) is None:

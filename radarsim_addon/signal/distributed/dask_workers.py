@@ -48,7 +48,7 @@ class DaskWorkers:
                 "scheduler, and give the address that it prints."
             ) from error
         self._frames: dict[Any, int] = {}
-        self._answers = self._dask.as_completed(raise_errors=False)
+        self._answers = self._dask.as_completed(loop=self._client.loop, raise_errors=False)
         self._slots, self._counted_s = 0, -float("inf")
 
     def open(self) -> Reply:

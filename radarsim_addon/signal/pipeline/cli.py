@@ -22,6 +22,7 @@ from .antennas_command import add_antennas_parser, print_antennas
 from .console import frame_lines
 from .frame_processor import process_by_workers
 from .info_command import print_run
+from .merge_command import add_merge_parser, merge_parts
 from .objects_command import add_objects_parser, print_objects
 from .process import Progress, process_run
 from .process_arguments import (
@@ -47,6 +48,7 @@ def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
     )
     info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
     add_process_parser(commands)
+    add_merge_parser(commands)
     add_objects_parser(commands, frame_numbers)
     add_antennas_parser(commands)
     return parser
@@ -80,6 +82,8 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "objects":
             return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
+        if chosen.command == "merge":
+            return merge_parts(chosen.out, chosen.parts)
         if chosen.command == "info":
             return print_run(chosen.folder)
         return (

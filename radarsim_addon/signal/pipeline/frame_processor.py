@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...atomic_files import make_folder
 from ...findings import to_json
 from ...option_arguments import share_of
 from ..distributed import Reply, run_frames
@@ -28,7 +27,7 @@ class FrameProcessor:
         run = open_run(Path(chosen.folder).absolute())
         options = process_options(chosen).for_run(run)
         # the coordinator has made the folder
-        folder = make_folder(products_folder(run, chosen.out).absolute())
+        folder = products_folder(run, chosen.out).absolute()
         self._frames = chosen.frames or run.record.frames
         self._products = Products(run, options, folder, chosen.allow_incomplete)
 

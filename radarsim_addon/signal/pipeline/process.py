@@ -184,7 +184,7 @@ def open_products(
     """Make the folder for a run's products; what is refused leaves none behind."""
     folder = products_folder(run, out)
     fresh = not folder.exists()
-    make_folder(folder)
+    make_folder(folder, within=run.path if out is None else None)
     remove_abandoned(folder)
     try:
         yield Products(run, options, folder, allow_incomplete)

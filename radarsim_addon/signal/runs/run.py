@@ -117,9 +117,9 @@ class RadarFrame:
         return self.record.rings
 
     @property
-    def max_bounces(self) -> int:
-        """Reflections after the first one that the renders hold."""
-        return self.record.max_bounces
+    def max_reflections(self) -> int:
+        """Most reflections of a path in the renders."""
+        return self.record.max_reflections
 
     @property
     def snapshots(self) -> int:

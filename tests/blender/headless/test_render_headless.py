@@ -125,7 +125,7 @@ def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:
         0.02,
     )
     assert (run.samples, run.width_px, run.height_px, run.seed) == (2, 24, 16, 5)
-    assert run.max_bounces == 1
+    assert run.max_reflections == 2
     assert run.waveform == {
         "carrier_hz": 77e9,
         "bandwidth_hz": 150e6,
