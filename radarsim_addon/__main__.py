@@ -19,6 +19,9 @@ from .option_arguments import Share, share_of
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        # A BLAS rounds otherwise with each number of threads: results would depend on the machine.
+        os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["render"]:
         return render_command(words[1:])
@@ -37,7 +40,7 @@ def render_command(
 
     parsed = parse_render_arguments(words, prog, needs_blend)  # exits with 0 (--help) or 2
     share = share_of(parsed)
-    if share.by_workers and not parsed.frame_worker:
+    if share.by_workers and not (parsed.frame_worker or parsed.plan_only):
         return _render_by_workers(words, share, parsed.process)
     if parsed.frame_worker:  # in a Blender program; Python runs the module itself
         from .frame_worker import serve

@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from typing import Any
 
-import bpy
-
 from ...findings import finding_lines, to_json
 from ..run import FramesHeldError
 from .console import quiet_blender
-from .session import open_job
+from .session import limit_threads, open_job
 
 #: Time after which a frame of another process is looked at again [s].
 _PAUSE_S = 0.2
@@ -30,10 +27,7 @@ class FrameRenderer:
         self._stopping = False
         with quiet_blender():
             self._job = open_job(arguments)
-            threads = os.environ.get("OMP_NUM_THREADS", "")
-            if threads.isdecimal():
-                for scene in bpy.data.scenes:
-                    scene.render.threads_mode, scene.render.threads = "FIXED", int(threads)
+            limit_threads()
             self._job.joins, self._job.own_frames = joins, ()
             self._job.prepare()
 

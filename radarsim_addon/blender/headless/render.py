@@ -19,7 +19,7 @@ from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import open_run
 from ..run import MeasurementJob
 from .console import quiet_blender
-from .session import leave_blender, open_job
+from .session import leave_blender, limit_threads, open_job
 
 
 class _StopRequest:
@@ -69,9 +69,14 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
     """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step."""
     with quiet_blender() as stream:
         job, share = open_job(arguments), share_of(arguments)
-        job.own_frames, job.joins = share.part(job.frames), share.shard is not None
+        job.own_frames = () if arguments.plan_only else share.part(job.frames)
+        if share.shard is not None:
+            job.joins = True
+            limit_threads()
         with job:
             _print_findings(job.run_findings, job.frames, stream)
+            if arguments.plan_only:
+                return
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             try:

@@ -50,6 +50,14 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     return job
 
 
+def limit_threads() -> None:
+    """Let Cycles use as many threads as OMP_NUM_THREADS says, like the libraries; before a job."""
+    threads = os.environ.get("OMP_NUM_THREADS", "")
+    if threads.isdecimal() and int(threads) > 0:
+        for scene in bpy.data.scenes:
+            scene.render.threads_mode, scene.render.threads = "FIXED", int(threads)
+
+
 def _open_file(path: Path) -> None:
     """Open a .blend file with its scripts disabled."""
     if not path.is_file():

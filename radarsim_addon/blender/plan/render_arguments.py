@@ -108,6 +108,9 @@ def parse_render_arguments(
         "--process", action="store_true", help="Process the run afterwards into DIR/products"
     )
     add_share_arguments(parser)
+    parser.add_argument(
+        "--plan-only", action="store_true", help="Write run.json for --shard, and render nothing"
+    )
     # Options of 0.1 in other units, or of one sampling mode.
     hidden: dict[str, Any] = {"help": argparse.SUPPRESS}
     parser.add_argument("--frame-worker", action="store_true", **hidden)

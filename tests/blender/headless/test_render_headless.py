@@ -97,7 +97,7 @@ def test_who_finishes_last_processes_a_shared_run(blend: Path, tmp_path: Path) -
     assert start(blend, "--out", folder, *words).returncode == 0
     for frame in (1, 2):
         (folder / contract.frame_dir(frame) / contract.PATHS_FILE).unlink()
-    lease = Leases(folder / contract.FRAMES_DIR).claim("frame_0002")
+    lease = Leases(folder).claim("frame_0002")
     assert lease is not None
     with lease:
         done = start(blend, "--out", folder, *words, "--process")
