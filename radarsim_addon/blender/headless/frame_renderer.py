@@ -20,7 +20,12 @@ _PAUSE_S = 0.2
 class FrameRenderer:
     """Measures frames of the run of a command line; see :class:`radarsim_addon.frame_worker`.
 
-    `joins`: the run's plan is there, written by the worker that was asked for `about`.
+    Parameters
+    ----------
+    arguments
+        Of ``radarsim render``, parsed.
+    joins
+        Whether the run's plan is there, written by the worker that was asked for `about`.
     """
 
     def __init__(self, arguments: argparse.Namespace, joins: bool) -> None:

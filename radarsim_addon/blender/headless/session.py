@@ -104,8 +104,15 @@ def _session_folder() -> Path | None:
 
 
 def leave_blender(code: int) -> None:
-    """Quit at once with this exit code; all files are written and closed.
+    """Quit at once; all files are written and closed.
 
+    Parameters
+    ----------
+    code
+        Exit code of the process.
+
+    Notes
+    -----
     sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
     would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
     registered or a driver that was refused.

@@ -21,7 +21,13 @@ from .process_arguments import chosen_frames, process_options
 
 
 class FrameProcessor:
-    """Processes frames of a run; see :class:`radarsim_addon.frame_worker`."""
+    """Processes frames of a run; see :class:`radarsim_addon.frame_worker`.
+
+    Parameters
+    ----------
+    chosen
+        Arguments of ``radarsim process``, parsed.
+    """
 
     def __init__(self, chosen: argparse.Namespace) -> None:
         run = open_run(Path(chosen.folder).absolute())

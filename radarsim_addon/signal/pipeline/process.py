@@ -187,7 +187,10 @@ def open_products(
     make_folder(folder, within=run.path if out is None else None)
     remove_abandoned(folder)
     try:
-        yield Products(run, options, folder, allow_incomplete)
+        try:
+            yield Products(run, options, folder, allow_incomplete)
+        finally:  # workers may have been killed
+            remove_abandoned(folder)
     except RadarSimError:
         # What cannot be read or written is no error of its own where all is gone.
         for place, kind in ((run.path, FrameFileError), (folder, OutputError)):

@@ -100,7 +100,18 @@ def chosen_frames(chosen: argparse.Namespace) -> list[int]:
 
 
 def parse_process_arguments(words: list[str]) -> argparse.Namespace:
-    """Parse the words from "process" on, without the other commands."""
+    """Parse a command line without the other commands.
+
+    Parameters
+    ----------
+    words
+        Words from "process" on.
+
+    Returns
+    -------
+    argparse.Namespace
+        Values by the names of the options.
+    """
     parser = argparse.ArgumentParser()
     add_process_parser(parser.add_subparsers(dest="command", required=True))
     return parser.parse_args(words)
