@@ -205,11 +205,12 @@ class _Tracer:
 
     def amplitude(self, view: View) -> Real:
         """The channel that is the amplitude; blue, unless the scene is coloured."""
-        if not self._found.coloured:
-            return view.blue
-        if self._limits.amplitude_channel == "mean":
-            return (view.red + view.green + view.blue) / 3
-        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude_channel]
+        channel = self._limits.amplitude_channel
+        if self._found.coloured and channel == "mean":
+            red, green, blue = view.channels()
+            return np.asarray((red + green + blue) / 3)
+        planes = {"R": view.red, "G": view.green, "B": view.blue}
+        return planes[channel if self._found.coloured else "B"].astype(np.float64)
 
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
         """What the path classes must add up to; also tells whether the scene is coloured."""
@@ -349,10 +350,11 @@ def mean_of_polarisations(view: View, amplitude: Real) -> Real:
     The view has p on both ways in red, s on the first or the last way in green and blue. s on both
     follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
     """
+    red, green, blue = view.channels()
     with np.errstate(divide="ignore", invalid="ignore"):
-        both_s = view.green * view.blue / view.red
-    mean = (view.red + view.green + view.blue + both_s) / 4
-    return np.where((view.red > 0) & (amplitude > 0), mean, amplitude)
+        both_s = green * blue / red
+    mean = (red + green + blue + both_s) / 4
+    return np.where((red > 0) & (amplitude > 0), mean, amplitude)
 
 
 def _is_coloured(view: View) -> bool:
