@@ -14,7 +14,7 @@ import numpy as np
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathFlag, PathRows, TriangleMesh
-from ...vectors import are_finite, distances, dots, norms
+from ...vectors import are_finite, crosses, distances, dots, norms
 from ..motion import Bodies
 from ..state import evaluated_mesh, evaluated_objects, read_triangles
 
@@ -145,16 +145,18 @@ class HitPoints:
         last_m = np.where(lit[:, None], start_m + share[:, None] * (last_m - start_m), last_m)
         # Where the first surface is a mirror, its ray tells the second vertex better.
         two = seen & lit & (mine["order"] == 2)
+        within_m = _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
         with np.errstate(invalid="ignore"):
             turn = 2 * dots(direction, normal) / dots(normal, normal)
-        mirrored = direction - turn[:, None] * normal
+            mirrored = direction - turn[:, None] * normal
+            # Rays of rough surfaces rarely pass as near as that.
+            passes = norms(crosses(mirrored, last_m - first_m)) <= (1 + 1e-6) * within_m
         further_m, _ = self._hit(
-            np.where(two, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
+            np.where(two & passes, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
         )
         reflected_m = first_m + further_m[:, None] * mirrored
         with np.errstate(invalid="ignore"):
-            off_m = distances(reflected_m, last_m)
-            exact = off_m <= _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
+            exact = distances(reflected_m, last_m) <= within_m
         last_m = np.where(exact[:, None], reflected_m, last_m)
         rows["first_scatterer_m"][chosen], rows["last_scatterer_m"][chosen] = first_m, last_m
 

@@ -40,6 +40,8 @@ def rows_of_replicate(
         index = np.flatnonzero(layer.amplitude > 0)
         pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)
         parts.append(assemble_rows(pixels, index, shared))
+    if len(parts) == 1:
+        return parts[0]
     return np.concatenate(parts) if parts else np.empty(0, dtype=PATH_DTYPE)
 
 
