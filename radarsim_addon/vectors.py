@@ -34,7 +34,7 @@ def distances(a: Real, b: Real) -> Real:
 def crosses(a: Real, b: Real) -> Real:
     """Return the cross product of each pair of vectors, (n, 3)."""
     (x, y, z), (p, q, r) = np.asarray(a).T, np.asarray(b).T
-    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=1)
+    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p]).T
 
 
 def largest(vectors: Real) -> Real:
