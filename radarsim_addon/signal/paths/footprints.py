@@ -255,5 +255,6 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
 
 
 def _rows_with_length(view: PathRows) -> PathRows:
-    rows = np.array(view)
-    return rows[usable(rows)]
+    rows = np.asarray(view)
+    kept = usable(rows)
+    return rows if kept.all() else rows[kept]

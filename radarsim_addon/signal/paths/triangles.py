@@ -199,7 +199,7 @@ class TriangleMesh:
     def _intersect(
         self, rays: _Rays, chosen: Indices, triangles: Indices
     ) -> tuple[Real, Real, Real]:
-        """How far rays pass by triangles, how far points are off their planes, and the way to these.
+        """How far rays pass by triangles, how far points are off their planes, the way to these.
 
         One triangle for each chosen ray. NaN or infinite where a ray is parallel to the plane.
         """

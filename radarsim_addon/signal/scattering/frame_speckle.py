@@ -8,13 +8,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...array_types import Integers
 from ...contract import GroundTruthRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import KinematicMotion
 from ..paths import Paths
-from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
+from .surface_cells import Body
+from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
 
 
 class FrameSpeckle:
@@ -59,9 +61,9 @@ class FrameSpeckle:
         """
         if self._speckle is None or not len(paths):
             return paths
-        rows = np.array(self._table[paths.row])
+        rows = self._table[_as_slice(paths.row)]
         known = np.flatnonzero(self._speckle.known(rows))
-        found = self._speckle.scattering(rows[known])
+        found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
         motion = paths.motion
@@ -100,6 +102,13 @@ class FrameSpeckle:
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
+
+
+def _as_slice(rows: Integers) -> Integers | slice:
+    """Row numbers, as a slice where they are without a gap: of a table that copies nothing."""
+    first, last = int(rows[0]), int(rows[-1])
+    whole = last - first + 1 == rows.size and bool((np.diff(rows) == 1).all())
+    return slice(first, last + 1) if whole else rows
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
