@@ -35,7 +35,7 @@ help:
 	@echo "make test-all-blenders  make test's tests under Blender 4.5, 5.0 and, with Python 3.13, 5.2"
 	@echo "make validate-all-blenders  make validate under all three, and what the others found"
 	@echo "make lint               ruff and mypy"
-	@echo "make bench              how long things take"
+	@echo "make bench              cost and errors next to their bounds and the version before"
 	@echo "make slips              plausible mistakes in a copy: which of them no test sees"
 	@echo "make fuzz               2000 changed inputs: each ends in a result or a named error"
 	@echo "make chaos              60 frames by 2 workers while 40 of them and 5 coordinators are killed"
