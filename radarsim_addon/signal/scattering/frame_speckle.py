@@ -8,13 +8,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...array_types import Indices
 from ...contract import GroundTruthRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import KinematicMotion
-from ..paths import Paths
+from ..paths import PathRows, Paths, TableFootprints, geometry_of, motion_of_rows
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
+
+#: Largest distance of the points of one path, in range resolutions of the total length (half as
+#: much of range) and in Doppler bins: their echoes overlap without a ripple.
+_CELLS = 1.0
 
 
 class FrameSpeckle:
@@ -39,7 +44,14 @@ class FrameSpeckle:
         if seed is None or not frame_input.tables:
             return
         table = frame_input.table
-        record, self._table = table.record, table.rows
+        record, self._table, self._motion = table.record, table.rows, table.motion
+        pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
+        self._footprints = TableFootprints(
+            record,
+            table.rows,
+            _CELLS * waveform.range_resolution_m,
+            _CELLS * waveform.wavelength_m * prf_hz / 2 / pulses,
+        )
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
             record,
@@ -51,15 +63,18 @@ class FrameSpeckle:
             seed,
             roughness_of(scene, record.objects),
             cell_m,
+            self._footprints,
         )
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths for the echo synthesis, with the factors of their scatterers, and moving with
-        them. Powers are to be added up before.
+        """The paths for the echo synthesis, spread over what their pixels cover, with the factors
+        of their scatterers, and moving with them. Powers are to be added up before.
         """
         if self._speckle is None or not len(paths):
             return paths
-        rows = np.array(self._table[paths.row])
+        index, rows = self._footprints.points(paths.row)
+        if index.size > len(paths):
+            paths = self._spread(paths, index, rows)
         known = np.flatnonzero(self._speckle.known(rows))
         found = self._speckle.scattering(rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
@@ -96,6 +111,17 @@ class FrameSpeckle:
             phasors=found.factor[moving],
         )
         return Paths.join([own, scattered])
+
+    def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
+        """The paths of points, each with the gain of the path that it belongs to."""
+        return dataclasses.replace(
+            paths.select(index),
+            solid_angle_sr=np.array(points["solid_angle_sr"]),
+            length_m=np.array(points["length_m"]),
+            range_rate_mps=np.array(points["range_rate_mps"]),
+            geometry=geometry_of(points),
+            motion=None if self._motion is None else motion_of_rows(points, self._motion),
+        )
 
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""

@@ -37,7 +37,7 @@ from ...contract import PathsRecord
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, iter_rows
+from ..paths import PathRows, TableFootprints, iter_rows
 from .random_phases import hash_step, uniform
 
 Hash = NDArray[np.uint64]
@@ -151,7 +151,8 @@ class SurfaceSpeckle:
 
     `bodies` and `roughness` (objects left out are fully rough) go by the numbers in the table, from
     1; `body_columns` are those of first and last vertex. `resolution_m` is for statistics and the
-    finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints.
+    finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints. `footprints`
+    spreads the rows over what their pixels cover; None: rows are points.
     """
 
     def __init__(
@@ -165,7 +166,9 @@ class SurfaceSpeckle:
         seed: int,
         roughness: Mapping[int, Roughness] | None = None,
         cell_m: float | None = None,
+        footprints: TableFootprints | None = None,
     ) -> None:
+        self._footprints = footprints
         self._table, self._bodies, self._columns = table, dict(bodies), body_columns
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
         self._seed = np.uint64(seed % 2**64)
@@ -273,10 +276,13 @@ class SurfaceSpeckle:
         powers, ranges = np.zeros(0), np.zeros(0)
         leaders, start = np.zeros(0, dtype=np.intp), 0
         for rows in iter_rows(self._table):
-            known = self.known(rows)
-            number = start + np.flatnonzero(known)
+            number = np.arange(start, start + rows.size)
             start += rows.size
-            rows = rows[known]
+            if self._footprints is not None:
+                index, rows = self._footprints.points(number)
+                number = number[index]
+            known = self.known(rows)
+            number, rows = number[known], rows[known]
             left = np.nan_to_num(np.exp(-np.sum(self._kappa_heights(rows) ** 2, axis=0)))
             coherent_w += np.bincount(rows["last_object"], rows["power_w"] * left, coherent_w.size)
             found = self._path_keys(
