@@ -18,7 +18,7 @@ much (a step in the surface), the smaller one counts.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +53,13 @@ class Steps:
         up) and side (before, after), counted along the axis; 0 where unknown.
     between
         Rows that each step leads from and to, (n, 2, 2, 2), one row twice where it is unknown;
-        None: not known.
+        empty: not told.
     """
 
     length_m: Real
     range_rate_mps: Real
     power: Real
-    between: Indices | None = None
+    between: Indices = field(default_factory=lambda: np.zeros((0, 2, 2, 2), dtype=np.intp))
 
     def part(self, rows: slice | Indices) -> Steps:
         """Return the steps of some rows."""
@@ -209,7 +209,9 @@ def points_along(
     return along
 
 
-def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iterator[Points]:
+def spread(
+    rows: PathRows, steps: Steps, cell_m: float, cell_mps: float, border_m: float = 0.0
+) -> Iterator[Points]:
     """Yield points that stand for the rows, no further apart than cells, a part at a time.
 
     Parameters
@@ -222,6 +224,9 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         Largest distance of the points in total length [m].
     cell_mps
         Largest distance in range rate [m/s].
+    border_m
+        Total length at which a cell ends. A point that reaches over such a place, or others whole
+        cells away from it, is cut in two there.
 
     Yields
     ------
@@ -230,14 +235,12 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
     """
     along = points_along(steps, cell_m, cell_mps)
     points = along.prod(axis=1)
-    whole = np.flatnonzero(points == 1)
+    lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
+    whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
     if whole.size:
-        alone = rows[whole]
-        yield Points(
-            whole, np.array(alone["length_m"]), np.array(alone["range_rate_mps"]),
-            np.ones(whole.size),
-        )  # fmt: skip
-    several = np.flatnonzero(points > 1)
+        found = Points(whole, lengths[whole], rates[whole], np.ones(whole.size))
+        width_m = abs(steps.length_m[whole]).mean(axis=2).max(axis=1)
+        yield _cut_at_borders(found, width_m, cell_m, border_m)
     ends = np.cumsum(points[several])
     start = 0
     while start < several.size:
@@ -245,12 +248,31 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         stop = max(int(np.searchsorted(ends, begin + _CHUNK, side="right")), start + 1)
         here = several[start:stop]
         row, place = places_in_pixels(along[here])
-        share = shares(steps.power[here], row, place)
-        length_m = rows["length_m"][here][row] + along_steps(steps.length_m[here], row, place)
-        rate_mps = rows["range_rate_mps"][here][row]
-        rate_mps = rate_mps + along_steps(steps.range_rate_mps[here], row, place)
-        yield Points(here[row], length_m, rate_mps, share)
+        length_m = lengths[here][row] + along_steps(steps.length_m[here], row, place)
+        rate_mps = rates[here][row] + along_steps(steps.range_rate_mps[here], row, place)
+        found = Points(here[row], length_m, rate_mps, shares(steps.power[here], row, place))
+        width_m = (abs(steps.length_m[here]).mean(axis=2) / along[here]).max(axis=1)[row]
+        yield _cut_at_borders(found, width_m, cell_m, border_m)
         start = stop
+
+
+def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:
+    """The points, those cut in two that reach over a border; each is even over its width."""
+    low_m = points.length_m - width_m / 2
+    over_m = low_m + width_m - (border_m + np.ceil((low_m - border_m) / cell_m) * cell_m)
+    cut = np.flatnonzero((over_m > 0) & (over_m < width_m))
+    part = over_m[cut] / width_m[cut]
+    length_m, share = points.length_m.copy(), points.share.copy()
+    # the lower part ends where the upper one begins
+    length_m[cut] -= over_m[cut] / 2
+    share[cut] *= 1 - part
+    upper_m = points.length_m[cut] + (width_m[cut] - over_m[cut]) / 2
+    return Points(
+        np.concatenate([points.row, points.row[cut]]),
+        np.concatenate([length_m, upper_m]),
+        np.concatenate([points.range_rate_mps, points.range_rate_mps[cut]]),
+        np.concatenate([share, points.share[cut] * part]),
+    )
 
 
 def places_in_pixels(along: Indices) -> tuple[Indices, Real]:

@@ -13,8 +13,8 @@ from ...contract import GroundTruthRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
-from ..motion import KinematicMotion
-from ..paths import PathRows, Paths, TableFootprints, geometry_of, motion_of_rows
+from ..motion import JoinedMotion, KinematicMotion
+from ..paths import PathRows, Paths, TableFootprints, geometry_of
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
 
 #: Largest distance of the points of one path, in range resolutions of the total length (half as
@@ -44,7 +44,7 @@ class FrameSpeckle:
         if seed is None or not frame_input.tables:
             return
         table = frame_input.table
-        record, self._table, self._motion = table.record, table.rows, table.motion
+        record, self._table = table.record, table.rows
         pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
         self._footprints = TableFootprints(
             record,
@@ -72,6 +72,14 @@ class FrameSpeckle:
         """
         if self._speckle is None or not len(paths):
             return paths
+        motion = paths.motion
+        if isinstance(motion, JoinedMotion):
+            ends = np.cumsum([part.moving.size for part in motion.parts])
+            each = zip(ends, motion.parts, strict=True)
+            parts = ((paths[end - part.moving.size : end], part) for end, part in each)
+            return Paths.join(
+                self.apply(dataclasses.replace(own, motion=part)) for own, part in parts
+            )
         index, rows = self._footprints.points(paths.row)
         if index.size > len(paths):
             paths = self._spread(paths, index, rows)
@@ -114,13 +122,23 @@ class FrameSpeckle:
 
     def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
         """The paths of points, each with the gain of the path that it belongs to."""
+        chosen = paths.select(index)
+        motion = chosen.motion
+        if isinstance(motion, KinematicMotion):
+            motion = dataclasses.replace(
+                motion,
+                length_m=np.array(points["length_m"]),
+                first_scatterer_m=np.array(points["first_scatterer_m"]),
+                last_scatterer_m=np.array(points["last_scatterer_m"]),
+                direction=np.array(points["direction"]),
+            )
         return dataclasses.replace(
-            paths.select(index),
+            chosen,
             solid_angle_sr=np.array(points["solid_angle_sr"]),
             length_m=np.array(points["length_m"]),
             range_rate_mps=np.array(points["range_rate_mps"]),
             geometry=geometry_of(points),
-            motion=None if self._motion is None else motion_of_rows(points, self._motion),
+            motion=motion,
         )
 
     def report(self) -> SpeckleReport | None:
