@@ -335,5 +335,6 @@ def view_limits(table: PathRows) -> tuple[Indices, Indices]:
 
 
 def _rows_with_length(view: PathRows) -> PathRows:
-    rows = np.array(view)
-    return rows[usable(rows)]
+    rows = np.asarray(view)
+    kept = usable(rows)
+    return rows if kept.all() else rows[kept]

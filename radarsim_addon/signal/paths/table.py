@@ -235,7 +235,7 @@ def _fault(
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows, each copied into memory.
+    """Yield a table in chunks of at most `rows` rows: views, not to be written to.
 
     Parameters
     ----------
@@ -249,4 +249,4 @@ def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
     ndarray
     """
     for start in range(0, table.size, rows):
-        yield np.array(table[start : start + rows])
+        yield np.asarray(table[start : start + rows])

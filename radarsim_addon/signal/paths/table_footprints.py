@@ -78,7 +78,7 @@ class TableFootprints:
             Index in `numbers` that each point belongs to, and the points with their parts of power
             and solid angle, (points,) each.
         """
-        rows = np.array(self._table[numbers])
+        rows = self._table[_as_slice(numbers)]
         place = np.searchsorted(self._rows, numbers)
         split = np.append(self._rows, -1)[place] == numbers
         chosen = place[split]
@@ -117,3 +117,10 @@ class TableFootprints:
         for name in ("power_w", "solid_angle_sr"):
             points[name][mine] *= share
         return index, points
+
+
+def _as_slice(rows: Indices) -> Indices | slice:
+    """Row numbers, as a slice where they are without a gap: of a table that copies nothing."""
+    if not rows.size or rows[-1] - rows[0] + 1 != rows.size or (np.diff(rows) != 1).any():
+        return rows
+    return slice(int(rows[0]), int(rows[-1]) + 1)

@@ -15,7 +15,8 @@ from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion
 from ..paths import PathRows, Paths, TableFootprints, geometry_of
-from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
+from .surface_cells import Body
+from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
 
 #: Largest distance of the points of one path, in range resolutions of the total length (half as
 #: much of range) and in Doppler bins: their echoes overlap without a ripple.
@@ -84,7 +85,7 @@ class FrameSpeckle:
         if index.size > len(paths):
             paths = self._spread(paths, index, rows)
         known = np.flatnonzero(self._speckle.known(rows))
-        found = self._speckle.scattering(rows[known])
+        found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
         motion = paths.motion
