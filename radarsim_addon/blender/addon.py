@@ -7,7 +7,7 @@ import bpy
 
 from ..processes import own_folder, remove_abandoned_folders
 from . import rig_settings
-from .headless.render import session_folder
+from .headless.session import session_folder
 from .ui import asset_library, material_names, material_panel, operators, panels
 from .ui import link_budget_panel as system_panel
 

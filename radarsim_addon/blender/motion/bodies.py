@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
+from ...vectors import are_finite
 from ..scene import InstancePose, Poses, distance_from_box
 from ..state import Key, Layout
 
@@ -84,6 +85,10 @@ class Bodies:
         self.number = number[self._order]
         self.pose, self.box = poses.pose[self._order], poses.box[self._order]
         self.shape = self.snapshot.layout.shape[poses.rows[self._order]]
+        #: Body of each object that is a single one, by the object's number; 0: none, or several.
+        self._lone_body = np.zeros(len(names) + 1, dtype=np.int32)
+        once, first, count = np.unique(self.number, return_index=True, return_counts=True)
+        self._lone_body[once[count == 1]] = first[count == 1] + 1
 
     def __len__(self) -> int:
         return int(self.number.size)
@@ -117,8 +122,12 @@ class Bodies:
     def _label_end(
         self, rows: PathRows, points: str, objects: str, bodies: str, wanted: Indices
     ) -> None:
-        wanted = wanted[np.isfinite(rows[points][wanted]).all(axis=-1)]
+        wanted = wanted[are_finite(rows[points][wanted])]
         numbers = rows[objects][wanted]
+        body = self._lone_body[numbers]
+        rows[bodies][wanted] = body
+        left = np.flatnonzero(body == 0)
+        wanted, numbers = wanted[left], numbers[left]
         for number in np.unique(numbers).tolist():
             mine = wanted[numbers == number]
             position = np.array(rows[points][mine])
@@ -126,11 +135,8 @@ class Bodies:
             parts = np.arange(len(self)) if number == 0 else self.of_number(number)
             if number and not parts.size:
                 continue
-            if number and parts.size == 1:
-                found = np.full(mine.size, parts[0])
-            else:
-                found = self._find(position, allowed, parts)
-            if number and parts.size > 1:
+            found = self._find(position, allowed, parts)
+            if number:
                 lost = np.flatnonzero(found < 0)
                 found[lost] = [self._nearest_box(point, parts) for point in position[lost]]
             met = found >= 0
