@@ -47,7 +47,7 @@ PROCESSING = {
         "Shadow Catcher off. Check that no object is scaled to 0.",
     ),
     "weather-attenuates": Kind(
-        "information",
+        "info",
         "The air takes {attenuation_db_per_km:.3g} dB of each kilometre of path, one way.",
         "Rain, fog or gases were asked for. Cross sections are those in clear air.",
         "For clear air, leave the weather options out.",

@@ -73,20 +73,17 @@ class Weather:
         ConfigError
             The carrier is out of the band of a model that is in use.
         """
-        total = 0.0
+        parts = []
         if self.rain_mm_per_h:
-            total += rain_attenuation_db_per_km(
-                carrier_hz, self.rain_mm_per_h, self.rain_polarisation
-            )
+            rate = self.rain_mm_per_h
+            parts.append(rain_attenuation_db_per_km(carrier_hz, rate, self.rain_polarisation))
         if self.fog_g_per_m3:
-            total += fog_attenuation_db_per_km(
-                carrier_hz, self.fog_g_per_m3, self.air_temperature_c
-            )
+            warmth = self.air_temperature_c
+            parts.append(fog_attenuation_db_per_km(carrier_hz, self.fog_g_per_m3, warmth))
         if self.gases:
-            total += gas_attenuation_db_per_km(
-                carrier_hz, self.air_pressure_hpa, self.air_temperature_c, self.vapour_g_per_m3
-            )
-        return float(total)
+            air = self.air_pressure_hpa, self.air_temperature_c, self.vapour_g_per_m3
+            parts.append(gas_attenuation_db_per_km(carrier_hz, *air))
+        return float(sum(map(float, parts)))
 
     def findings(self, carrier_hz: float) -> list[Finding]:
         """Return what to know of powers in this weather; nothing in clear air."""
