@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ... import contract
-from ...atomic_files import cannot_write, replaced
+from ...atomic_files import cannot_write, refuse_links, replaced
 from ...errors import RadarSimError
 from ...sidecar import file_sha256, read_record, write_record
 from ...signal.paths import PATH_DTYPE, PathRows
@@ -90,6 +90,7 @@ class TileCheckpoints:
     @contextlib.contextmanager
     def writer(self, key: str) -> Iterator[TileWriter]:
         """To write a tile's rows with, replicate by replicate; an error leaves nothing."""
+        refuse_links(self._folder, within=self._folder.parent)
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:
