@@ -108,7 +108,7 @@ class CodeShape(PulseShape):
     samples
         Complex samples of one period, (n,).
     rate_hz
-        Sampling rate [Hz].
+        Sampling rate, which is the band of the frequency grid [Hz].
     """
 
     #: Nodes are times of reception: the wave met the path half its delay before.

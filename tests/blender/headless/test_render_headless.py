@@ -125,7 +125,7 @@ def test_who_finishes_last_processes_a_shared_run(
     assert here(blend, "--out", folder, *words).returncode == 0
     for frame in (1, 2):
         (folder / contract.frame_dir(frame) / contract.PATHS_FILE).unlink()
-    lease = Leases(folder / contract.FRAMES_DIR).claim("frame_0002")
+    lease = Leases(folder).claim("frame_0002")
     assert lease is not None
     with lease:
         done = start(blend, "--out", folder, *words, "--process")
@@ -153,7 +153,7 @@ def test_options_override_the_file(here: Command, blend: Path, tmp_path: Path) -
         0.02,
     )
     assert (run.samples, run.width_px, run.height_px, run.seed) == (2, 24, 16, 5)
-    assert run.max_bounces == 1
+    assert run.max_reflections == 2
     assert run.waveform == {
         "carrier_hz": 77e9,
         "bandwidth_hz": 150e6,
