@@ -16,9 +16,12 @@ from typing import Any
 
 from radarsim_addon.atomic_files import write_json
 
+from .clock import half_range
+
 _ROOT = Path(__file__).resolve().parents[2]
 HISTORY = _ROOT / "docs" / "benchmarks.json"
-Figures = dict[str, tuple[float, float]]
+#: Value and error; None where it was measured once.
+Figures = dict[str, tuple[float, float | None]]
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,8 @@ def figures(result: dict[str, Any]) -> Figures:
             ("process_mib", "process_mib"),
             ("process_pictures_s", "process_pictures"),
         ):
-            low, high = row[f"{key}_range"]
-            found[f"canyon_{row['order']}_{name}"] = row[key], (high - low) / 2
+            low_high = row[f"{key}_range"] if row["repeats"] > 1 else row[f"{key}_range"][:1]
+            found[f"canyon_{row['order']}_{name}"] = row[key], half_range(low_high)
     error = result.get("canyon_error", {})
     for order, name in ((1, "first_db"), (2, "second_db")):
         if name in error:
@@ -92,8 +95,8 @@ def figures(result: dict[str, Any]) -> Figures:
             found[key] = part[name], part[f"{name}_error"]
     for row in result.get("scaling", ()):
         if row["paths"] > 9e6:  # once: no error is known
-            found["ten_million_wall"] = row["wall_s"], float("nan")
-            found["ten_million_mib"] = row["peak_mib"], float("nan")
+            found["ten_million_wall"] = row["wall_s"], None
+            found["ten_million_mib"] = row["peak_mib"], None
     known = {row.key for row in ROWS}
     return {key: pair for key, pair in found.items() if key in known}
 
@@ -116,7 +119,7 @@ def bound_lines(result: dict[str, Any], history: list[dict[str, Any]]) -> list[s
         value, error = measured[row.key]
         quoted = row.key not in sionna
         other = row.sionna if quoted else sionna[row.key]
-        now = f"{value:.3g} +- {error:.1g}" if error == error else f"{value:.3g}"
+        now = f"{value:.3g} +- {error:.1g}" if error is not None else f"{value:.3g}"
         last = before.get(row.key, [None])[0]
         cells = [f"{'' if n is None else format(n, '.3g'):>{w}}" for n, w in (
             (last, 14), (row.first, 9), (row.bound, 9), (other, 10))]  # fmt: skip
@@ -159,7 +162,7 @@ def add_to_history(result: dict[str, Any], path: Path = HISTORY) -> None:
     row |= {"date": datetime.date.today().isoformat(), "blender": machine["blender"]}
     row |= {"cpus": machine["cpus"], "load": machine["load"]}
     row["figures"] |= {
-        name: [round(value, 4), round(error, 4) if error == error else None]
+        name: [round(value, 4), None if error is None else round(error, 4)]
         for name, (value, error) in measured.items()
     }
     write_json(path, rows)

@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import statistics
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .clock import command_cost
+from .clock import command_cost, half_range
 from .stages import process_cost, render_cost
 
 _ROOT = Path(__file__).resolve().parents[2]
+_REPEATS = 3
+#: Nothing is repeated that has taken so long [s].
+_ENOUGH_S = 60.0
 #: Frames of the car that are processed: with pictures a frame takes a second.
 _PROCESSED = 10
 
@@ -22,13 +26,15 @@ def _built(name: str, folder: Path) -> Path:
     return blend
 
 
-def _median(once: Callable[[], dict[str, float]], repeats: int) -> dict[str, Any]:
-    """Medians, and half the range of each figure as its error."""
-    each = [once() for _ in range(repeats)]
-    found: dict[str, Any] = {"repeats": repeats}
+def _median(once: Callable[[], dict[str, float]], quick: bool) -> dict[str, Any]:
+    """Medians of up to three runs, and half the range of each figure as its error."""
+    started_s, each = time.perf_counter(), [once()]
+    while not quick and len(each) < _REPEATS and time.perf_counter() - started_s < _ENOUGH_S:
+        each.append(once())
+    found: dict[str, Any] = {"repeats": len(each)}
     for key in each[0]:
         values = [one[key] for one in each]
-        found |= {key: statistics.median(values), f"{key}_error": (max(values) - min(values)) / 2}
+        found |= {key: statistics.median(values), f"{key}_error": half_range(values)}
     return found
 
 
@@ -48,7 +54,7 @@ def run_frames(folder: Path, quick: bool = False) -> dict[str, Any]:
             "process_pictures_s": pictures["process_s"] / _PROCESSED,
         }
 
-    return {"frames": count, **_median(once, 1 if quick else 3)}
+    return {"frames": count, **_median(once, quick)}
 
 
 def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
@@ -71,7 +77,7 @@ def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
     for name, once in (("city", town), ("objects", prepared), ("instances", field)):
         if not (quick and name == "instances"):
             _built(name, folder)
-            found[name] = _median(once, 1 if quick else 3)
+            found[name] = _median(once, quick)
     return found
 
 
@@ -82,4 +88,4 @@ def run_demo(folder: Path, quick: bool = False) -> dict[str, Any]:
         cost = command_cost(["scripts/demo.py", "--out", folder / "demo"], _ROOT)
         return {"wall_s": cost.wall_s, "cpu_s": cost.cpu_s}
 
-    return _median(once, 1 if quick else 3)
+    return _median(once, quick)
