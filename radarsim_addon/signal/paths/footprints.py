@@ -108,7 +108,10 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
     """
     own = np.arange(rows.size)
     between = np.broadcast_to(own[:, None, None, None], (rows.size, 2, 2, 2)).copy()
-    length_m = np.array(rows["length_m"])
+    # columns of their own: in a table they lie far apart
+    length_m, rate_mps, power_w = (
+        np.ascontiguousarray(rows[name]) for name in ("length_m", "range_rate_mps", "power_w")
+    )
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
     if kept.size > 1:
         mine = rows if kept.size == rows.size else rows[kept]
@@ -121,11 +124,10 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
             for axis, chain in enumerate(_chains(places[0][here], places[1][here], owner[here])):
                 rays = kept[here][chain]
                 between[kept[here], axis] = _counting(length_m[rays], rays)
-    still = not np.any(rows["range_rate_mps"])
     return Steps(
         _differences(length_m, between),
-        np.zeros((rows.size, 2, 2)) if still else _differences(rows["range_rate_mps"], between),
-        power_steps(rows["power_w"], between, rows["power_w"]),
+        _differences(rate_mps, between) if rate_mps.any() else np.zeros((rows.size, 2, 2)),
+        power_steps(power_w, between, power_w),
         between,
     )
 
@@ -139,7 +141,9 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
 
 
 def _differences(values: Real, between: Indices) -> Real:
-    return np.asarray(values[between[..., 1]] - values[between[..., 0]])
+    """Steps of values; none to or from what is not finite, which is refused where it is used."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(values[between[..., 1]] - values[between[..., 0]], posinf=0, neginf=0)
 
 
 def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:
@@ -198,13 +202,15 @@ def points_along(
     """Return how many points stand for each row across and up, (n, 2), see `spread`; there are at
     most so many times the rows, or a number that costs nothing.
     """
-    extent = np.maximum(
-        abs(steps.length_m).max(axis=2) / cell_m, abs(steps.range_rate_mps).max(axis=2) / cell_mps
-    )
+    # by columns: reductions over two are slow
+    length_m, rate_mps = abs(steps.length_m), abs(steps.range_rate_mps)
+    extent = np.maximum(length_m[..., 0], length_m[..., 1]) / cell_m
+    if rate_mps.any():
+        extent = np.maximum(extent, np.maximum(rate_mps[..., 0], rate_mps[..., 1]) / cell_mps)
     most = max(most_a_row * len(extent), _LEAST_POINTS)
     along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
     # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
-    while int(along.prod(axis=1).sum()) > most:
+    while int(along[:, 0] @ along[:, 1]) > most:
         along = np.minimum(along, max(int(0.8 * along.max()), 1))
     return along
 
@@ -234,13 +240,12 @@ def spread(
         Those of some rows; the fractions of a row add up to 1.
     """
     along = points_along(steps, cell_m, cell_mps)
-    points = along.prod(axis=1)
+    points = along[:, 0] * along[:, 1]
     lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
     whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
     if whole.size:
         found = Points(whole, lengths[whole], rates[whole], np.ones(whole.size))
-        width_m = abs(steps.length_m[whole]).mean(axis=2).max(axis=1)
-        yield _cut_at_borders(found, width_m, cell_m, border_m)
+        yield _cut_at_borders(found, _widths_m(steps, whole, along), cell_m, border_m)
     ends = np.cumsum(points[several])
     start = 0
     while start < several.size:
@@ -251,9 +256,15 @@ def spread(
         length_m = lengths[here][row] + along_steps(steps.length_m[here], row, place)
         rate_mps = rates[here][row] + along_steps(steps.range_rate_mps[here], row, place)
         found = Points(here[row], length_m, rate_mps, shares(steps.power[here], row, place))
-        width_m = (abs(steps.length_m[here]).mean(axis=2) / along[here]).max(axis=1)[row]
-        yield _cut_at_borders(found, width_m, cell_m, border_m)
+        yield _cut_at_borders(found, _widths_m(steps, here, along)[row], cell_m, border_m)
         start = stop
+
+
+def _widths_m(steps: Steps, rows: Indices, along: Indices) -> Real:
+    """Total lengths that each point of some rows covers, along the wider axis, (rows,) [m]."""
+    length_m = abs(steps.length_m[rows])
+    covered_m = (length_m[..., 0] + length_m[..., 1]) / 2 / along[rows]
+    return np.maximum(covered_m[:, 0], covered_m[:, 1])
 
 
 def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:

@@ -51,10 +51,13 @@ class TableFootprints:
         none = np.zeros(0, dtype=np.intp)
         rows, between, along = [none], [none.reshape(0, 2, 2, 2)], [none.reshape(0, 2)]
         for start, stop in zip(*view_limits(table), strict=True):
-            view = np.array(table[start:stop])
-            placed = np.isfinite(view["last_scatterer_m"]).all(axis=1)
-            number = np.flatnonzero(usable(view) & placed)
-            steps = steps_of(view[number], record.receiver, record.replicates)
+            view = np.asarray(table[start:stop])
+            kept = usable(view)
+            for axis in range(3):
+                kept &= np.isfinite(view["last_scatterer_m"][:, axis])
+            number = np.flatnonzero(kept)
+            mine = view if number.size == view.size else view[number]
+            steps = steps_of(mine, record.receiver, record.replicates)
             points = points_along(steps, cell_m, cell_mps, _POINTS_A_ROW)
             several = np.flatnonzero(points.max(axis=1, initial=1) > 1)
             rows.append(start + number[several])
