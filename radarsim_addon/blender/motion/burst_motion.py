@@ -31,7 +31,11 @@ from ...signal.motion import (
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
 from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
-from .animation import is_linear_between_frames, moves_in_steps
+from .animation import (
+    deforms_linearly_between_frames,
+    is_linear_between_frames,
+    moves_in_steps,
+)
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
@@ -190,10 +194,11 @@ class BurstMotion:
         grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
         count = min(_FIRST_SAMPLES, plan.max_samples)
         smooth = self._smooth_rows()
-        if smooth:
+        smooth_surfaces = self._smooth_surfaces()
+        if smooth or smooth_surfaces:
             for moment in plan.whole_frames:
                 sampler.take(*moment)
-        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth)
+        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
         moments = plan.grid(count, *plan.window)
         while True:
             for moment in moments:
@@ -250,6 +255,13 @@ class BurstMotion:
             for row, items in enumerate(self._moving_items())
             if any(is_linear_between_frames(scene, item) for item in items)
         }
+
+    def _smooth_surfaces(self) -> set[str]:
+        """Return the deforming surfaces to be a cubic through whole frames."""
+        if self._motion == "linear":
+            return set()
+        surfaces = self._deformations.surfaces
+        return {name for name, one in surfaces.items() if deforms_linearly_between_frames(one.item)}
 
     def _tracks(self, fits: Fits) -> Tracks:
         return Tracks(

@@ -34,7 +34,7 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .simulations import is_simulated_body, simulation_frames
+from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
 from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
 
 __all__ = [
@@ -62,6 +62,7 @@ __all__ = [
     "echoing_boxes",
     "evaluated_poses",
     "find_rig",
+    "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",
     "is_simulated_body",
