@@ -84,7 +84,7 @@ def iter_path_chunks(
             flags = np.full(first.mask.shape, PathFlag.SINGLE_SNAPSHOT, dtype=np.uint16)
         reader.drop_before(ring)
         paths = _ring_paths(ring, first, rate, flags)
-        single = frame.max_bounces == 0
+        single = frame.max_reflections == 1
         geometry = ring_geometry(first, paths.row, paths.col, *reader.antennas, single)
         yield dataclasses.replace(paths, geometry=geometry)
 
