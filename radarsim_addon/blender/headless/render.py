@@ -15,9 +15,11 @@ from typing import Any
 
 import bpy
 
+from ... import contract
 from ...errors import ConfigError, RadarSimError, SceneError
-from ...findings import Finding, finding_lines
+from ...findings import Finding, exit_code, finding_lines
 from ...processes import own_folder, remove_abandoned_folders
+from ...sidecar import read_record
 from ...signal.pipeline import FrameResult, process_run
 from ...signal.runs import open_run
 from ..plan import given_settings
@@ -62,16 +64,18 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
 def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     """Render, and process if asked for. Return the exit code."""
     try:
-        measure(arguments, stop)
+        return measure(arguments, stop)
     except RadarSimError as error:
         return _fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
         return _fail("Interrupted; the same command resumes the run.", stop.code)
-    return 0
 
 
-def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
-    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step."""
+def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
+    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step.
+
+    Return the exit code.
+    """
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
@@ -116,12 +120,22 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {folder}", file=stream, flush=True)
+        done = 0
         held = any(item.code == "frames-left-to-others" for item in job.frame_findings)
         if arguments.process and held and open_run(folder).missing():
             text = "not processed: other processes still measure frames; the last one processes all"
             print(f"radarsim: {text}", file=stream, flush=True)
         elif arguments.process:
-            process(folder, stream, stop, {item.code for item in job.findings})
+            done = process(folder, stream, stop, {item.code for item in job.findings})
+        return max(done, exit_code([*job.run_findings, *_frame_findings(folder)], job.frames))
+
+
+def _frame_findings(folder: Path) -> list[Finding]:
+    """Findings of all frames that are done, by this session or earlier ones."""
+    found = []
+    for path in folder.glob(f"*/{contract.PATHS_FILE}"):
+        found += read_record(path, contract.PathsRecord).findings
+    return found
 
 
 def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
@@ -130,8 +144,11 @@ def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any)
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(folder: Path, stream: Any, stop: _StopRequest, printed: Collection[str]) -> None:
-    """Process the run; print findings whose codes were not printed at the render."""
+def process(folder: Path, stream: Any, stop: _StopRequest, printed: Collection[str]) -> int:
+    """Process the run; print findings whose codes were not printed at the render.
+
+    Return the exit code.
+    """
     findings: list[Finding] = []
     frames: list[int] = []
     try:
@@ -140,11 +157,12 @@ def process(folder: Path, stream: Any, stop: _StopRequest, printed: Collection[s
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
                 print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
-                findings += [item for item in event.findings if item.code not in printed]
+                findings += event.findings
                 frames.append(event.frame)
     finally:
-        _print_findings(findings, frames, stream)
+        _print_findings([i for i in findings if i.code not in printed], frames, stream)
     print(f"radarsim: processed into {folder / 'products'}", file=stream, flush=True)
+    return exit_code(findings, frames)
 
 
 def _open_file(path: Path) -> None:

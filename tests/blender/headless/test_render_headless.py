@@ -19,6 +19,7 @@ from radarsim_addon import contract, signal
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.run.leases import Leases
 from radarsim_addon.sidecar import file_sha256, read_record
+from radarsim_addon.signal.pipeline import main
 from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
@@ -235,6 +236,20 @@ def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
 
 
 @posix
+def test_a_run_without_any_echo_ends_with_3(tmp_path: Path) -> None:
+    """Also where the command finds it done already, and for its processing."""
+    rs.new_scene()
+    path = tmp_path / "empty.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    words = (path, "--out", tmp_path / "run", "--resolution", "8x8")
+    for more in ((), (), ("--process",)):
+        done = start(*words, *more)
+        assert done.returncode == 3, done.stdout + done.stderr
+        assert (tmp_path / "run" / "run.json").is_file()
+    assert "no-echo" in done.stdout
+    assert main(["process", str(tmp_path / "run")]) == 3
+
+
 def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None:
     """kill -9 at an arbitrary moment, twice; then the run is what an undisturbed one is."""
     folder = tmp_path / "run"
