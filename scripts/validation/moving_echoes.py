@@ -13,12 +13,14 @@ from radarsim_addon.signal import (
     Burst,
     Echoes,
     FmcwWaveform,
+    PmcwWaveform,
     Radar,
     Waveform,
     make_paths,
     replica,
     synthesize,
 )
+from radarsim_addon.signal.echoes import line_times_s
 from radarsim_addon.signal.radar import ArbitraryPulse
 
 from .case import Bench, Case, Check, Group, absolute_check
@@ -79,6 +81,32 @@ def within_a_pulse(bench: Bench) -> list[Check]:
     return checks
 
 
+def within_a_code(bench: Bench) -> list[Check]:
+    """Relative L2 error of the samples of PMCW, whose code repeats without end."""
+    waveform = PmcwWaveform(77e9, 100e-9, 8, 2, 1)
+    radar, code = Radar(waveform, Burst(10e3, 2)), replica(waveform)
+    rng = np.random.default_rng(4)
+    ranges_m, rates_mps = rng.uniform(20, 2000, 20), rng.uniform(-60, 60, 20)
+    aperture_m2 = waveform.wavelength_m**2 / (4 * math.pi)
+    paths = make_paths(np.full(20, 1 / aperture_m2), 2 * ranges_m, rates_mps)
+    found = synthesize(paths, radar, range_limits_m=(0.0, 2000.0))
+    k = np.arange(code.size) - code.size // 2
+    lines = np.fft.fftshift(np.fft.fft(code)) / code.size
+    truth = np.zeros(found.plane.shape, dtype=np.complex128)
+    received_s = line_times_s(radar)[:, None] + found.fast_time_s
+    for range_m, rate_mps in zip(ranges_m, rates_mps, strict=True):
+        sent_s = received_s - 2 * range_m / SPEED_OF_LIGHT_MPS
+        for _ in range(8):
+            met_s = (received_s + sent_s) / 2
+            sent_s = received_s - 2 * (range_m + rate_mps * met_s) / SPEED_OF_LIGHT_MPS
+        own_s = sent_s - line_times_s(radar)[:, None]
+        emitted = np.exp(2j * np.pi * own_s[..., None] * (k / waveform.code_s)) @ lines
+        truth += emitted * np.exp(-2j * np.pi * waveform.carrier_hz * (received_s - sent_s))
+    error = float(np.linalg.norm(found.plane - truth) / np.linalg.norm(truth))
+    name = "relative L2 error, PMCW, code of 25.5 us, 20 targets up to 60 m/s, 77 GHz"
+    return [absolute_check(name, 0.0, error, 1e-6, "direct sum at retarded times")]
+
+
 def fmcw_in_one_transform(bench: Bench) -> list[Check]:
     """Relative L2 error of the beats, from the phases of the ramps themselves."""
     waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
@@ -114,10 +142,12 @@ GROUP = Group(
     "Moving echoes",
     "Four scatterers at 60, -60, 13 and 0 m/s in three pulses of 10 us at 77 GHz: samples against "
     "the sum over scatterers of the pulse that was emitted at the retarded time. The pulse is the "
-    "band-limited interpolation of its samples; edges of an LFM pulse ring beyond the band. Beats "
+    "band-limited interpolation of its samples; edges of an LFM pulse ring beyond the band. So for "
+    "codes of PMCW, which repeat without end. Beats "
     "of 64 FMCW chirps of 1 GHz: against the phases of the two ramps.",
     (
         Case("motion within a pulse", within_a_pulse, 20.0, quick=True),
+        Case("motion within a code", within_a_code, 5.0, quick=True),
         Case("FMCW in one transform", fmcw_in_one_transform, 5.0, quick=True),
     ),
 )

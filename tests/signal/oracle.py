@@ -4,7 +4,7 @@
 import numpy as np
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.signal import Paths, Radar, Waveform, path_amplitude, replica
+from radarsim_addon.signal import Paths, PmcwWaveform, Radar, Waveform, path_amplitude, replica
 
 
 def emitted_s(
@@ -22,12 +22,21 @@ def emitted_s(
 
 
 def pulse_at(radar: Radar, time_s: np.ndarray) -> np.ndarray:
-    """w(t): rect(t / T_p) exp(j pi K t^2) of a chirp, else the samples between which sinc is."""
+    """w(t): rect(t / T_p) exp(j pi K t^2) of a chirp, else the samples between which sinc is.
+
+    PMCW repeats its code, from the first sample at t = 0, with sincs summed over all repeats.
+    """
     waveform = radar.waveform
     if isinstance(waveform, Waveform):
         chirp = np.exp(1j * np.pi * waveform.fm_rate_hz_per_s * time_s**2)
         return (np.abs(time_s) <= waveform.chirp_duration_s / 2) * chirp
     samples = replica(waveform)
+    if isinstance(waveform, PmcwWaveform):
+        assert samples.size % 2  # of an even number the highest frequency has no sign
+        apart = np.pi * (time_s[:, None] * waveform.sampling_rate_hz - np.arange(samples.size))
+        below = samples.size * np.sin(apart / samples.size)
+        near = np.abs(below) < 1e-9
+        return np.where(near, 1.0, np.sin(apart) / np.where(near, 1.0, below)) @ samples
     place = time_s * waveform.sampling_rate_hz + (samples.size - 1) / 2
     return np.sinc(place[:, None] - np.arange(samples.size)) @ samples
 

@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Integers, Real
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -127,82 +126,97 @@ def object_echoes(
     record = table.record
     if groups is None:
         groups = {name: [name] for name in record.objects}
-    member = _membership(record.objects, groups)
     names = list(groups)
-    sums = _Sums(len(names), record.replicates, record.receiver)
+    sums = _Sums(_owners(record.objects, groups), len(names), record.replicates, record.receiver)
     for start, stop in _tile_edges(table.rows):
-        rows = np.array(table.rows[start:stop])
+        rows = np.asarray(table.rows[start:stop])
         rows = rows[usable(rows)]
         power = path_power_w(rows, record, carrier_hz, link)
-        sums.add_tile(rows, power, path_rcs_m2(rows, record), member)
+        sums.add_tile(rows, power, path_rcs_m2(rows, record))
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 
 
-def _membership(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> NDArray[np.bool_]:
-    """Whether an object (from 1; 0 is unknown) is in a group, (groups, objects + 1)."""
+def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[Integers]:
+    """Group (from 1; 0: none) of each object (from 1; 0 is unknown), (objects + 1,).
+
+    Several where groups overlap: in each of them an object has one group at most.
+    """
     numbers = {name: number for number, name in enumerate(objects, start=1)}
-    member = np.zeros((len(groups), len(objects) + 1), dtype=np.bool_)
-    for place, names in enumerate(groups.values()):
-        member[place, [numbers[name] for name in names if name in numbers]] = True
-    return member
+    found: list[Integers] = []
+    for group, names in enumerate(groups.values(), start=1):
+        mine = [numbers[name] for name in names if name in numbers]
+        owner = next((one for one in found if not one[mine].any()), None)
+        if owner is None:
+            owner = np.zeros(len(objects) + 1, dtype=np.int64)
+            found.append(owner)
+        owner[mine] = group
+    return found
 
 
 class _Sums:
-    """Sums over tiles: the mean of the replicates, and the variance of that mean."""
+    """Sums over tiles: the mean of the replicates, and the variance of that mean.
 
-    def __init__(self, groups: int, replicates: int, camera: ReceiverRecord) -> None:
+    All are by group, from 1; what has none is at 0.
+    """
+
+    def __init__(
+        self, owners: list[Integers], groups: int, replicates: int, camera: ReceiverRecord
+    ) -> None:
+        self._owners, self._size = owners, groups + 1
         self._replicates, self._camera = replicates, camera
-        self._mean = np.zeros((2, groups))
-        self._variance = np.zeros((2, groups))
-        self._paths = np.zeros(groups, dtype=np.int64)
-        self._range = np.zeros(groups)
-        self._rate = np.zeros(groups)
-        self._shared = np.zeros(groups)
+        self._mean, self._variance = np.zeros((2, 2, self._size))
+        self._paths = np.zeros(self._size, dtype=np.int64)
+        self._range, self._rate, self._shared = np.zeros((3, self._size))
 
-    def add_tile(self, rows: PathRows, power: Real, rcs: Real, member: NDArray[np.bool_]) -> None:
+    def add_tile(self, rows: PathRows, power: Real, rcs: Real) -> None:
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
-        for group in np.flatnonzero(member[:, np.unique([*last, *first])].any(axis=1)):
-            touched_last, touched_first = member[group][last], member[group][first]
-            mine = touched_last & touched_first
-            self._shared[group] += power[touched_last ^ touched_first].sum()
-            self._paths[group] += np.count_nonzero(mine)
-            self._range[group] += power[mine] @ rows["length_m"][mine] / 2
-            self._rate[group] += power[mine] @ rows["range_rate_mps"][mine]
+        for owner in self._owners:
+            ends = owner[last], owner[first]
+            label = np.where(ends[0] == ends[1], ends[0], 0)
+            apart = np.flatnonzero(ends[0] != ends[1])
+            for end in ends:
+                self._shared += self._by_group(end[apart], power[apart])
+            self._paths += np.bincount(label, minlength=self._size)
+            self._range += self._by_group(label, power * rows["length_m"] / 2)
+            self._rate += self._by_group(label, power * rows["range_rate_mps"])
             if self._replicates == 1:
-                for place, value in enumerate((power[mine], rcs[mine])):
-                    self._add_lone(place, int(group), rows[mine], value)
-                continue
-            least = self._least_relative(rows[mine], power[mine])
-            for place, value in enumerate((power, rcs)):
-                by_replicate = self._replicates * np.bincount(
-                    rows["replicate"][mine], value[mine], minlength=self._replicates
-                )
-                self._mean[place, group] += by_replicate.mean()
-                scatter = by_replicate.var(ddof=1) / self._replicates
-                self._variance[place, group] += max(scatter, least * by_replicate.mean() ** 2)
+                self._add_lone(rows, label, power, rcs)
+            else:
+                self._add_replicates(rows, label, power, rcs)
 
-    def _add_lone(self, place: int, group: int, rows: PathRows, value: Real) -> None:
+    def _by_group(self, label: Integers, value: Real) -> Real:
+        return np.bincount(label, value, self._size).astype(np.float64, copy=False)
+
+    def _add_lone(self, rows: PathRows, label: Integers, power: Real, rcs: Real) -> None:
         """Add a tile of one replicate: its edges, and the differences between neighbours."""
-        self._mean[place, group] += value.sum()
-        label = np.ones(value.size, dtype=np.int64)
-        self._variance[place, group] += lone_variances(rows, label, value, self._camera)[-1]
+        self._mean += [self._by_group(label, value) for value in (power, rcs)]
+        found = lone_variances(rows, label, np.stack([power, rcs]), self._camera)
+        self._variance[:, : found.shape[1]] += found
 
-    def _least_relative(self, rows: PathRows, power: Real) -> float:
-        """Return the smallest relative variance of the sum of these rows of a tile.
+    def _add_replicates(self, rows: PathRows, label: Integers, power: Real, rcs: Real) -> None:
+        count = self._replicates
+        least = self._least_relative(rows, label, power)
+        place = label * count + rows["replicate"]
+        for mean, variance, value in zip(self._mean, self._variance, (power, rcs), strict=True):
+            sums = count * np.bincount(place, value, self._size * count)
+            by_replicate = sums.reshape(self._size, count)
+            own = by_replicate.mean(axis=1)
+            mean += own
+            variance += np.maximum(by_replicate.var(axis=1, ddof=1) / count, least * own**2)
+
+    def _least_relative(self, rows: PathRows, label: Integers, power: Real) -> Real:
+        """Return the smallest relative variance of the sum of each group's rows of a tile.
 
         It comes from edges along the grid of the tile, on which the replicates may agree.
         """
-        total = power.sum()
-        if not total > 0:
-            return 0.0
-        variance = 0.0
-        for replicate in range(self._replicates):
-            own = rows["replicate"] == replicate
-            label = np.ones(np.count_nonzero(own), dtype=np.int64)
-            value = self._replicates * power[own] / total
-            found = edge_variances(rows[own], label, value, self._camera, self._replicates)
-            variance += float(found[-1]) / self._replicates
+        variance, count = np.zeros(self._size), self._replicates
+        total = self._by_group(label, power)
+        relative = count * power / np.where(total > 0, total, 1.0)[label]
+        for replicate in range(count):
+            own = np.flatnonzero(rows["replicate"] == replicate)
+            found = edge_variances(rows[own], label[own], relative[own], self._camera, count)
+            variance[: found.size] += found / count
         return variance
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
@@ -219,7 +233,7 @@ class _Sums:
                 multi_object_power_w=float(self._shared[i]),
                 range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
             )
-            for i, name in enumerate(names)
+            for i, name in enumerate(names, start=1)
             if self._paths[i] or self._shared[i]
         ]
 

@@ -8,7 +8,8 @@ f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
 
 with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
 3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
-see :mod:`.spectrum.ramp`; PMCW holds all frequencies at once. The sums are those of
+see :mod:`.spectrum.ramp`; PMCW holds all frequencies at once, and paths move while a code is
+received, see :class:`.spectrum.pulse_shape.CodeShape`. The sums are those of
 :mod:`.spectrum.accumulator`; only phase noise, which differs from path to path, is put on here.
 
 Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
@@ -28,7 +29,14 @@ from ..motion import AntennaMotion
 from ..paths import Paths
 from ..radar import Channel, FmcwWaveform, PmcwWaveform, Radar, replica
 from ..scattering import Link
-from ..spectrum import ReceiveWindow, Spectrum, SpectrumAccumulator, SynthesisReport, check_finite
+from ..spectrum import (
+    CodeShape,
+    ReceiveWindow,
+    Spectrum,
+    SpectrumAccumulator,
+    SynthesisReport,
+    check_finite,
+)
 from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
@@ -70,6 +78,9 @@ class StretchSynthesizer:
                 "Choose fewer pulses or fewer samples."
             )
         self._filtered = isinstance(self._waveform, FmcwWaveform)
+        self._code: CodeShape | None = None
+        if isinstance(self._waveform, PmcwWaveform) and options.motion_within_pulse:
+            self._code = CodeShape(replica(self._waveform), self._waveform.sampling_rate_hz)
         self._oscillators = oscillators
         self._source = ChannelPaths(radar, options, link, antennas)
         self._sums = ChannelSums(self._source, self._accumulator)
@@ -83,6 +94,8 @@ class StretchSynthesizer:
         if self._filtered:
             ends_s = (-_JUST_BEFORE_S, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
         middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
+        if self._code is not None:
+            middle_s = self._code.half_s
         return SpectrumAccumulator(
             self._grid,
             line_times_s(self.radar) + middle_s + channel.start_offset_s,
@@ -91,6 +104,7 @@ class StretchSynthesizer:
             backend=self._options.nufft_backend,
             listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=line_ramp(waveform),
+            pulse=self._code,
             interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
             chunk=self._options.chunk,
         )
@@ -126,7 +140,9 @@ class StretchSynthesizer:
             noisy.add(accumulator.result(), oscillator.factor(int(order)))
 
     def response(self) -> Complex:
-        """The scene's response at the frequencies, (channels, rows, N), before PMCW's code."""
+        """Spectra of the samples, (channels, rows, N), for PMCW with the code's where paths move
+        within it.
+        """
         if self._noisy:
             return np.stack([noisy.values for noisy in self._noisy])
         return np.stack([spectrum.values for spectrum in self._sums.results()])
@@ -142,7 +158,7 @@ class StretchSynthesizer:
             report.outside = float(self._beyond) if self._filtered else 0.0
         report.range_ambiguous_count = 0 if self._filtered else self._beyond
         if isinstance(waveform, PmcwWaveform):
-            code = np.fft.fft(replica(waveform))
+            code = 1.0 if self._code is not None else np.fft.fft(replica(waveform))
             samples = np.fft.ifft(np.fft.ifftshift(samples, axes=-1) * code)
         return Echoes(
             silence_inactive(samples, self.radar),

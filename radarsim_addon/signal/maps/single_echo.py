@@ -23,6 +23,7 @@ from ..radar import (
     AnyWaveform,
     Burst,
     FmcwWaveform,
+    PmcwWaveform,
     Radar,
     frequencies_hz,
     matched_filter,
@@ -256,19 +257,20 @@ def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     """How much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a chirp.
 
     A Doppler shift turns the spectrum W of w(t) by the spectrum T of t w(t); the slope of its phase
-    over the band is a delay.
+    over the band is a delay. Codes of PMCW are shown in the middle of their repeats.
     """
     samples = replica(waveform)
     times_s = (np.arange(samples.size) - (samples.size - 1) / 2) / waveform.sampling_rate_hz
-    size = 4 * samples.size
+    repeats = isinstance(waveform, PmcwWaveform)
+    size = samples.size * (1 if repeats else 4)
     f = frequencies_hz(waveform, size)
     spectrum = np.fft.fft(samples, size)
     late = np.fft.fft(times_s * samples, size)
-    weight = np.abs(matched_filter(waveform, size, range_taper)) / np.maximum(
-        np.abs(spectrum), 1e-300
-    )
+    size_of = np.maximum(np.abs(spectrum), 1e-300)
+    weight = 1.0 if repeats else np.abs(matched_filter(waveform, size, range_taper)) / size_of
     slope = np.sum(weight * f * (late * np.conj(spectrum)).real)
-    return float(waveform.carrier_hz * slope / np.sum(weight * f**2 * np.abs(spectrum) ** 2))
+    coupling = slope / np.sum(weight * f**2 * np.abs(spectrum) ** 2)
+    return float(waveform.carrier_hz * coupling + (waveform.duration_s / 2 if repeats else 0.0))
 
 
 def _profiles(
@@ -277,15 +279,15 @@ def _profiles(
     """Return profiles (ranges,) of a unit echo that is shown at a range, and of its image in a real
     ADC, without their carrier phases, so that they change slowly with range.
 
-    Pulses move while they are under way; where frequencies come one after the other it is the
-    profile of a stationary echo.
+    Pulses and codes move while they are under way; where frequencies come one after the other it is
+    the profile of a stationary echo.
     """
     echoes, range_taper = recording.echoes, recording.rd_map.range_taper
     waveform = echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
         waveform = dataclasses.replace(waveform, real_adc=False)  # what the image adds is its own
     radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
-    moves = waveform.family == "pulse"
+    moves = waveform.family == "pulse" or isinstance(waveform, PmcwWaveform)
     if moves:
         range_m -= rate_mps * _coupling_s(waveform, range_taper)
     range_m = max(range_m, _NEAREST_M)

@@ -95,7 +95,7 @@ def edge_variances(
         By label from 0, (labels + 1,).
     """
     total = np.zeros(int(label.max(initial=0)) + 1)
-    for labels, values in _images(rows, label, value, receiver, count):
+    for labels, (values,) in _images(rows, label, value[None], receiver, count):
         total += _edge_variance(labels, values, count, total.size)
     return total
 
@@ -111,40 +111,45 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: Recei
 
     Parameters
     ----------
-    rows, label, value, receiver
+    rows, label, receiver
         As for :func:`edge_variances`.
+    value
+        What is summed up, (n,), or several such, (sets, n).
 
     Returns
     -------
     ndarray
-        By label from 0, (labels + 1,).
+        By label from 0, (labels + 1,) or (sets, labels + 1).
     """
-    lost = (label > 0) & ~placed(rows, receiver)
-    total = np.bincount(
-        label[lost], value[lost] ** 2, minlength=int(label.max(initial=0)) + 1
-    ).astype(np.float64)
-    for labels, values in _images(rows, label, value, receiver, 1):
-        total += _edge_variance(labels, values, 1, total.size)
-        total += _scatter_variance(labels, values, total.size)
-    return total
+    sets, size = np.atleast_2d(value), int(label.max(initial=0)) + 1
+    lost = np.flatnonzero((label > 0) & ~placed(rows, receiver))
+    lone = [np.bincount(label[lost], one[lost] ** 2, size) for one in sets]
+    total = np.array(lone, dtype=np.float64)  # of no rows bincount makes integers
+    for labels, images in _images(rows, label, sets, receiver, 1):
+        for own, values in zip(total, images, strict=True):
+            own += _edge_variance(labels, values, 1, size)
+            own += _scatter_variance(labels, values, size)
+    return total if value.ndim > 1 else np.asarray(total[0])
 
 
 def _images(
     rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord, count: int
 ) -> Iterator[tuple[Integers, Real]]:
-    """Labels and values on the grid of pixels, path class by path class, with an empty rim."""
+    """Labels, and values (sets, n), on the grid of pixels, path class by path class, with an empty
+    rim.
+    """
     kept = np.flatnonzero((label > 0) & placed(rows, receiver))
     if kept.size == 0:
         return
-    rows, label, value = rows[kept], label[kept], value[kept]
+    rows, label, value = rows[kept], label[kept], value[:, kept]
     col, row = grid_places(rows, receiver, count)
     path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(path_class):
         here = path_class == one
         place = tuple(at[here] - at[here].min() + 1 for at in (row, col))
         shape = tuple(int(at.max()) + 2 for at in place)
-        labels, values = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-        labels[place], values[place] = label[here], value[here]
+        labels, values = np.zeros(shape, dtype=np.int64), np.zeros((len(value), *shape))
+        labels[place], values[:, *place] = label[here], value[:, here]
         yield labels, values
 
 

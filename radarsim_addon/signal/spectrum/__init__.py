@@ -19,11 +19,13 @@ from .accumulator import (
 from .amplitudes import AmplitudeHistory
 from .grid import check_finite, repeat_orders
 from .nufft import Backend, nufft1, smooth_size
+from .pulse_shape import CodeShape
 
 __all__ = [
     "TOLERANCE",
     "AmplitudeHistory",
     "Backend",
+    "CodeShape",
     "FrequencyGrid",
     "Method",
     "PulseShape",

@@ -26,7 +26,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
 from .nufft import SINGLE, TIGHTEST, nufft2d3
 from .phase import phasors, reduce_cycles, reduced_cycles
-from .pulse_motion import joined_error, moved_m, stretch
+from .pulse_motion import joined_error
 from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, l2_norm
 from .video_phase import VideoPhase, longest_s, negligible
 
@@ -165,9 +165,9 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
     amplitude, rate_mps, later_s = rows.amplitude, rows.rate_mps, time_s - rows.time_s
     shift_m = rate_mps * later_s
     if sums.pulse is not None:
-        shift_m = moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
-        amplitude = (amplitude.T * stretch(rate_mps)).T
-        rate_mps = rate_mps / (1 - rate_mps / (2 * SPEED_OF_LIGHT_MPS))
+        shift_m = sums.pulse.moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
+        amplitude = (amplitude.T * sums.pulse.stretch(rate_mps)).T
+        rate_mps = sums.pulse.seen_mps(rate_mps)
     reference_m = float(rows.length_m[0])
     delay_s = (rows.length_m - reference_m + shift_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
     rate = rate_mps / SPEED_OF_LIGHT_MPS
@@ -240,11 +240,10 @@ def linear_block(
     Amplitudes of several terms take a transform each; `terms` are T_k at all pulses.
     """
     start = time.thread_time()
-    grid, times, parts, nodes = sums.grid, times_s[pulses], None, 1
+    grid, times, nodes = sums.grid, times_s[pulses], 1
     if sums.pulse is not None:
         nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
-        offsets_s, parts = sums.pulse.parts(nodes)
-        times = (times[:, None] + offsets_s).ravel()
+        times = (times[:, None] + sums.pulse.times_s(nodes)).ravel()
     middle_s = float(times[0] + times[-1]) / 2
     since_s = np.repeat((times - middle_s)[:, None], grid.count, axis=1)
     if sums.ramp is not None:
@@ -252,7 +251,7 @@ def linear_block(
     weights = None if terms is None else np.repeat(terms[pulses], nodes, axis=0)
     points = _points_at(rows, sums, middle_s)
     result, error = _transformed(points, sums, since_s, tolerance, weights)
-    if parts is not None:
-        result = np.einsum("pjf,jf->pf", result.reshape(-1, *parts.shape), parts)
+    if sums.pulse is not None:
+        result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
         error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
     return BlockResult(pulses, result, error, time.thread_time() - start)

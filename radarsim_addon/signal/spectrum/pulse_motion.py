@@ -16,6 +16,10 @@ coupling and the stretched envelope are included. At a constant rate only this e
 The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2). For a two-way
 length l(t) = l + r (t - t_m), r > 0 receding, that is tau = l / (c - r / 2), exact for one
 reflection and antennas at one place.
+
+A code that repeats without end (:class:`.pulse_shape.CodeShape`) is the same with u in the time of
+reception: c tau = l(t_m + u - tau / 2), tau = l / (c + r / 2), and the samples are weighted by
+L_j(u) instead of the spectra by W_j.
 """
 
 from __future__ import annotations
@@ -44,17 +48,6 @@ def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -
     # half of it over the pulse, and as much in the rate, which is that of its second half
     left_m = float(change.max(initial=0.0)) * sums.pulse.half_s**2
     return 2 * math.pi * sums.grid.highest_hz * left_m / SPEED_OF_LIGHT_MPS
-
-
-def moved_m(length_m: Real, rate_mps: Real, later_s: Real | float) -> Real:
-    """c tau of what is emitted `later_s` later, less the length, (n,) [m]."""
-    retarded = rate_mps / (2 * SPEED_OF_LIGHT_MPS)
-    return np.asarray((rate_mps * later_s + length_m * retarded) / (1 - retarded))
-
-
-def stretch(rate_mps: Real) -> Real:
-    """1 + beta, (n,): how much longer a pulse is received than it was sent."""
-    return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
 
 
 def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
@@ -94,14 +87,14 @@ class PulseMotionTransform:
             middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
         if not middle.size:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
-        amplitude = amplitude * stretch(rate_mps)
+        amplitude = amplitude * pulse.stretch(rate_mps)
         folded_s = 0.0 if order is None else order * (sums.listening.period_s or 0.0)
-        times_s, spectra = pulse.parts(pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance))
-        values, error = np.zeros(count, dtype=np.complex128), ErrorSum()
-        for time_s, spectrum in zip(times_s, spectra, strict=True):
-            later_m = moved_m(middle, rate_mps, time_s - folded_s)
+        nodes = pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance)
+        spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
+        for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
+            later_m = pulse.moved_m(middle, rate_mps, time_s - folded_s)
             found = self._transform.spectrum(middle, amplitude, order, later_m)
-            values += spectrum * found.values
+            spectrum[:] = found.values
             error = max(error, found.error, key=lambda one: one.random)
-        error = joined_error(error, times_s.size, self._tolerance, count)
-        return PulseResult(values, error, kept, found.folded)
+        error = joined_error(error, nodes, self._tolerance, count)
+        return PulseResult(pulse.joined(spectra), error, kept, found.folded)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spectra of a pulse and of its parts around interpolation nodes; see :mod:`.pulse_motion`."""
+"""Spectra of a pulse or code whose echoes move meanwhile, from interpolation nodes; see
+:mod:`.pulse_motion`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,8 @@ import numpy as np
 
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+
+Weights = Real | Complex
 
 #: Fraction of the tolerance for the interpolation between nodes; a digit costs one.
 NODES_SHARE = 0.01
@@ -27,35 +31,106 @@ class PulseShape:
         Number of frequencies, at least n.
     """
 
+    #: Nodes are times of emission: the wave meets the path half its delay later.
+    _met_later = 1.0
+
     def __init__(self, samples: Complex, rate_hz: float, count: int) -> None:
         self._samples, self._count = samples, count
         middle = (samples.size - 1) / 2
         #: From the middle of the pulse to its ends [s].
         self.half_s = max(middle, 0.5) / rate_hz
         self._times = (np.arange(samples.size) - middle) / max(middle, 0.5)
-        self._shift = np.exp(2j * np.pi * np.fft.fftfreq(count) * middle)
-        self._parts: dict[int, tuple[Real, Complex]] = {}
+        self._bases: dict[int, Weights] = {}
         #: Spectrum of the pulse, frequencies ascending, and its root mean square.
-        self.spectrum: Complex = self.parts(1)[1][0]
+        self.spectrum = self._spectrum(samples)
         self.rms = float(np.sqrt(np.mean(np.abs(self.spectrum) ** 2)))
 
-    def parts(self, nodes: int) -> tuple[Real, Complex]:
-        """Times u_j of the nodes from the middle [s], and W_j, (nodes, frequencies)."""
-        if nodes not in self._parts:
-            at = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
-            inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(at, nodes - 1))
-            spectra = np.empty((nodes, self._count), dtype=np.complex128)
-            for spectrum, series in zip(spectra, inverse.T, strict=True):
-                part = self._samples * np.polynomial.chebyshev.chebval(self._times, series)
-                spectrum[:] = np.fft.fftshift(np.fft.fft(part, self._count) * self._shift)
-            self._parts[nodes] = (self.half_s * at, spectra)
-        return self._parts[nodes]
+    def _spectrum(self, samples: Complex) -> Complex:
+        """Spectrum of samples (..., n) about the middle of the pulse, (..., frequencies)."""
+        middle = (self._samples.size - 1) / 2
+        shift = np.exp(2j * np.pi * np.fft.fftfreq(self._count) * middle)
+        return np.fft.fftshift(np.fft.fft(samples, self._count) * shift, axes=-1)
+
+    def _basis(self, polynomials: Real) -> Weights:
+        """W_j from the Lagrange polynomials (nodes, n) at the samples, (nodes, frequencies)."""
+        return self._spectrum(self._samples * polynomials)
+
+    def _weights(self, nodes: int) -> Weights:
+        if nodes not in self._bases:
+            vander = np.polynomial.chebyshev.chebvander
+            inverse = np.linalg.inv(vander(_places(nodes), nodes - 1))
+            at_samples = np.asarray((vander(self._times, nodes - 1) @ inverse).T, np.float64)
+            self._bases[nodes] = self._basis(at_samples)
+        return self._bases[nodes]
+
+    def times_s(self, nodes: int) -> Real:
+        """Times u_j of the nodes from the middle, (nodes,) [s]."""
+        return self.half_s * _places(nodes)
+
+    def joined(self, spectra: Complex) -> Complex:
+        """Spectra of the echoes from those S at each node, (..., nodes, frequencies)."""
+        weights = self._weights(spectra.shape[-2])
+        return np.asarray(np.einsum("...jf,jf->...f", spectra, weights))
 
     def nodes(self, rate_mps: Real, highest_hz: float, tolerance: float) -> int:
         """Nodes for paths whose lengths change at these rates [m/s]."""
         fastest = float(np.abs(rate_mps).max(initial=0.0)) / SPEED_OF_LIGHT_MPS
         phase_rad = 2 * math.pi * highest_hz * fastest * self.half_s
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
+
+    def _halfway(self, rate_mps: Real) -> Real:
+        """Half the rate over c, which takes the length to where the wave meets the path."""
+        return self._met_later * rate_mps / (2 * SPEED_OF_LIGHT_MPS)
+
+    def seen_mps(self, rate_mps: Real) -> Real:
+        """c times the rate of the delay, of lengths that change at these rates, (n,) [m/s]."""
+        return np.asarray(rate_mps / (1 - self._halfway(rate_mps)))
+
+    def moved_m(self, length_m: Real, rate_mps: Real, later_s: Real | float) -> Real:
+        """c tau at a node `later_s` later, less the length, (n,) [m]."""
+        halfway = self._halfway(rate_mps)
+        return np.asarray((rate_mps * later_s + length_m * halfway) / (1 - halfway))
+
+    def stretch(self, rate_mps: Real) -> Real:
+        """1 + beta, (n,): how much longer a pulse is received than it was sent."""
+        return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
+
+
+class CodeShape(PulseShape):
+    """A code that repeats without end, received for one of its periods.
+
+    What is received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
+    that of all samples, each of which takes it at its own time. So the sums at the nodes are
+    turned into samples, and these are weighted by L_j(u).
+    """
+
+    #: Nodes are times of reception: the wave met the path half its delay before.
+    _met_later = -1.0
+
+    def __init__(self, samples: Complex, rate_hz: float) -> None:
+        super().__init__(samples, rate_hz, samples.size)
+
+    def _spectrum(self, samples: Complex) -> Complex:
+        """Spectrum of samples (..., n) from the beginning of the code."""
+        return np.fft.fftshift(np.fft.fft(samples), axes=-1)
+
+    def _basis(self, polynomials: Real) -> Weights:
+        return polynomials
+
+    def joined(self, spectra: Complex) -> Complex:
+        """Spectra of what is received, from the sums at each node, (..., nodes, frequencies)."""
+        echoes = np.fft.ifft(np.fft.ifftshift(spectra * self.spectrum, axes=-1))
+        weights = self._weights(spectra.shape[-2])
+        return self._spectrum(np.einsum("...jt,jt->...t", echoes, weights))
+
+    def stretch(self, rate_mps: Real) -> Real:
+        """1: samples are taken at their own times."""
+        return np.ones_like(rate_mps)
+
+
+def _places(nodes: int) -> Real:
+    """Chebyshev nodes within -1 and 1."""
+    return np.asarray(np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes))
 
 
 def nodes_for(bend_rad: float, tolerance: float) -> int:

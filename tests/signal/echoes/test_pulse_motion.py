@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pulses that come back from what moves, against direct sums at retarded times."""
+"""Pulses and codes that come back from what moves, against direct sums at retarded times."""
 
 import dataclasses
 import functools
@@ -10,8 +10,18 @@ import numpy as np
 import pytest
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.signal import Burst, Echoes, Paths, Radar, Waveform, replica, synthesize
+from radarsim_addon.signal import (
+    Burst,
+    Echoes,
+    Paths,
+    PmcwWaveform,
+    Radar,
+    Waveform,
+    replica,
+    synthesize,
+)
 from radarsim_addon.signal.detection import find_moving_targets
+from radarsim_addon.signal.echoes import line_times_s
 from radarsim_addon.signal.maps import range_doppler, range_process
 from radarsim_addon.signal.radar import AnyWaveform, ArbitraryPulse, PhaseCodedPulse
 from tests.signal.oracle import echo_at, pulse_at, unit_paths
@@ -72,6 +82,36 @@ def test_moving_echoes_are_those_of_retarded_times(
     assert relative(found.plane, direct.plane) < 1e-6
     still = synthesize(paths, radar, range_limits_m=WINDOW_M, motion_within_pulse=False)
     assert relative(still.plane, truth) > 0.1
+
+
+#: A code of 25.5 us, which 60 m/s turn by 5 rad.
+CODE = PmcwWaveform(77e9, 100e-9, 8, 3, 1)
+
+
+@pytest.mark.parametrize("transform", ["auto", "type3", "per-pulse", "direct"])
+def test_codes_of_pmcw_have_the_doppler_shift_in_them(transform: Any) -> None:
+    """Stop and go is as far off as there is signal; each sample has its own retarded time."""
+    radar = Radar(CODE, Burst(5000.0, 3))
+    paths = unit_paths(radar, [120.3, 1310.77, 100.0, 2400.0], [60.0, -60.0, 13.0, 0.0])
+    limits_m = (0.0, CODE.unambiguous_range_m)
+    found = synthesize(paths, radar, range_limits_m=limits_m, slow_time_transform=transform)
+    truth = echo_at(paths, radar, found.fast_time_s, line_times_s(radar))
+    assert relative(found.plane, truth) < 1e-6
+    assert found.report is not None
+    assert found.report.error_estimate < 1e-6
+    still = synthesize(paths, radar, range_limits_m=limits_m, motion_within_pulse=False)
+    assert relative(still.plane, truth) > 0.5
+
+
+def test_sidelobes_of_a_shifted_code_are_no_targets() -> None:
+    """Doppler within a code lifts its sidelobes to -20 dB, all over the range."""
+    code = dataclasses.replace(CODE, code_repeats=1)
+    radar = Radar(code, Burst(1 / code.duration_s, 64))
+    limits_m = (0.0, code.unambiguous_range_m)
+    echoes = synthesize(unit_paths(radar, [1500.0], 20.0), radar, range_limits_m=limits_m)
+    (found,) = find_moving_targets(echoes, range_doppler(range_process(echoes)), 0)
+    assert found.velocity_mps == pytest.approx(20.0, abs=0.1)
+    assert found.range_m == pytest.approx(1500.0, abs=0.1)
 
 
 @pytest.mark.parametrize("backend", ["numpy", "finufft"])
