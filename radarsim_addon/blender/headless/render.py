@@ -127,14 +127,18 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
             print(f"radarsim: {text}", file=stream, flush=True)
         elif arguments.process:
             done = process(folder, stream, stop, {item.code for item in job.findings})
-        return max(done, exit_code([*job.run_findings, *_frame_findings(folder)], job.frames))
+        return max(
+            done, exit_code([*job.run_findings, *_frame_findings(folder, job.frames)], job.frames)
+        )
 
 
-def _frame_findings(folder: Path) -> list[Finding]:
-    """Findings of all frames that are done, by this session or earlier ones."""
+def _frame_findings(folder: Path, frames: Sequence[int]) -> list[Finding]:
+    """Findings of these frames as far as they are done, by this session or earlier ones."""
     found = []
-    for path in folder.glob(f"*/{contract.PATHS_FILE}"):
-        found += read_record(path, contract.PathsRecord).findings
+    for frame in frames:
+        path = folder / contract.frame_dir(frame) / contract.PATHS_FILE
+        if path.is_file():
+            found += read_record(path, contract.PathsRecord).findings
     return found
 
 

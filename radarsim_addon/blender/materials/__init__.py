@@ -5,6 +5,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .averaging import averaging_objects, separate_averages
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
@@ -17,7 +18,6 @@ from .physical_materials import (
     refresh_materials,
     update_materials,
 )
-from .separate_averages import averaging_objects, separate_averages
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
 

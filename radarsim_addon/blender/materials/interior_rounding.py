@@ -42,10 +42,16 @@ _TOUCHING = 1e-3
 class Interiors(NamedTuple):
     """How interiors are computed in a run.
 
-    `delay` says whether anything that waves pass delays them. Standard deviations of an echo's
-    length: `sigma` from the rounding of depths, over the length; `absorption_sigma` from that of
-    absorption, which shares the range encoding's exponent [Blender units]. `findings` name the
-    objects whose echoes they spoil.
+    Attributes
+    ----------
+    delay
+        Whether anything that waves pass delays them.
+    sigma
+        Standard deviation of an echo's length from the rounding of depths, over the length.
+    absorption_sigma
+        The same from absorption, which shares the range encoding's exponent [Blender units].
+    findings
+        Objects whose echoes these spoil.
     """
 
     delay: bool = False
