@@ -7,23 +7,34 @@ Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C, 143 by SIG
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Sequence
+from typing import Any
 
-from .errors import MissingDependencyError
+from .errors import MissingDependencyError, RadarSimError
+from .findings import exit_code
+from .option_arguments import Share, share_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        # A BLAS rounds otherwise with each number of threads: results would depend on the machine.
+        os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["render"]:
         return render_command(words[1:])
+    if words[:1] == ["selfcheck"]:
+        return selfcheck_command(words[1:])
     from .signal.pipeline import main as process_main
 
     if arguments is None:  # killed politely: what is half written is removed
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    return process_main(words, {"render": "measure the radar frames of a .blend file (needs bpy)"})
+    others = {"render": "measure the radar frames of a .blend file (needs bpy)"}
+    others["selfcheck"] = "check that a device gives what measurements stand on (needs bpy)"
+    return process_main(words, others)
 
 
 def render_command(
@@ -33,19 +44,69 @@ def render_command(
     from .blender.plan import parse_render_arguments
 
     parsed = parse_render_arguments(words, prog, needs_blend)  # exits with 0 (--help) or 2
+    share = share_of(parsed)
+    if share.by_workers and not (parsed.frame_worker or parsed.plan_only):
+        return _render_by_workers(words, share, parsed.process)
+    if parsed.frame_worker:  # in a Blender program; Python runs the module itself
+        from .frame_worker import serve
+
+        return serve(os.getcwd(), ["render", *words])
     try:
         from .blender.headless.render import run_and_leave
     except ModuleNotFoundError as error:
         if error.name != "bpy":
             raise
-        message = (
-            f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
-            "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
-        )
-        print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
-        return MissingDependencyError.exit_code
+        return _no_bpy(error)
     run_and_leave(parsed)
     return 0
+
+
+def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
+    """Coordinate workers; without Blender, unless this runs in its program."""
+    from .signal.distributed import run_frames
+    from .signal.pipeline import frame_findings
+    from .signal.pipeline import main as process_main
+    from .signal.runs import open_run
+
+    command = None
+    if "bpy" in sys.modules:  # the program, with a file open: its workers are such programs
+        bpy: Any = sys.modules["bpy"]
+        words = [bpy.data.filepath, *words]
+        own = sys.argv if "--" in sys.argv else [*sys.argv, "--"]
+        command = [bpy.app.binary_path, *own[1:], "--frame-worker"]
+    try:
+        about = run_frames(["render", *words], share, sys.stdout, command=command)
+    except RadarSimError as error:
+        print(f"radarsim: {type(error).__name__}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt as stop:
+        print("radarsim: Interrupted; the same command resumes the run.", file=sys.stderr)
+        return getattr(stop, "exit_code", 130)
+    print(f"radarsim: wrote {about['folder']}", flush=True)
+    processed = process_main(["process", about["folder"], *share.words]) if process else 0
+    run = open_run(about["folder"])
+    found = [*run.record.findings, *frame_findings(run.path, about["frames"])]
+    return max(processed, exit_code(found, about["frames"]))
+
+
+def selfcheck_command(words: list[str]) -> int:
+    """Check a device; return the exit code."""
+    try:
+        from .blender.headless.selfcheck import main as selfcheck
+    except ModuleNotFoundError as error:
+        if error.name != "bpy":
+            raise
+        return _no_bpy(error)
+    return selfcheck(words)
+
+
+def _no_bpy(error: ModuleNotFoundError) -> int:
+    message = (
+        f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
+        "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
+    )
+    print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
+    return MissingDependencyError.exit_code
 
 
 if __name__ == "__main__":

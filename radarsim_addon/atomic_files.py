@@ -118,8 +118,16 @@ def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
         np.savez(temporary, **arrays)
 
 
-def make_folder(path: Path) -> Path:
-    """Make a folder for results, parents included."""
+def make_folder(path: Path, within: Path | None = None) -> Path:
+    """Make a folder for results, parents included.
+
+    `within`: the output folder that it belongs to. That one may be a link, since its name was
+    given; inside it no link is followed.
+    """
+    if within is not None:
+        refuse_links(path, within)
+    if path.is_symlink() and not path.exists():
+        raise dangling(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -128,6 +136,26 @@ def make_folder(path: Path) -> Path:
             "Choose an output folder that is writable and has room."
         ) from error
     return path
+
+
+def refuse_links(path: Path, within: Path) -> None:
+    """Raise OutputError if `path`, or a folder between it and `within`, is a symbolic link."""
+    inner = [path, *path.parents]
+    for place in inner[: inner.index(within)]:
+        if place.is_symlink():
+            raise OutputError(
+                f"{place} is a symbolic link; expected a folder. radarsim follows no links inside "
+                f"the output folder {within}. Remove the link, or give the folder that it leads to "
+                "as output folder."
+            )
+
+
+def dangling(link: Path) -> OutputError:
+    """Return the error for an output folder that is a link to nothing."""
+    return OutputError(
+        f"{link} is a symbolic link to {link.readlink()}, which does not exist. Create that "
+        "folder, remove the link, or choose another output folder."
+    )
 
 
 def remove_file(path: Path) -> None:

@@ -213,7 +213,7 @@ class RenderRecord:
     transmitter: TransmitterRecord
     samples: int
     seed: int
-    max_bounces: int
+    max_reflections: int
     exr_file: str
     exr_sha256: str
     versions: dict[str, str] = field(default_factory=dict)
@@ -355,7 +355,7 @@ class RunRecord:
     height_px: int
     samples: int
     seed: int
-    max_bounces: int
+    max_reflections: int
     metres_per_unit: float
     range_encoding_length_m: float
     extinction_length_m: float

@@ -55,5 +55,9 @@ class PathDataError(RadarSimError):
     """A path cannot be summed: its length or its amplitude is NaN or infinite."""
 
 
+class WorkerError(RadarSimError):
+    """Workers failed, or frames failed in them so often that they were set aside."""
+
+
 class SettingNameError(ConfigError, AttributeError):
     """There is no setting of that name."""

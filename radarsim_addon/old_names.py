@@ -69,6 +69,12 @@ def todays_name(name: str, known: Collection[str]) -> str:
     return name if name in known else _TODAY.get(name, name)
 
 
+def todays_numbers(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a record whose numbers are counted as today: all reflections, the first one too."""
+    bounces = data.get("max_bounces")
+    return {"max_reflections": bounces + 1, **data} if type(bounces) is int else data
+
+
 def todays_names(data: Mapping[str, Any], known: Collection[str]) -> dict[str, Any]:
     """Return a record with the names of today; those that `known` holds are kept."""
     return {todays_name(name, known): value for name, value in data.items()}

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass
 from typing import Any
 
 from .options import Declared, declared
 
 _TEXTS: dict[Any, str] = {True: "on", False: "off", None: "none", MISSING: ""}
+_MAX_WORKERS = 1024
 
 
 def finite_number(text: str) -> float:
@@ -111,3 +112,68 @@ def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
             f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"
         )  # fmt: skip
     return "\n".join(rows) + "\n"
+
+
+@dataclass(frozen=True)
+class Share:
+    """Who does the frames of a command: worker processes, a Dask cluster, one of several shards."""
+
+    workers: int | None = None
+    dask: str | None = None
+    shard: tuple[int, int] | None = None
+
+    @property
+    def by_workers(self) -> bool:
+        """Whether other processes do the frames."""
+        return self.workers is not None or self.dask is not None
+
+    @property
+    def words(self) -> list[str]:
+        """The options that make it."""
+        given = {"--workers": self.workers, "--dask": self.dask}
+        given["--shard"] = "/".join(map(str, self.shard)) if self.shard else None
+        return [text for name, value in given.items() if value for text in (name, str(value))]
+
+    def part(self, frames: Sequence[int]) -> list[int]:
+        """Frames of this shard: every n-th, so that all shards have as much to do."""
+        index, count = self.shard or (1, 1)
+        return list(frames[index - 1 :: count])
+
+
+def add_share_arguments(parser: argparse._ActionsContainer) -> None:
+    """Add the options that make a `Share`."""
+    who = parser.add_mutually_exclusive_group()
+    who.add_argument(
+        "--workers",
+        type=_worker_count,
+        metavar="N",
+        help="Do the frames in N processes of one thread each",
+    )
+    who.add_argument(
+        "--dask", metavar="ADDRESS", help="Do the frames on the Dask cluster with this scheduler"
+    )
+    parser.add_argument(
+        "--shard", type=_shard, metavar="I/N", help="Do the I-th of N parts of the frames, from 1"
+    )
+
+
+def share_of(arguments: argparse.Namespace) -> Share:
+    """Return the `Share` of parsed arguments."""
+    return Share(arguments.workers, arguments.dask, arguments.shard)
+
+
+def _worker_count(text: str) -> int:
+    number = int(text)
+    if not 1 <= number <= _MAX_WORKERS:
+        raise argparse.ArgumentTypeError(f"{text}: expected 1 to {_MAX_WORKERS}")
+    return number
+
+
+def _shard(text: str) -> tuple[int, int]:
+    index, count = (int(part) for part in text.split("/"))
+    if not 1 <= index <= count:
+        raise argparse.ArgumentTypeError(f"{text}: expected I/N with I from 1 to N, such as 3/16")
+    return index, count
+
+
+_worker_count.__name__, _shard.__name__ = "number of workers", "shard (like 3/16)"

@@ -143,8 +143,9 @@ PROCESSING = {
     "range-gaps-between-rays": Kind(
         "caution",
         "From {range_m:.3g} m on, a pixel covers more than a range cell.",
-        "Echoes and maps show single rays there, with gaps that are not in the scene. The expected "
-        "power has no such gaps.",
+        "Echoes, maps and the expected power show there what the rays of a surface tell of the "
+        "places between them; objects and shadows smaller than a pixel are missed. Without a "
+        "speckle seed echoes are of single rays, with gaps that are not in the scene.",
         "Raise the resolution or the replicates, or refine for ranges.",
     ),
     "echoes-cancel": Kind(

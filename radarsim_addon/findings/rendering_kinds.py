@@ -125,6 +125,13 @@ SCENE = {
         "Choose the polarisation of your radar. Only Paths of one reflection, with Radar Materials "
         "alone, carry both polarisations through all walls.",
     ),
+    "device-unfit": Kind(
+        "caution",
+        "radarsim renders on the CPU, because its check of {device} failed: {subjects}.",
+        "A measurement stands on these facts; from {device} powers or ranges would be wrong.",
+        "Update Blender and the driver, run radarsim selfcheck --device {device} on the command "
+        "line, and render again. Or choose CPU in Render > Device.",
+    ),
     "facets-encode-range": Kind(
         "caution",
         "Range encoding is Materials, and rough physical materials return several reflections.",

@@ -13,9 +13,11 @@ from radarsim_addon.signal.pipeline import main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
-COMMANDS = ("info", "process", "antennas", "objects")
+COMMANDS = ("info", "process", "antennas", "objects", "merge")
 #: Options of Blender itself, in command lines that begin with ``blender``.
 OF_BLENDER = {"--disable-autoexec", "--enable-autoexec"}
+#: Options of ``dask worker``.
+OF_DASK = {"--nworkers", "--nthreads"}
 #: Words that stand for any option.
 PLACEHOLDERS = {"--option"}
 OPTION = r"(?<![\w-])--[a-z][a-z0-9-]*"
@@ -43,7 +45,7 @@ def test_options_in_the_pages_exist(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    known = _shown_options(capsys) | _options_of_scripts() | OF_BLENDER | PLACEHOLDERS
+    known = _shown_options(capsys) | _options_of_scripts() | OF_BLENDER | OF_DASK | PLACEHOLDERS
     unknown = {
         f"{page.name}: {option}"
         for page in PAGES

@@ -162,7 +162,7 @@ def write_run(
         height_px=64,
         samples=1,
         seed=0,
-        max_bounces=0,
+        max_reflections=1,
         metres_per_unit=1.0,
         range_encoding_length_m=100.0,
         extinction_length_m=1.0,

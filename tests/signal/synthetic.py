@@ -114,7 +114,7 @@ def render_record(
         transmitter=contract.TransmitterRecord(matrix_world=IDENTITY, eirp_w=1.0),
         samples=1,
         seed=0,
-        max_bounces=1,
+        max_reflections=2,
         exr_file=f"{contract.render_stem(ring, snapshot_index)}.exr",
         exr_sha256="",
     )
@@ -134,7 +134,7 @@ def run_record(setup: Setup) -> contract.RunRecord:
         height_px=setup.height_px,
         samples=1,
         seed=0,
-        max_bounces=1,
+        max_reflections=2,
         metres_per_unit=setup.metres_per_unit,
         range_encoding_length_m=setup.range_encoding_length_m,
         extinction_length_m=setup.metres_per_unit,

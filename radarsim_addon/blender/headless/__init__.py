@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs without a window: command line, jobs, console."""
+"""Runs without a window: command line, jobs, console, frames for a coordinator."""
 
-from .console import ProgressLine, progress_text, quiet_blender
+from .console import quiet_blender
+from .frame_renderer import FrameRenderer
 from .jobs import make_job
+from .session import leave_blender
 
 __all__ = [
-    "ProgressLine",
+    "FrameRenderer",
+    "leave_blender",
     "make_job",
-    "progress_text",
     "quiet_blender",
 ]

@@ -117,9 +117,6 @@ class PathJob(MeasurementJob):
             self._scene, self._view_layer, self.rig, self.plan, any_material=self.code_world
         )
 
-    def _plan_renders(self) -> None:
-        self.total = self.done = 0  # `prepare` counts the tiles once the scene is known
-
     def prepare(self) -> None:
         """As `MeasurementJob.prepare`, and the scene set for one path per pixel."""
         super().prepare()
@@ -149,14 +146,13 @@ class PathJob(MeasurementJob):
             self._settings.interiors if self._settings is not None else Interiors(),
             self.versions,
         )
-        self._count_tiles()
 
-    def _count_tiles(self) -> None:
-        """Steps of the run, and those that earlier sessions did.
+    def _plan_renders(self) -> None:
+        """Steps of the own frames, and those that earlier sessions did.
 
         A step is a replicate of a tile, or the table of a render. Refinement adds more of them.
         """
-        frames = self._measurement.frames
+        frames = self.own_frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)

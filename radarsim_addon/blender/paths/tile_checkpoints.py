@@ -9,6 +9,7 @@ whole. Does not import bpy.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import shutil
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ... import contract
-from ...atomic_files import cannot_write, replaced
+from ...atomic_files import cannot_write, refuse_links, replaced
 from ...errors import RadarSimError
 from ...sidecar import file_sha256, read_record, write_record
 from ...signal.paths import PATH_DTYPE, PathRows
@@ -43,6 +44,7 @@ class TileRecord:
     further: dict[str, float]
     seen: list[int] = field(default_factory=list)
     echoing: list[int] = field(default_factory=list)
+    bodies: list[int] = field(default_factory=list)
     renders: int = 0
     seconds: float = 0.0
     schema: str = "radarsim/tile"
@@ -50,7 +52,9 @@ class TileRecord:
 
     def sums(self) -> tuple[QualitySums, QualitySums]:
         """Quality of the rows, and what lies beyond the last order."""
-        quality = QualitySums.from_numbers(self.quality, self.seen, self.echoing)
+        quality = QualitySums.from_numbers(
+            self.quality, seen=self.seen, echoing=self.echoing, bodies=self.bodies
+        )
         return quality, QualitySums.from_numbers(self.further)
 
 
@@ -62,7 +66,8 @@ class TileCheckpoints:
 
     def __init__(self, frame_folder: Path, stamp: str) -> None:
         self._folder = frame_folder / contract.TILES_DIR
-        self._stamp = f"{stamp} {PATH_DTYPE.descr}"
+        fields = [one.name for one in dataclasses.fields(TileRecord)]
+        self._stamp = f"{stamp} {PATH_DTYPE.descr} {fields}"
 
     def key(self, *numbers: Any) -> str:
         """Name of a tile by what determines its rows."""
@@ -85,6 +90,7 @@ class TileCheckpoints:
     @contextlib.contextmanager
     def writer(self, key: str) -> Iterator[TileWriter]:
         """To write a tile's rows with, replicate by replicate; an error leaves nothing."""
+        refuse_links(self._folder, within=self._folder.parent)
         try:
             self._folder.mkdir(exist_ok=True)
         except OSError as error:

@@ -96,7 +96,7 @@ def run_record(
         visibility_updates=plan.visibility_updates,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_reflections - 1,
+        max_reflections=measurement.max_reflections,
         metres_per_unit=plan.metres_per_unit,
         range_encoding_length_m=plan.range_encoding_length_m,
         extinction_length_m=plan.extinction_length_m,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ConfigError
-from ...option_arguments import add_arguments, finite_number, given
+from ...option_arguments import add_arguments, add_share_arguments, finite_number, given
 from ...options import Declared, declared
 from ...signal.radar import WAVEFORM_KINDS, Burst
 from .measurement import Measurement, parse_frames
@@ -103,13 +103,24 @@ def parse_render_arguments(
     )
     add_arguments(parser, render_settings())
     parser.add_argument(
+        "--device",
+        choices=("cpu", "cuda", "optix", "hip", "oneapi", "metal"),
+        type=str.lower,
+        help="Render with this kind of device; else as file and preferences choose",
+    )
+    parser.add_argument(
         "--overwrite", action="store_true", help=declared(RunSettings)["overwrite"].of.help
     )
     parser.add_argument(
         "--process", action="store_true", help="Process the run afterwards into DIR/products"
     )
+    add_share_arguments(parser)
+    parser.add_argument(
+        "--plan-only", action="store_true", help="Write run.json for --shard, and render nothing"
+    )
     # Options of 0.1 in other units, or of one sampling mode.
     hidden: dict[str, Any] = {"help": argparse.SUPPRESS}
+    parser.add_argument("--frame-worker", action="store_true", **hidden)
     parser.add_argument("--auto-rings", action="store_true", **hidden)
     parser.add_argument(
         "--delta-t", "--snapshot-interval", dest="delta_t", type=finite_number, **hidden

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,13 +155,13 @@ class Plan:
         """Number of renders."""
         return self.measurement.renders(self.rings)
 
-    def tasks(self) -> Iterator[Task]:
-        """Yield all renders: frame by frame, snapshot by snapshot, ring by ring.
+    def tasks(self, frames: Sequence[int] | None = None) -> Iterator[Task]:
+        """Yield renders of some frames (None: all): frame by frame, snapshot by snapshot.
 
         Rings come last: a new ring costs Cycles nothing, a new time costs a new scene.
         """
         step_m = self.measurement.ring_step_m
-        for frame in self.measurement.frames:
+        for frame in self.measurement.frames if frames is None else frames:
             for snapshot_index, instant in enumerate(self.instants(frame)):
                 for ring in range(self.rings):
                     yield Task(

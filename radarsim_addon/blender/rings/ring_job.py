@@ -35,13 +35,11 @@ class RingJob(MeasurementJob):
         super().__init__(*arguments, **keywords)
         self._pending: list[Task] = []
         self._scene_written: int | None = None
-        self._frame_lost = False
 
     def _plan_renders(self) -> None:
-        self._pending = [
-            task for task in self.plan.tasks() if not output_folder.is_done(self.folder, task)
-        ]
-        self.total = self.plan.total
+        tasks = list(self.plan.tasks(self.own_frames))
+        self._pending = [task for task in tasks if not output_folder.is_done(self.folder, task)]
+        self.total = len(tasks)
         self.done = self.total - len(self._pending)
 
     def pending(self) -> Iterator[Task]:
@@ -49,11 +47,11 @@ class RingJob(MeasurementJob):
         groups = itertools.groupby(self._pending, key=lambda task: task.frame)
         tasks = {frame: list(group) for frame, group in groups}
         for frame in self._claimed(list(tasks)):
-            self._frame_lost = False
+            self.frame_lost = False
             for task in tasks[frame]:
                 if output_folder.is_done(self.folder, task):  # by another process, meanwhile
                     self.done += 1
-                elif not self._frame_lost:
+                elif not self.frame_lost:
                     yield task
 
     def start(self, task: Task) -> None:
@@ -92,7 +90,6 @@ class RingJob(MeasurementJob):
                 save_render(self._scene, file.temporary)
                 verify_exr(file.temporary, self._measurement.width_px, self._measurement.height_px)
                 if not self.keeps_frame():  # another process has taken over: it renders this one
-                    self._frame_lost = True
                     return
                 file.commit()
             finally:

@@ -3,8 +3,10 @@
 
 from .run_job import MeasurementJob
 from .scene_state import MeasurementSettings
+from .shared_folder import FramesHeldError
 
 __all__ = [
+    "FramesHeldError",
     "MeasurementJob",
     "MeasurementSettings",
 ]

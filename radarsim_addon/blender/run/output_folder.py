@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ... import contract
 from ...atomic_files import (
     TEMPORARY_PATTERN,
     cannot_write,
+    dangling,
     make_folder,
+    remove_abandoned,
     remove_file,
     remove_temporaries,
 )
@@ -30,6 +32,8 @@ def prepare_folder(folder: Path) -> None:
             "Create it, or choose a folder whose parent exists."
         ) from None
     except FileExistsError:
+        if folder.is_symlink():
+            raise dangling(folder) from None
         raise OutputError(
             f"The output folder {folder} is a file. Choose another name or remove the file."
         ) from None
@@ -67,7 +71,7 @@ def check_there(folder: Path, frame: int | None = None) -> None:
 def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
     """Make the folder of a radar frame, or of one of the renders of its burst."""
     check_there(folder)
-    make_folder(folder / contract.burst_dir(frame, render))
+    make_folder(folder / contract.burst_dir(frame, render), within=folder)
 
 
 def earlier_run(folder: Path) -> contract.RunRecord | None:
@@ -134,10 +138,20 @@ def clear_run(folder: Path) -> None:
 
 def clear_partial(folder: Path) -> None:
     """Remove what a killed run left half written."""
-    frames = folder / contract.FRAMES_DIR
-    tiles = f"frame_*/{contract.TILES_DIR}"
-    for place in (folder, *frames.glob("frame_*"), *frames.glob(tiles)):
-        remove_temporaries(place)
+    remove_temporaries(folder)
+    for place in (folder / contract.FRAMES_DIR).glob("frame_*"):
+        _clear_partial(place, remove_temporaries)
+
+
+def clear_partial_frame(folder: Path, frame: int) -> None:
+    """Remove what processes that were killed on this machine left half written in a frame."""
+    _clear_partial(folder / contract.frame_dir(frame), remove_abandoned)
+
+
+def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
+    for place in (frame_folder, *frame_folder.glob("burst_*")):
+        remove(place)
+        remove(place / contract.TILES_DIR)
 
 
 def is_done(folder: Path, task: Task) -> bool:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ def plan_record(
     file_name = Path(bpy.data.filepath).name
     record = run_record(plan, digests[0], file_name, findings, versions)
     record.extra["geometry_fingerprint"] = fingerprint(plan, digests[-1], versions)
+    record.extra["extent"] = dataclasses.astuple(plan.extent)
     record.extra["unsaved_changes"] = len(digests) == 1
     record.extra["polarisation"] = plan.measurement.polarisation
     return record
@@ -84,7 +86,7 @@ def render_record(
         transmitter=emitter,
         samples=measurement.samples,
         seed=measurement.seed,
-        max_bounces=measurement.max_reflections - 1,
+        max_reflections=measurement.max_reflections,
         exr_file=exr.name,
         exr_sha256=file_sha256(exr),
         versions=versions,

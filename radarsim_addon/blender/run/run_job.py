@@ -24,7 +24,9 @@ from typing import Any
 import bpy
 
 from ... import __version__, contract
+from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
+from ...signal.runs import shared_plan
 from ..materials import is_physical, separate_averages
 from ..nodes import refresh_groups
 from ..plan import (
@@ -117,6 +119,13 @@ class MeasurementJob:
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
+        #: Frames of the run that this process measures, as long as no other one does.
+        self.own_frames: Sequence[int] = measurement.frames
+        #: Whether the plan of the folder is taken over, where it is this run's: its frames are not
+        #: looked at again. Nothing is written before a frame is measured.
+        self.joins = False
+        #: Whether another process has taken over the frame that was measured last.
+        self.frame_lost = False
         #: What is known before the first render, and of the frames that are done.
         self.run_findings: list[Finding] = []
         self.frame_findings: list[Finding] = []
@@ -160,38 +169,61 @@ class MeasurementJob:
         file_digest = ground_truth.file_digest(self.file_just_opened)
         # A file of an older radarsim holds older node groups, which know less of the measurement.
         refresh_groups()
-        survey = SettingsRestorer()
-        try:
-            survey.keep_frame(self._scene)
-            extent, geometry_digest = self._survey()
-        finally:
-            self.unrestored += self._shown_for_run.restore() + survey.restore()
-        self.plan: Plan = self._make_plan(extent)
-        digests = [file_digest] if file_digest else []
-        digests.append(geometry_digest)
         # The carrier changes what a physical material reflects; the others render alike at any.
-        if any(is_physical(material) for material in bpy.data.materials):
-            at = f"+{self._measurement.waveform.carrier_hz!r} Hz"
-            digests = [digest + at for digest in digests]
+        physical = any(is_physical(material) for material in bpy.data.materials)
+        at = f"+{self._measurement.waveform.carrier_hz!r} Hz" if physical else ""
+        digests = [file_digest + at] if file_digest else []
+        earlier = self._plan_of_folder(digests) if self.joins else None
+        if earlier is None:
+            survey = SettingsRestorer()
+            try:
+                survey.keep_frame(self._scene)
+                extent, geometry_digest = self._survey()
+            finally:
+                self.unrestored += self._shown_for_run.restore() + survey.restore()
+            self.plan: Plan = self._make_plan(extent)
+            digests.append(geometry_digest + at)
         self._settings = self._make_settings()
         self._settings.apply()
+        if self._settings.device_kind != "CPU":
+            self.versions["device"] = self._settings.device_kind
         self._simulated_to = -math.inf  # changes of the scene empty the caches of simulations
-        self.run_findings = [
-            *self._settings.findings,
-            *disabled_drivers(),
-            *self._config_findings(),
-        ]
-        self._shared.open(
-            run_files.plan_record(self.plan, digests, self.run_findings, self.versions),
-            [fingerprint(self.plan, digest, self.versions) for digest in digests],
-            self._overwrite,
-        )
+        fingerprints = [fingerprint(self.plan, digest, self.versions) for digest in digests]
+        if earlier is not None:
+            self._shared.join(earlier, fingerprints)
+        else:
+            self.run_findings = [
+                *self._settings.findings,
+                *disabled_drivers(),
+                *self._config_findings(),
+            ]
+            record = run_files.plan_record(self.plan, digests, self.run_findings, self.versions)
+            self._shared.open(record, fingerprints, self._overwrite)
+        self.take(self.own_frames)
+
+    def take(self, frames: Sequence[int]) -> None:
+        """Choose frames of the plan; `pending` measures these, and nothing of the others."""
+        self.own_frames, self.frame_lost = frames, False
         self._plan_renders()
         self._started_s = time.monotonic()
 
     def _plan_renders(self) -> None:
-        """Set `total` and `done`; the folder is open and the scene is in its measuring state."""
+        """Set `total` and `done` of the own frames; the scene is in its measuring state."""
         raise NotImplementedError
+
+    def _plan_of_folder(self, file_digests: Sequence[str]) -> contract.RunRecord | None:
+        """Record and `plan` with the extent of the folder's run, where that is this one."""
+        try:
+            record = output_folder.earlier_run(self.folder)
+            if record is None or not file_digests or record.frames != list(self.frames):
+                return None
+            extent = Extent(*map(float, record.extra["extent"]))
+        except (RadarSimError, KeyError, TypeError, ValueError):
+            return None
+        self.plan = self._make_plan(extent)
+        own = run_files.plan_record(self.plan, [file_digests[0], ""], [], self.versions)
+        same = record.fingerprint == own.fingerprint and shared_plan(record) == shared_plan(own)
+        return own if same else None
 
     def _make_plan(self, extent: Extent) -> Plan:
         return make_plan(self._measurement, self._metres_per_unit(), self._fps(), extent)
@@ -278,7 +310,8 @@ class MeasurementJob:
 
     def keeps_frame(self) -> bool:
         """Whether the frame is still this process's; another takes it over from a late one."""
-        return self._shared.keeps_frame()
+        self.frame_lost = not self._shared.keeps_frame()
+        return not self.frame_lost
 
     def pending(self) -> Iterator[Any]:
         """Renders that are still to be made, in order."""

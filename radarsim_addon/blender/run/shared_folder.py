@@ -8,8 +8,6 @@ it if they measure the same. Frames are claimed by leases, one at a time; nothin
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import json
 import time
 from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
@@ -19,14 +17,17 @@ from ... import contract
 from ...atomic_files import make_folder
 from ...errors import OutputError
 from ...sidecar import read_record, write_record
+from ...signal.runs import shared_plan
 from . import output_folder
 from .leases import STALE_S, Lease, Leases
 
 #: Lease of the process that opens the folder. It is held for a moment only.
 _OPENING = "run"
 _POLL_S = 0.1
-#: Fields of the plan in which processes of one run may differ.
-_OWN_FIELDS: dict[str, Any] = {"findings": [], "fingerprint": "", "blend_file": "", "extra": {}}
+
+
+class FramesHeldError(OutputError):
+    """Other processes hold all frames that are left."""
 
 
 class SharedFolder:
@@ -34,11 +35,12 @@ class SharedFolder:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._opening = Leases(folder)
-        self._frames = Leases(folder / contract.FRAMES_DIR)
+        # Beside run.json, where a look for them costs the same however many frames there are.
+        self._leases = Leases(folder)
         self._lease: Lease | None = None
         self._plan: dict[str, Any] = {}
         self._fingerprints: Sequence[str] = ()
+        self._ours: tuple[int, ...] = ()
 
     def open(
         self, record: contract.RunRecord, fingerprints: Sequence[str], overwrite: bool
@@ -48,30 +50,37 @@ class SharedFolder:
         `fingerprints` are of the run, see :func:`.output_folder.continues`. With `overwrite`,
         frames of another run are removed.
         """
-        self._plan, self._fingerprints = _comparable(record), fingerprints
+        self._plan, self._fingerprints = shared_plan(record), fingerprints
         with self._opening_lease():
             others = self.workers()
             if others:
-                self._join(others)
+                self._refuse_another_run(" and ".join(others))
                 return
             output_folder.open_folder(self._folder, fingerprints, overwrite)
             write_record(self._folder / contract.RUN_FILE, record)
-            frames = make_folder(self._folder / contract.FRAMES_DIR)
-            for left in frames.glob("*.lease"):  # of processes that are gone
+            make_folder(self._folder / contract.FRAMES_DIR, within=self._folder)
+            for left in self._folder.glob("*.lease"):  # of processes that are gone
                 # Another may have claimed a frame since, and look for us when we have finished.
-                if self._frames.holder(left.name.split(".")[0]) is None:
+                if self._leases.holder(left.name.split(".")[0]) is None:
                     with contextlib.suppress(OSError):
                         left.unlink()
 
+    def join(self, record: contract.RunRecord, fingerprints: Sequence[str]) -> None:
+        """Take the plan that is there for this process's, if it is; else OutputError.
+
+        Nothing is written and nothing tidied up: thousands may join at the same time.
+        """
+        self._plan, self._fingerprints = shared_plan(record), fingerprints
+        self._refuse_another_run("Another process")
+
     def workers(self) -> list[str]:
         """Return who has claimed frames of this folder, each once."""
-        if not (self._folder / contract.FRAMES_DIR).is_dir():
-            return []
-        return sorted(set(self._frames.holders().values()))
+        found = self._leases.holders()
+        return sorted({who for name, who in found.items() if name != _OPENING})
 
     def holders(self, frames: Iterable[int]) -> list[str]:
         """Return who has claimed which of some frames."""
-        found = (self._frames.holder(_name(frame)) for frame in frames)
+        found = (self._leases.holder(_name(frame)) for frame in frames)
         return list(dict.fromkeys(who for who in found if who is not None))
 
     def claimed(self, frames: Sequence[int]) -> Generator[int, None, list[int]]:
@@ -89,13 +98,14 @@ class SharedFolder:
                     left.append(frame)
                     continue
                 with self._lease:
+                    output_folder.clear_partial_frame(self._folder, frame)
                     yield frame
                 self._lease = None
             if len(left) == len(waiting):
                 break
             waiting, some = left, True
         if waiting and not some:
-            raise OutputError(
+            raise FramesHeldError(
                 f"{' and '.join(self.holders(waiting)) or 'Another process'} is rendering into the "
                 f"output folder {self._folder} already, and no frame is left. Wait for it, stop "
                 "it, or choose another folder."
@@ -119,13 +129,13 @@ class SharedFolder:
         deadline_s = time.monotonic() + 2 * STALE_S
         while time.monotonic() < deadline_s:
             output_folder.check_there(self._folder)
-            lease = self._frames.claim(_name(frame))
+            lease = self._leases.claim(_name(frame))
             if lease is None:
                 return None
             # Whoever opens the folder looks for leases after this one of its own: it has seen ours,
             # or we see its, or the plan that it has written.
-            if self._opening.holder(_OPENING) is None:
-                if self._is_ours(read_record(self._folder / contract.RUN_FILE, contract.RunRecord)):
+            if self._leases.holder(_OPENING) is None:
+                if self._plan_is_ours():
                     return lease
                 lease.release()
                 raise OutputError(
@@ -140,27 +150,38 @@ class SharedFolder:
     def _opening_lease(self) -> Lease:
         deadline_s = time.monotonic() + 2 * STALE_S
         while time.monotonic() < deadline_s:
-            lease = self._opening.claim(_OPENING)
+            lease = self._leases.claim(_OPENING)
             if lease is not None:
                 return lease
             time.sleep(_POLL_S)
         raise OutputError(
-            f"{self._opening.holder(_OPENING) or 'Another process'} keeps opening the output "
+            f"{self._leases.holder(_OPENING) or 'Another process'} keeps opening the output "
             f"folder {self._folder}. Choose another folder, or wait for it."
         )
+
+    def _plan_is_ours(self) -> bool:
+        """Whether the plan in the folder is that of our run; the same file is read once."""
+        path = self._folder / contract.RUN_FILE
+        with contextlib.suppress(OSError):
+            found = path.stat()
+            version = (found.st_ino, found.st_mtime_ns, found.st_size)
+            if version != self._ours and self._is_ours(read_record(path, contract.RunRecord)):
+                self._ours = version
+            return version == self._ours
+        return False
 
     def _is_ours(self, record: contract.RunRecord) -> bool:
         """Whether a plan is that of our run."""
         return (
             output_folder.continues(record, self._fingerprints)
-            and _comparable(record) == self._plan
+            and shared_plan(record) == self._plan
         )
 
-    def _join(self, others: Sequence[str]) -> None:
+    def _refuse_another_run(self, others: str) -> None:
         earlier = output_folder.earlier_run(self._folder)
         if earlier is None or not self._is_ours(earlier):
             raise OutputError(
-                f"{' and '.join(others)} is rendering another run into the output folder "
+                f"{others} is rendering another run into the output folder "
                 f"{self._folder} already (scene, frames or settings differ). Wait for it, stop it, "
                 "or choose another folder."
             )
@@ -168,10 +189,3 @@ class SharedFolder:
 
 def _name(frame: int) -> str:
     return Path(contract.frame_dir(frame)).name
-
-
-def _comparable(record: contract.RunRecord) -> dict[str, Any]:
-    """What all processes of a run agree on, as a file gives it back."""
-    plain = dataclasses.asdict(dataclasses.replace(record, **_OWN_FIELDS))
-    found: dict[str, Any] = json.loads(json.dumps(plain), parse_int=float)
-    return found

@@ -10,7 +10,8 @@ import bpy
 
 from ...errors import OutputError, RadarSimError, RenderError
 from ...findings import Finding
-from ..headless import ProgressLine, make_job, progress_text, quiet_blender
+from ...progress import ProgressLine, progress_text
+from ..headless import make_job, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
 from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
 from ..run import MeasurementJob

@@ -84,7 +84,7 @@ def iter_path_chunks(
             flags = np.full(first.mask.shape, PathFlag.SINGLE_SNAPSHOT, dtype=np.uint16)
         reader.drop_before(ring)
         paths = _ring_paths(ring, first, rate, flags)
-        single = frame.max_bounces == 0
+        single = frame.max_reflections == 1
         geometry = ring_geometry(first, paths.row, paths.col, *reader.antennas, single)
         yield dataclasses.replace(paths, geometry=geometry)
 
@@ -108,11 +108,13 @@ def table_paths(
     Paths
         `row` numbers the rows of the table. Rows without a length are counted and left out.
     """
+    if motion is not None and not motion.moving:
+        motion = None
     for part in iter_rows(table):
         keep = usable(part)
         row = first_row + np.flatnonzero(keep)
         first_row += part.size
-        rows = part[keep]
+        rows = part if keep.all() else part[keep]
         flags = rows["flags"]
         zeros = np.zeros(rows.size, dtype=np.int64)
         yield Paths(

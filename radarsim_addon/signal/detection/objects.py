@@ -130,7 +130,8 @@ def object_echoes(
     sums = _Sums(_owners(record.objects, groups), len(names), record.replicates, record.receiver)
     for start, stop in _tile_edges(table.rows):
         rows = np.asarray(table.rows[start:stop])
-        rows = rows[usable(rows)]
+        kept = usable(rows)
+        rows = rows if kept.all() else rows[kept]
         power = path_power_w(rows, record, carrier_hz, link)
         sums.add_tile(rows, power, path_rcs_m2(rows, record))
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)

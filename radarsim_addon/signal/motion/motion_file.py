@@ -126,6 +126,12 @@ class FrameMotion:
     epoch_offset_s: float = 0.0
     body_keys: Sequence[str] = ()
 
+    @property
+    def moving(self) -> bool:
+        """Whether anything moves."""
+        bodies = (self.receiver, self.emitter, *self.bodies)
+        return self.tracks is not None or any(body.moving for body in bodies)
+
 
 def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
     """Return the record of a body in the motion file.

@@ -103,7 +103,7 @@ def write_table(path: Path, parts: Iterable[PathRows]) -> int:
         for part in parts:
             if part.dtype != PATH_DTYPE:
                 raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE")
-            stream.write(np.ascontiguousarray(part).tobytes())
+            stream.write(np.ascontiguousarray(part).view(np.uint8).data)
             rows += part.size
         stream.seek(0)
         _write_header(stream, rows)
@@ -235,7 +235,7 @@ def _fault(
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows, each copied into memory.
+    """Yield a table in chunks of at most `rows` rows: views, not to be written to.
 
     Parameters
     ----------
@@ -249,4 +249,4 @@ def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
     ndarray
     """
     for start in range(0, table.size, rows):
-        yield np.array(table[start : start + rows])
+        yield np.asarray(table[start : start + rows])

@@ -7,15 +7,21 @@ In: a run folder and options. Out: results frame by frame, files, text on the co
 from ..results import FrameResult
 from .cli import main
 from .frame import process_frame
+from .frame_processor import FrameProcessor
+from .measured_findings import frame_findings
 from .options import ProcessOptions, ResolvedOptions
 from .process import Progress, process_run
+from .process_arguments import parse_process_arguments
 
 __all__ = [
+    "FrameProcessor",
     "FrameResult",
     "ProcessOptions",
     "Progress",
     "ResolvedOptions",
+    "frame_findings",
     "main",
+    "parse_process_arguments",
     "process_frame",
     "process_run",
 ]

@@ -15,16 +15,22 @@ from collections.abc import Mapping, Sequence
 from ... import __version__
 from ...errors import RadarSimError
 from ...findings import Finding, exit_code, finding_lines
+from ...option_arguments import share_of
 from ...terminal_text import printable
-from ..detection import target_count
-from ..maps import level_unit
 from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
-from .console import detection_lines, map_digits
+from .console import frame_lines
+from .frame_processor import process_by_workers
 from .info_command import print_run
+from .merge_command import add_merge_parser, merge_parts
 from .objects_command import add_objects_parser, print_objects
 from .process import Progress, process_run
-from .process_arguments import add_process_parser, frame_numbers, process_options
+from .process_arguments import (
+    add_process_parser,
+    chosen_frames,
+    frame_numbers,
+    process_options,
+)
 
 
 def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
@@ -42,6 +48,7 @@ def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
     )
     info.add_argument("folder", metavar="DIR", help="folder that holds run.json")
     add_process_parser(commands)
+    add_merge_parser(commands)
     add_objects_parser(commands, frame_numbers)
     add_antennas_parser(commands)
     return parser
@@ -76,7 +83,13 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "objects":
             return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
-        return _process(chosen) if chosen.command == "process" else print_run(chosen.folder)
+        if chosen.command == "merge":
+            return merge_parts(chosen.out, chosen.parts)
+        if chosen.command == "info":
+            return print_run(chosen.folder)
+        return (
+            process_by_workers(chosen, words) if share_of(chosen).by_workers else _process(chosen)
+        )
     except RadarSimError as error:
         print(f"radarsim: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
@@ -84,75 +97,47 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         # Whoever read our output has seen enough (| head): no word more, not at exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print("radarsim: Interrupted; files written so far are whole.", file=sys.stderr)
-        return 130  # 128 + SIGINT, as in shells
+        return getattr(stop, "exit_code", 130)  # 128 + SIGINT, as in shells
 
 
 def _process(chosen: argparse.Namespace) -> int:
-    options = process_options(chosen)
+    options, frames = process_options(chosen), chosen_frames(chosen)
     live = sys.stderr.isatty()
     events = process_run(
         chosen.folder,
         options,
         out=chosen.out,
-        frames=chosen.frames,
+        frames=frames,
         allow_incomplete=chosen.allow_incomplete,
     )
     findings: list[Finding] = []
-    frames: list[int] = []
+    seen: list[int] = []
     try:
         for event in events:
             if isinstance(event, FrameResult):
                 if live:
                     print(end="\r\x1b[K", file=sys.stderr)
-                _print_frame(event)
+                print("\n".join(frame_lines(event)))
                 findings += event.findings
-                frames.append(event.frame)
+                seen.append(event.frame)
             elif event.finding is not None:
                 findings.append(event.finding)
-                frames += event.finding.frames
+                seen += event.finding.frames
             elif event.file is not None:
                 print(event.text)
             elif live:
                 _show(event)
     finally:  # of the frames that are done, whatever ended the run
-        for line in finding_lines(findings, frames):
+        for line in finding_lines(findings, seen):
             print(line)
-    return exit_code(findings, frames)
+    return exit_code(findings, seen)
 
 
 def _show(progress: Progress) -> None:
     share = 100 * progress.done / progress.total
     print(f"\r\x1b[K{share:3.0f} %  {progress.text}", end="", file=sys.stderr, flush=True)
-
-
-def _print_frame(result: FrameResult) -> None:
-    statistics = result.statistics
-    unit = level_unit(result.echoes.amplitude_model)
-    digits = map_digits(result.rd_map)
-    print(f"frame {result.frame}: t = {result.time_s:g} s, {statistics.counts.paths} paths")
-    for edge in result.edges:
-        place = digits.range_text(edge.range_m)
-        print(f"  leading edge  {place}   level {edge.level_db:z8.2f} {unit}")
-    for peak in result.moving_targets:
-        print(
-            f"  moving target {digits.range_text(peak.range_m)}   "
-            f"level {peak.level_db:z8.2f} {unit}   "
-            f"{digits.motion_text(peak)}   "
-            f"{peak.peak_to_background_db:.1f} dB above its surroundings"
-        )
-    if result.detections is not None:
-        found = result.detections
-        count = target_count(len(found.targets), found.left_out)
-        cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
-        print(f"  CFAR          {count}, {cells} above the threshold")
-        for line in detection_lines(found.targets, result.rd_map):
-            print(f"  {line}")
-    for line in result.budget.lines():
-        print(f"  {line}")
-    if result.files:
-        print(f"  {len(result.files)} files in {result.files[0].parent}")
 
 
 if __name__ == "__main__":

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ..detection import Detection, Peak, velocity_before_folding_mps
-from ..maps import RangeDopplerMap
+from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
+from ..maps import RangeDopplerMap, level_unit
 from ..pictures import cell_width, decimals_for, fixed
+from ..results import FrameResult
 
 Subcommands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 """Where a parser of arguments collects its commands."""
@@ -65,4 +66,30 @@ def detection_lines(
     ]
     if len(targets) > most:
         lines.append(f"{len(targets) - most} more targets in the files")
+    return lines
+
+
+def frame_lines(result: FrameResult) -> list[str]:
+    """For people, what was found in a frame."""
+    counts, digits = result.statistics.counts, map_digits(result.rd_map)
+    unit = level_unit(result.echoes.amplitude_model)
+    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.paths} paths"]
+    lines += [
+        f"  leading edge  {digits.range_text(edge.range_m)}   level {edge.level_db:z8.2f} {unit}"
+        for edge in result.edges
+    ]
+    lines += [
+        f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
+        f"{digits.motion_text(peak)}   {peak.peak_to_background_db:.1f} dB above its surroundings"
+        for peak in result.moving_targets
+    ]
+    if result.detections is not None:
+        found = result.detections
+        count = target_count(len(found.targets), found.left_out)
+        cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
+        lines.append(f"  CFAR          {count}, {cells} above the threshold")
+        lines += [f"  {line}" for line in detection_lines(found.targets, result.rd_map)]
+    lines += [f"  {line}" for line in result.budget.lines()]
+    if result.files:
+        lines.append(f"  {len(result.files)} files in {result.files[0].parent}")
     return lines

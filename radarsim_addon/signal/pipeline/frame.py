@@ -138,7 +138,7 @@ def frame_steps(
         profile=profile,
         rd_map=rd_map,
         mti=options.mti,
-        edges=find_edges(profile),
+        edges=find_edges(profile_sum.result(within=True)),
         moving_targets=_moving_targets(frame_input, options, received, first_map, recording, folds),
         budget=report,
         findings=_findings(frame_input, statistics, report, speckle, expected, received),

@@ -10,6 +10,7 @@ bounded by one frame, however many there are, as long as the caller lets go of t
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -106,10 +107,90 @@ def process_run(
     run = open_run(path)
     settled = (options or ProcessOptions()).for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
-    folder = make_folder(Path(out) if out is not None else run.path / PRODUCTS_DIR)
+    with open_products(run, settled, out, allow_incomplete) as products:
+        yield from _process_frames(products, chosen)
+
+
+@dataclass(frozen=True)
+class Products:
+    """The folder that a run's products go to, and how they are made; see `open_products`."""
+
+    run: Run
+    options: ResolvedOptions
+    folder: Path
+    allow_incomplete: bool = False
+
+    @property
+    def draws(self) -> bool:
+        """Whether pictures are drawn."""
+        plots = self.options.plots
+        return figures.has_matplotlib() if plots is None else plots
+
+    def draw_antennas(self) -> None:
+        """Draw what all frames share."""
+        budget = self.options.link_budget
+        if self.draws and budget is not None:
+            system = make_system(budget, self.options.radar.waveform.wavelength_m)
+            save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
+
+    def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
+        """Open, process and write a frame; yield what was done, the result in the end."""
+        options, folder = self.options, self.folder
+        result = yield from frame_steps(options.open(frame), options)
+        files = write_result(result, folder, options.writers)
+        yield f"frame {frame.number}: products"
+        if self.draws:
+            files += write_result(result, folder, ["png"])
+        yield f"frame {frame.number}: pictures"
+        remove_stale(folder, frame.number, files)
+        yield replace(result, files=tuple(files))
+
+    def skipped(self, frame: RadarFrame) -> Finding | None:
+        """Why a frame is left out; FrameFileError: it is incomplete and must not be."""
+        gaps = frame.missing()
+        if gaps and not self.allow_incomplete:
+            raise FrameFileError(
+                f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
+                f"{gaps[0].reason}. Render the run again: it resumes where it stopped. Or process "
+                "only what is complete with --allow-incomplete."
+            )
+        skipped = finding("frame-incomplete", missing=len(gaps)).in_frame(frame.number)
+        return skipped if gaps else None
+
+    def animate(self, maps: Sequence[MapFile]) -> Path | None:
+        """Draw the maps of all frames with common colours, if asked for; return the file."""
+        if not maps:
+            raise FrameFileError(
+                f"{self.run.path} has no complete frame to process. Render the run again: it "
+                "resumes where it stopped."
+            )
+        options, path = self.options, self.folder / ANIMATION_FILE
+        if options.animate or (options.animate is None and self.draws and len(maps) > 1):
+            unit = power_unit(options.amplitude_model)
+            return animate_maps(maps, path, common_scale(maps, unit))
+        remove_file(path)
+        return None
+
+
+def products_folder(run: Run, out: str | Path | None) -> Path:
+    """Where products go: `out`, else a folder in that of the run."""
+    return Path(out) if out is not None else run.path / PRODUCTS_DIR
+
+
+@contextlib.contextmanager
+def open_products(
+    run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
+) -> Iterator[Products]:
+    """Make the folder for a run's products; what is refused leaves none behind."""
+    folder = products_folder(run, out)
+    fresh = not folder.exists()
+    make_folder(folder, within=run.path if out is None else None)
     remove_abandoned(folder)
     try:
-        yield from _process_frames(run, chosen, folder, settled, allow_incomplete)
+        try:
+            yield Products(run, options, folder, allow_incomplete)
+        finally:  # workers may have been killed
+            remove_abandoned(folder)
     except RadarSimError:
         # What cannot be read or written is no error of its own where all is gone.
         for place, kind in ((run.path, FrameFileError), (folder, OutputError)):
@@ -118,76 +199,32 @@ def process_run(
                     f"The folder {place} has vanished during the processing: it was removed or "
                     "renamed, or its drive is gone. Put it back, or process again."
                 ) from None
+        if fresh:
+            with contextlib.suppress(OSError):  # it holds products: it stays
+                folder.rmdir()
         raise
 
 
 def _process_frames(
-    run: Run,
-    chosen: Sequence[RadarFrame],
-    folder: Path,
-    options: ResolvedOptions,
-    allow_incomplete: bool,
+    products: Products, chosen: Sequence[RadarFrame]
 ) -> Iterator[Progress | FrameResult]:
-    draws = figures.has_matplotlib() if options.plots is None else options.plots
-    if draws:
-        _draw_antennas(options, folder)
-    steps = run.record.rings + _STEPS_AFTER_RINGS
+    products.draw_antennas()
+    steps = products.run.record.rings + _STEPS_AFTER_RINGS
     total, finished = steps * len(chosen), 0
     maps: list[MapFile] = []
     for frame in chosen:
-        if not _is_complete(frame, allow_incomplete):
+        skipped = products.skipped(frame)
+        if skipped is not None:
             finished += steps
-            skipped = finding("frame-incomplete", missing=len(frame.missing()))
-            text = f"frame {frame.number} skipped"
-            yield Progress(finished, total, text, skipped.in_frame(frame.number))
+            yield Progress(finished, total, f"frame {frame.number} skipped", skipped)
             continue
-        for event in _process_frame(frame, folder, options, draws):
+        for event in products.process(frame):
             if isinstance(event, FrameResult):
-                maps.append(map_file(event, folder))
+                maps.append(map_file(event, products.folder))
                 yield event
             else:
                 finished += 1
                 yield Progress(finished, total, event)
-    if not maps:
-        raise FrameFileError(
-            f"{run.path} has no complete frame to process. Render the run again: it resumes where "
-            "it stopped."
-        )
-    path = folder / ANIMATION_FILE
-    if options.animate or (options.animate is None and draws and len(maps) > 1):
-        animate_maps(maps, path, common_scale(maps, power_unit(options.amplitude_model)))
+    path = products.animate(maps)
+    if path is not None:
         yield Progress(total, total, f"animation: {path}", file=path)
-    else:
-        remove_file(path)
-
-
-def _process_frame(
-    frame: RadarFrame, folder: Path, options: ResolvedOptions, draws: bool
-) -> Iterator[str | FrameResult]:
-    """Open, process and write a frame; yield what was done, the result in the end."""
-    result = yield from frame_steps(options.open(frame), options)
-    files = write_result(result, folder, options.writers)
-    yield f"frame {frame.number}: products"
-    if draws:
-        files += write_result(result, folder, ["png"])
-    yield f"frame {frame.number}: pictures"
-    remove_stale(folder, frame.number, files)
-    yield replace(result, files=tuple(files))
-
-
-def _draw_antennas(options: ResolvedOptions, folder: Path) -> None:
-    if options.link_budget is not None:
-        system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
-        save_figure(plot_antennas(system), folder / ANTENNA_PICTURE)
-
-
-def _is_complete(frame: RadarFrame, allow_incomplete: bool) -> bool:
-    """Whether all renders of a frame are there; an error where they must be."""
-    gaps = frame.missing()
-    if gaps and not allow_incomplete:
-        raise FrameFileError(
-            f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
-            f"{gaps[0].reason}. Render the run again: it resumes where it stopped. Or process only "
-            "what is complete with --allow-incomplete."
-        )
-    return not gaps

@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 
 from ...errors import ConfigError
-from ...option_arguments import add_arguments, given
+from ...option_arguments import add_arguments, add_share_arguments, given, share_of
 from ...options import declared
 from ..detection import Cfar
 from ..echoes import Receiver
@@ -40,6 +40,7 @@ def add_process_parser(commands: Subcommands) -> None:
     )
     process.add_argument("folder", metavar="DIR", help="folder that holds run.json")
     process.add_argument("--out", metavar="DIR", help="Write the results there [DIR/products]")
+    add_share_arguments(process)
     process.add_argument("--frames", type=frame_numbers, metavar="A:B", help="Set the frames [all]")
     options, receiver, cfar = declared(ProcessOptions), declared(Receiver), declared(Cfar)
     files = ("products", "plots", "animate", "hdf5", "sigmf")
@@ -74,13 +75,43 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     detector = declared(Cfar)
     cfar = given(chosen, detector)
     if cfar and "kind" not in cfar:
-        options = ", ".join(detector[name].flag for name in cfar)
+        flags = ", ".join(detector[name].flag for name in cfar)
         raise ConfigError(
-            f"{options} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
+            f"{flags} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
+        )
+    options = given(chosen, declared(ProcessOptions))
+    if chosen.shard is not None and options.setdefault("animate", False):
+        raise ConfigError(
+            "--animate with --shard: the animation shows all frames, and a shard has a part of "
+            "them. Leave one of them out."
         )
     return ProcessOptions(
         radar=radar,
         receiver=Receiver(**given(chosen, declared(Receiver))),
         cfar=Cfar(**cfar) if "kind" in cfar else None,
-        **given(chosen, declared(ProcessOptions)),
+        **options,
     )
+
+
+def chosen_frames(chosen: argparse.Namespace) -> list[int]:
+    """Return the frames of parsed arguments: those of the shard."""
+    frames = chosen.frames or open_run(chosen.folder).record.frames
+    return share_of(chosen).part(frames)
+
+
+def parse_process_arguments(words: list[str]) -> argparse.Namespace:
+    """Parse a command line without the other commands.
+
+    Parameters
+    ----------
+    words
+        Words from "process" on.
+
+    Returns
+    -------
+    argparse.Namespace
+        Values by the names of the options.
+    """
+    parser = argparse.ArgumentParser()
+    add_process_parser(parser.add_subparsers(dest="command", required=True))
+    return parser.parse_args(words)

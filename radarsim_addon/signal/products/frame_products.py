@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 from ...atomic_files import write_arrays, write_json
 from ...findings import merge, to_json
@@ -12,6 +13,7 @@ from ..echoes import ReceivedSignal
 from ..maps import level_unit
 from ..radar import waveform_to_dict
 from ..results import FrameResult, frame_file, result_writer
+from ..spectrum import SynthesisReport
 
 
 @result_writer("npz", "_profile.npz", "_map.npz", "_expected.npz")
@@ -64,7 +66,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "burst": dataclasses.asdict(radar.burst),
             "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
             "level_unit": level_unit(result.echoes.amplitude_model),
-            "synthesis": None if report is None else dataclasses.asdict(report),
+            "synthesis": None if report is None else _synthesis_record(report),
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
             "moving_targets": [dataclasses.asdict(peak) for peak in result.moving_targets],
@@ -75,6 +77,15 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
         },
     )
     return [path]
+
+
+def _synthesis_record(report: SynthesisReport) -> dict[str, Any]:
+    """The report without its times: the same frame makes the same file, whoever processes it."""
+    record = dataclasses.asdict(report)
+    del record["wall_s"]
+    for step in record["steps"]:
+        del step["cpu_s"]
+    return record
 
 
 def _receiver_record(received: ReceivedSignal) -> dict[str, float | int | None]:

@@ -6,7 +6,7 @@ In: a folder. Out: `Run` and `RadarFrame` records, and float32 images of radianc
 
 from .exr import exr_backend, read_exr, write_exr
 from .exr_header import CHUNK_LINES, ZIP, ExrHeader, read_header
-from .run import MissingRender, RadarFrame, Run, open_run
+from .run import MissingRender, RadarFrame, Run, open_run, shared_plan
 
 __all__ = [
     "CHUNK_LINES",
@@ -19,5 +19,6 @@ __all__ = [
     "open_run",
     "read_exr",
     "read_header",
+    "shared_plan",
     "write_exr",
 ]

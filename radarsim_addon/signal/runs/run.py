@@ -8,10 +8,12 @@ the number of frames or rings.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +40,8 @@ from .exr import read_exr
 
 #: Slack between numbers of the plan and of a sidecar: Blender's float32 rounds them.
 _RELATIVE_SLACK = 1e-5
+#: Fields of the plan in which processes of one run may differ.
+_OWN_FIELDS: dict[str, Any] = {"findings": [], "fingerprint": "", "blend_file": "", "extra": {}}
 
 
 @dataclass(frozen=True)
@@ -113,9 +117,9 @@ class RadarFrame:
         return self.record.rings
 
     @property
-    def max_bounces(self) -> int:
-        """Reflections after the first one that the renders hold."""
-        return self.record.max_bounces
+    def max_reflections(self) -> int:
+        """Most reflections of a path in the renders."""
+        return self.record.max_reflections
 
     @property
     def snapshots(self) -> int:
@@ -352,6 +356,24 @@ def open_run(path: str | Path) -> Run:
             f"{MAX_PIXELS}. Render the run again."
         )
     return Run(path, record, _radar(record, where))
+
+
+def shared_plan(record: RunRecord) -> dict[str, Any]:
+    """Return what all processes and all parts of a run agree on, as a file gives it back.
+
+    Parameters
+    ----------
+    record
+        Plan of a run.
+
+    Returns
+    -------
+    dict
+        Plain JSON with float numbers, to be compared.
+    """
+    plain = dataclasses.asdict(dataclasses.replace(record, **_OWN_FIELDS))
+    found: dict[str, Any] = json.loads(json.dumps(plain), parse_int=float)
+    return found
 
 
 def _radar(record: RunRecord, where: Path) -> Radar:

@@ -8,13 +8,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...array_types import Indices
 from ...contract import GroundTruthRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
-from ..motion import KinematicMotion
-from ..paths import Paths
-from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle
+from ..motion import JoinedMotion, KinematicMotion
+from ..paths import PathRows, Paths, TableFootprints, geometry_of
+from .surface_cells import Body
+from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
+
+#: Largest distance of the points of one path, in range resolutions of the total length (half as
+#: much of range) and in Doppler bins: their echoes overlap without a ripple.
+_CELLS = 1.0
 
 
 class FrameSpeckle:
@@ -40,6 +46,13 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
+        pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
+        self._footprints = TableFootprints(
+            record,
+            table.rows,
+            _CELLS * waveform.range_resolution_m,
+            _CELLS * waveform.wavelength_m * prf_hz / 2 / pulses,
+        )
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
             record,
@@ -51,17 +64,28 @@ class FrameSpeckle:
             seed,
             roughness_of(scene, record.objects),
             cell_m,
+            self._footprints,
         )
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths for the echo synthesis, with the factors of their scatterers, and moving with
-        them. Powers are to be added up before.
+        """The paths for the echo synthesis, spread over what their pixels cover, with the factors
+        of their scatterers, and moving with them. Powers are to be added up before.
         """
         if self._speckle is None or not len(paths):
             return paths
-        rows = np.array(self._table[paths.row])
+        motion = paths.motion
+        if isinstance(motion, JoinedMotion):
+            ends = np.cumsum([part.moving.size for part in motion.parts])
+            each = zip(ends, motion.parts, strict=True)
+            parts = ((paths[end - part.moving.size : end], part) for end, part in each)
+            return Paths.join(
+                self.apply(dataclasses.replace(own, motion=part)) for own, part in parts
+            )
+        index, rows = self._footprints.points(paths.row)
+        if index.size > len(paths):
+            paths = self._spread(paths, index, rows)
         known = np.flatnonzero(self._speckle.known(rows))
-        found = self._speckle.scattering(rows[known])
+        found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
         motion = paths.motion
@@ -96,6 +120,27 @@ class FrameSpeckle:
             phasors=found.factor[moving],
         )
         return Paths.join([own, scattered])
+
+    def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
+        """The paths of points, each with the gain of the path that it belongs to."""
+        chosen = paths.select(index)
+        motion = chosen.motion
+        if isinstance(motion, KinematicMotion):
+            motion = dataclasses.replace(
+                motion,
+                length_m=np.array(points["length_m"]),
+                first_scatterer_m=np.array(points["first_scatterer_m"]),
+                last_scatterer_m=np.array(points["last_scatterer_m"]),
+                direction=np.array(points["direction"]),
+            )
+        return dataclasses.replace(
+            chosen,
+            solid_angle_sr=np.array(points["solid_angle_sr"]),
+            length_m=np.array(points["length_m"]),
+            range_rate_mps=np.array(points["range_rate_mps"]),
+            geometry=geometry_of(points),
+            motion=motion,
+        )
 
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""

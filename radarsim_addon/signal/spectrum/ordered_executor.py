@@ -17,6 +17,9 @@ _MOST_THREADS = 8
 
 def available_threads() -> int:
     """Processors that this process may use, at most 8."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    if asked.isdecimal() and int(asked) > 0:  # 1 in the workers of a coordinator
+        return min(int(asked), _MOST_THREADS)
     if hasattr(os, "sched_getaffinity"):
         return min(len(os.sched_getaffinity(0)), _MOST_THREADS)
     return min(os.cpu_count() or 1, _MOST_THREADS)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.headless import console
+from radarsim_addon import progress
 from radarsim_addon.blender.plan import (
     Extent,
     Measurement,
@@ -351,7 +351,7 @@ def test_other_size_or_compression_is_told(tmp_path: Path) -> None:
     ],
 )
 def test_progress_text(done: int, left: float | None, expected: str) -> None:
-    assert console.progress_text(done, 42, left) == expected
+    assert progress.progress_text(done, 42, left) == expected
 
 
 def test_max_rings_is_the_limit_of_file_names() -> None:

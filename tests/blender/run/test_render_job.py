@@ -334,3 +334,20 @@ def test_groups_of_an_older_version_are_rebuilt_before_the_first_ring(
     fresh, stale = (signal.read_exr(tmp_path / run / name)["B"] for run in ("fresh", "stale"))
     assert fresh.max() > 0
     assert (fresh == stale).all()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_links_at_folders(plate: Any, tmp_path: Path) -> None:
+    """The folder that the user names may be a link that leads somewhere; none inside it may."""
+    elsewhere, link = tmp_path / "elsewhere", tmp_path / "link"
+    link.symlink_to(elsewhere)
+    with pytest.raises(OutputError, match=r"link is a symbolic link to .*elsewhere, which does"):
+        rs.run(link)
+    elsewhere.mkdir()
+    (elsewhere / "frames").symlink_to(tmp_path)
+    with pytest.raises(OutputError, match=r"frames is a symbolic link; expected a folder"):
+        rs.run(link)
+    (elsewhere / "frames").unlink()
+    rs.run(link)
+    assert len(list(elsewhere.rglob("ring_*.exr"))) == 3
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere", "link"]

@@ -25,6 +25,8 @@ from radarsim_addon.signal.runs.exr import read_exr
 from tests.blender import radar_scenes as rs
 from tests.signal.synthetic import Setup, run_record
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 PLAN = run_record(Setup(frames=(1, 2, 3)))
 
@@ -49,7 +51,7 @@ def test_the_first_writes_the_plan_and_others_join(tmp_path: Path) -> None:
     second = opened(tmp_path, dataclasses.replace(PLAN, blend_file="copy.blend"))
     assert (tmp_path / contract.RUN_FILE).stat().st_mtime_ns == written
     assert next(second.claimed([1, 2, 3])) == 2
-    assert not list(tmp_path.glob("*.lease"))
+    assert not list(tmp_path.glob("run.*.lease"))
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -102,7 +104,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
 ) -> None:
     """It was made after the opener had looked, and its owner looked after the opener had ended."""
     first, second = opened(tmp_path), SharedFolder(tmp_path)
-    claim, open_folder = first._frames.claim, output_folder.open_folder
+    claim, open_folder = first._leases.claim, output_folder.open_folder
     leases: list[Lease | None] = []
 
     def opened_meanwhile(name: str) -> Lease | None:
@@ -116,7 +118,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
         second.open(PLAN, [PLAN.fingerprint], False)
         return leases[0]
 
-    monkeypatch.setattr(first._frames, "claim", opened_meanwhile)
+    monkeypatch.setattr(first._leases, "claim", opened_meanwhile)
     one, two = first.claimed([1, 2]), second.claimed([1, 2])
     assert (next(one), next(two)) == (1, 2)
     assert first.keeps_frame() and second.keeps_frame()
@@ -124,7 +126,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
 
 def test_leases_of_the_dead_are_tidied_up(tmp_path: Path) -> None:
     opened(tmp_path)
-    left = tmp_path / contract.FRAMES_DIR / "frame_0009.000001.lease"
+    left = tmp_path / "frame_0009.000001.lease"
     left.write_text('{"pid": 1073741824, "host": "elsewhere"}')
     os.utime(left, (time.time() - 70,) * 2)
     opened(tmp_path)
@@ -165,7 +167,7 @@ def test_a_late_worker_does_not_keep_its_frame(tmp_path: Path) -> None:
     frames = first.claimed([1, 2])
     next(frames)
     assert first.keeps_frame()
-    (lease,) = (tmp_path / contract.FRAMES_DIR).glob("*.lease")
+    (lease,) = tmp_path.glob("*.lease")
     os.utime(lease, (1.0, 1.0))
     others = second.claimed([1])
     assert next(others) == 1
@@ -183,8 +185,7 @@ def scene_of_plate() -> None:
 def test_runs_claim_their_frames(tmp_path: Path) -> None:
     """While they go on; afterwards, and where one could not begin, the folder is free."""
     scene_of_plate()
-    (tmp_path / contract.FRAMES_DIR).mkdir()
-    lease = Leases(tmp_path / contract.FRAMES_DIR).claim("frame_0001")
+    lease = Leases(tmp_path).claim("frame_0001")
     assert lease is not None
     with lease, pytest.raises(OutputError, match=f"process {os.getpid()} on"):
         rs.run(tmp_path)
@@ -203,9 +204,9 @@ def test_a_frame_that_was_taken_over_is_not_written(tmp_path: Path) -> None:
             job.start(task)
             job.render(task)
             if task.frame == 1:
-                (lease,) = (tmp_path / contract.FRAMES_DIR).glob("*.lease")
+                (lease,) = tmp_path.glob("*.lease")
                 os.utime(lease, (1.0, 1.0))
-                assert Leases(tmp_path / contract.FRAMES_DIR).claim("frame_0001") is not None
+                assert Leases(tmp_path).claim("frame_0001") is not None
             job.finish(task)
             done.append((task.frame, output_folder.is_done(tmp_path, task)))
     assert done[0] == (1, False)

@@ -169,6 +169,7 @@ def test_columns_of_another_type_are_refused(tmp_path: Path) -> None:
 def test_tables_of_version_0_1_open() -> None:
     """The numbers that version 0.1 itself read from this run."""
     frame = open_run(VERSION_0_1).frame(1)
+    assert frame.max_reflections == 1  # "max_bounces": 0
     raw = np.load(frame.path / contract.PATHS_TABLE)
     record, table = open_frame_table(frame.path, 1)
     assert not record.column_groups

@@ -27,7 +27,8 @@ from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
 from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_findings
-from radarsim_addon.signal.scattering.surface_speckle import Body, Roughness, SurfaceSpeckle
+from radarsim_addon.signal.scattering.surface_cells import Body
+from radarsim_addon.signal.scattering.surface_speckle import Roughness, SurfaceSpeckle
 from tests.signal import path_runs as pr
 
 CARRIER_HZ = pr.WAVEFORM.carrier_hz

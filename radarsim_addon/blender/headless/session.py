@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's part of a process: the job of a command line, and a clean end."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import ConfigError, SceneError
+from ...processes import own_folder, remove_abandoned_folders
+from ..plan import given_settings
+from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
+from ..run import MeasurementJob
+from ..run.devices import Device, choose_device
+from ..scene import active_radar, radars
+from .jobs import make_job
+
+
+def open_job(arguments: argparse.Namespace) -> MeasurementJob:
+    """Open the file of a command line; return its job, unprepared."""
+    # An enabled extension has registered its settings already, perhaps from another copy of the
+    # package; those hold the file's values, and only their names matter here.
+    if not hasattr(bpy.types.Object, RADAR_PROPERTY):
+        register()
+    session_folder = _session_folder()
+    if session_folder is not None:
+        own_folder(session_folder)
+    remove_abandoned_folders()
+    if arguments.blend is not None:
+        _open_file(arguments.blend)
+    scene = _find_scene(arguments.scene)
+    if arguments.device is not None:
+        choose_device(scene, Device(arguments.device.upper()))
+    migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
+    radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
+    folder = arguments.out.absolute() if arguments.out else output_folder(radar)
+    job = make_job(
+        scene,
+        _view_layer_of(scene),
+        folder,
+        radar=radar,
+        overwrite=arguments.overwrite,
+        given=given_settings(arguments),
+        link_budget_file=arguments.link_budget,
+    )
+    job.file_just_opened = arguments.blend is not None
+    return job
+
+
+def limit_threads() -> None:
+    """Let Cycles use as many threads as OMP_NUM_THREADS says, like the libraries; before a job."""
+    threads = os.environ.get("OMP_NUM_THREADS", "")
+    if threads.isdecimal() and int(threads) > 0:
+        for scene in bpy.data.scenes:
+            scene.render.threads_mode, scene.render.threads = "FIXED", int(threads)
+
+
+def _open_file(path: Path) -> None:
+    """Open a .blend file with its scripts disabled."""
+    if not path.is_file():
+        raise ConfigError(f"{path} does not exist. Give the .blend file to render.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise SceneError(
+            f"{path} cannot be opened: {str(error).strip()} "
+            "Give a .blend file that this version of Blender reads."
+        ) from error
+
+
+def _find_scene(name: str | None) -> Any:
+    """The scene of that name, or the active one."""
+    if name is None:
+        return bpy.context.scene
+    if name not in bpy.data.scenes:
+        found = ", ".join(repr(scene.name) for scene in bpy.data.scenes)
+        raise SceneError(f"The file has no scene {name!r}; it has {found}.")
+    return bpy.data.scenes[name]
+
+
+def _view_layer_of(scene: Any) -> Any:
+    """The view layer to measure: the active one of the active scene, else the first enabled one."""
+    if scene == bpy.context.scene:
+        return bpy.context.view_layer
+    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+
+
+def _find_radar(scene: Any, name: str) -> Any:
+    """Return the radar of that name."""
+    found = {radar.name: radar for radar in radars(scene)}
+    if name not in found:
+        known = ", ".join(map(repr, found)) or "none"
+        raise SceneError(f"The scene has no radar {name!r}; it has {known}.")
+    return found[name]
+
+
+def _session_folder() -> Path | None:
+    """Blender's temporary folder of this session; None where it has none of its own."""
+    folder = Path(bpy.app.tempdir)
+    return folder if folder.name.startswith("blender_") else None
+
+
+def leave_blender(code: int) -> None:
+    """Quit at once; all files are written and closed.
+
+    Parameters
+    ----------
+    code
+        Exit code of the process.
+
+    Notes
+    -----
+    sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
+    would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
+    registered or a driver that was refused.
+    """
+    session_folder = _session_folder()
+    if session_folder is not None:
+        shutil.rmtree(session_folder, ignore_errors=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A command whose frames are done by workers: progress, findings, frames set aside."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from typing import TextIO
+
+from ...errors import WorkerError
+from ...findings import Finding, finding_lines, from_json, merge
+from ...option_arguments import Share
+from ...progress import ProgressLine
+from ...terminal_text import printable
+from .dask_workers import DaskWorkers
+from .interruption import stop_signals
+from .local_workers import LocalWorkers
+from .schedule import MAX_FAILURES, Reply, as_error, scheduled
+
+#: Module of the package that does a frame, and that a worker process runs.
+_WORKER_MODULE = f"{__package__.partition('.signal')[0]}.frame_worker"
+#: Findings that are kept apart; more become one for each code.
+_MAX_FINDINGS = 1000
+
+
+def run_frames(
+    words: Sequence[str],
+    share: Share,
+    stream: TextIO,
+    show: Callable[[Reply], None] = lambda reply: None,
+    command: Sequence[str] | None = None,
+) -> Reply:
+    """Do all frames of a command line by workers; return what the first one said of the run.
+
+    Parameters
+    ----------
+    words
+        The command line, such as ``["render", "scene.blend", "--out", "run"]``.
+    share
+        Which workers, and which part of the frames.
+    stream
+        Where findings and progress are written.
+    show
+        Called with each answer.
+    command
+        How a worker process of this machine is started; None: by Python.
+
+    Returns
+    -------
+    dict
+        With "frames", those of the whole run.
+
+    Raises
+    ------
+    RadarSimError
+        Of the run as a whole; WorkerError after the last frame, where some were set aside.
+    """
+    folder = os.getcwd()
+    local = command or [sys.executable, "-m", _WORKER_MODULE, folder, *words]
+    with ExitStack() as stack:
+        stack.enter_context(stop_signals())
+        workers: LocalWorkers | DaskWorkers
+        if share.dask is not None:
+            workers = DaskWorkers(share.dask, _WORKER_MODULE, folder, words)
+        else:
+            workers = LocalWorkers(local, share.workers or 1)
+        stack.enter_context(workers)
+        about = workers.open()
+        if "error" in about:
+            raise as_error(about)
+        for line in about.get("lines", ()):
+            print(f"radarsim: {line}", file=stream, flush=True)
+        frames = share.part(about["frames"])
+        _Count(frames, stream, show).run(scheduled(workers, frames))
+    return about
+
+
+class _Count:
+    """Counts answers, shows how far they are, and keeps findings and frames set aside."""
+
+    def __init__(
+        self, frames: Sequence[int], stream: TextIO, show: Callable[[Reply], None]
+    ) -> None:
+        self._frames, self._stream, self._show = frames, stream, show
+        self._progress = ProgressLine(stream, "frames")
+        self._findings: list[Finding] = []
+        self._done = self._new = 0
+        self._aside: dict[int, str] = {}
+
+    def run(self, replies: Iterable[Reply]) -> None:
+        """Take all answers; WorkerError in the end where frames were set aside."""
+        start_s = time.monotonic()
+        self._progress.show(0, len(self._frames), None)
+        try:
+            for reply in replies:
+                self._take(reply)
+                left = len(self._frames) - self._done
+                pace_s = (time.monotonic() - start_s) / self._new if self._new else None
+                left_s = None if pace_s is None else pace_s * left
+                self._progress.show(self._done, len(self._frames), left_s)
+        finally:  # of the frames that are done, whatever ended the run
+            for line in finding_lines(self._findings, self._frames):
+                print(f"radarsim: {line}", file=self._stream, flush=True)
+        if self._aside:
+            reasons = "".join(
+                f"\n  frame {frame}: {printable(reason.strip().splitlines()[-1])}"
+                for frame, reason in sorted(self._aside.items())
+            )
+            raise WorkerError(
+                f"{len(self._aside)} of {len(self._frames)} frames failed {MAX_FAILURES} times and "
+                "were set aside; the others are done. Mend what is said here and give the same "
+                f"command again, which does these alone:{reasons}"
+            )
+
+    def _take(self, reply: Reply) -> None:
+        self._done += 1
+        self._new += not reply.get("earlier")
+        if "set_aside" in reply:
+            self._aside[reply["frame"]] = str(reply["set_aside"])
+            return
+        where = f"the answer of frame {reply['frame']}"
+        self._findings += [from_json(item, where) for item in reply.get("findings", ())]
+        if len(self._findings) > _MAX_FINDINGS:
+            self._findings = merge(self._findings)
+        self._show(reply)

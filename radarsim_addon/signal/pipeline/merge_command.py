@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``radarsim merge``: one run folder of parts that were measured apart."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from ...atomic_files import cannot_write, make_folder
+from ...contract import PRODUCTS_DIR, RUN_FILE, RunRecord, frame_dir
+from ...errors import ConfigError, FrameFileError, OutputError
+from ...findings import frames_text, merge
+from ...sidecar import write_record
+from ..pictures import ANTENNA_PICTURE
+from ..runs import RadarFrame, Run, open_run, shared_plan
+from .console import Subcommands
+
+#: Fields in which parts of a run may differ: each names its own frames.
+_FRAMES = ("frames", "frame_times_s")
+
+
+def add_merge_parser(commands: Subcommands) -> None:
+    """Add ``merge`` to the commands."""
+    parser = commands.add_parser(
+        "merge",
+        help="one run of parts that were measured into folders of their own",
+        epilog="example: radarsim merge run part_1 part_2 part_3",
+    )
+    parser.add_argument("out", metavar="DIR", help="new folder of the whole run")
+    parser.add_argument("parts", metavar="PART", nargs="+", help="folder of a part: holds run.json")
+
+
+def merge_parts(out: str | Path, parts: Sequence[str | Path]) -> int:
+    """Merge parts of a run, with their products; print what is there. Returns the exit code.
+
+    Files are linked where disk and file system allow it, else copied. A frame that several parts
+    hold is taken from the first one where it is complete.
+    """
+    folder, runs = Path(out), [open_run(part) for part in parts]
+    record = _merged_record(runs)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise OutputError(f"{folder} is not empty. Give a new folder for the whole run.")
+    sources: dict[int, RadarFrame] = {}
+    for run in runs:
+        for frame in run.frames():
+            if frame.number not in sources and not frame.missing():
+                sources[frame.number] = frame
+    make_folder(folder)
+    for run in runs:
+        picture = run.path / PRODUCTS_DIR / ANTENNA_PICTURE
+        _put(run.path, folder, [picture] if picture.exists() else [])
+    for number, frame in sources.items():
+        root = frame.run.path
+        products = (root / PRODUCTS_DIR).glob(f"frame_{number:04d}_*")
+        _put(root, folder, _files(root / frame_dir(number)))
+        _put(root, folder, products)
+    # last: an interrupted merge is no run
+    write_record(folder / RUN_FILE, record)
+    print(f"radarsim: {len(sources)} of {len(record.frames)} frames in {folder}")
+    left = tuple(number for number in record.frames if number not in sources)
+    if left:
+        text = frames_text(left, record.frames)
+        print(f"radarsim: {text}: complete in no part; radarsim render resumes the run")
+    return 0
+
+
+def _merged_record(runs: Sequence[Run]) -> RunRecord:
+    """The plan of all parts; ConfigError where they are not parts of one run."""
+    first = runs[0].record
+    for run in runs[1:]:
+        here, there = shared_plan(first), shared_plan(run.record)
+        names = [name for name in here if name not in _FRAMES and here[name] != there[name]]
+        if run.record.fingerprint != first.fingerprint:
+            names.append("scene, settings or software")
+        if names:
+            raise ConfigError(
+                f"{run.path} and {runs[0].path} are no parts of one run: they differ in "
+                f"{', '.join(names)}. Render parts with --shard I/N, which plans all frames alike."
+            )
+    times = {
+        number: time_s
+        for run in runs
+        for number, time_s in zip(run.record.frames, run.record.frame_times_s, strict=True)
+    }
+    same = all(run.record.frames == first.frames for run in runs)
+    frames = first.frames if same else sorted(times)
+    return dataclasses.replace(
+        first,
+        frames=list(frames),
+        frame_times_s=[times[number] for number in frames],
+        findings=merge([item for run in runs for item in run.record.findings]),
+        # how far all frames reach together is not known where each part looked at its own
+        extra=first.extra if same else {k: v for k, v in first.extra.items() if k != "extent"},
+    )
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Files of a frame, of all its renders."""
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink():
+            raise FrameFileError(f"{path} is a symbolic link; expected a file. Put it there.")
+        if path.is_file():
+            yield path
+
+
+def _put(root: Path, folder: Path, files: Iterable[Path]) -> None:
+    """Link or copy files of a part to the same places in the whole."""
+    for source in files:
+        target = make_folder((folder / source.relative_to(root)).parent) / source.name
+        try:
+            try:
+                os.link(source, target)
+            except OSError as error:
+                if error.errno == errno.EEXIST:
+                    continue
+                shutil.copyfile(source, target)
+        except OSError as error:
+            raise cannot_write(target, error) from error
