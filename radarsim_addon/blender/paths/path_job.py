@@ -22,7 +22,7 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
+from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_rough_facets
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -89,6 +89,11 @@ class PathJob(MeasurementJob):
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
 
+    def _averaged_paths(self) -> str:
+        if not self.deterministic:
+            return "all paths, because other than Radar Materials leave them to chance"
+        return "paths of several reflections" if self.options.max_reflections > 1 else ""
+
     def _surveyed(self, frame: int) -> tuple[float, ...]:
         # what flies away in the burst stays in the window
         return (float(frame), frame + self._span_s * self._fps())
@@ -141,6 +146,7 @@ class PathJob(MeasurementJob):
             self.code_world,
             self.deterministic,
             bool(self._settings is not None and self._settings.averaging),
+            self._settings.interiors if self._settings is not None else Interiors(),
             self.versions,
         )
 

@@ -27,7 +27,7 @@ from ... import __version__, contract
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
 from ...signal.runs import shared_plan
-from ..materials import is_physical
+from ..materials import is_physical, separate_averages
 from ..nodes import refresh_groups
 from ..plan import (
     Extent,
@@ -92,8 +92,6 @@ class MeasurementJob:
     pausing = False
     #: Whether objects of any material echo.
     code_world = False
-    #: Whether paths pass Radar Materials with certainty, so that renders can be compared.
-    deterministic = False
 
     def __init__(
         self,
@@ -304,9 +302,14 @@ class MeasurementJob:
             self._speeds.by_object,
         )
         assert self._settings is not None
-        if len(self._settings.averaging) > 1 and not self.deterministic:
-            found.append(finding("walls-averaged-separately", *self._settings.averaging))
+        averaging = self._settings.averaging
+        if len(averaging) > 1 and self._averaged_paths():
+            found.append(separate_averages(averaging, self._averaged_paths()))
         return found
+
+    def _averaged_paths(self) -> str:
+        """Paths that take the mean of both polarisations at each wall, in words; "" for none."""
+        return "all paths, because rings mix them"
 
     # -- renders -----------------------------------------------------------------------------------
 

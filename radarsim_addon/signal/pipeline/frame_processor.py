@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...findings import to_json
+from ...findings import Finding, exit_code, from_json, to_json
 from ...option_arguments import share_of
 from ..distributed import Reply, run_frames
 from ..pictures import MapFile, map_file
@@ -67,9 +67,11 @@ class FrameProcessor:
 def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     """Process a run by workers; return the exit code."""
     maps: dict[int, MapFile] = {}
+    findings: list[Finding] = []
 
     def show(reply: Reply) -> None:
         print("\n".join(reply.get("lines", ())))
+        findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
         if "map" in reply:
             path = Path(reply["map"]["path"])
             maps[reply["frame"]] = MapFile(**(reply["map"] | {"path": path}))
@@ -82,4 +84,4 @@ def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
         path = products.animate([maps[n] for n in chosen_frames(chosen) if n in maps])
     if path is not None:
         print(f"animation: {path}")
-    return 0
+    return exit_code(findings, chosen_frames(chosen) or run.record.frames)
