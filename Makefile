@@ -7,7 +7,8 @@ PYTHON ?=
 OUT ?= out/paper
 # Extra words for pytest, for example PYTEST_ARGS="-k gate".
 PYTEST_ARGS ?=
-# Processes that `make test` uses. Tests of one file share their fixtures, so they stay together.
+# Processes that `make test` uses. Tests of one file share their fixtures, so they stay together;
+# files marked as slow come first.
 JOBS ?= 2
 
 PY := $(VENV)/bin/python
@@ -34,7 +35,7 @@ help:
 	@echo "make test-all-blenders  make test's tests under Blender 4.5, 5.0 and, with Python 3.13, 5.2"
 	@echo "make validate-all-blenders  make validate under all three, and what the others found"
 	@echo "make lint               ruff and mypy"
-	@echo "make bench              how long things take"
+	@echo "make bench              cost and errors next to their bounds and the version before"
 	@echo "make slips              plausible mistakes in a copy: which of them no test sees"
 	@echo "make fuzz               2000 changed inputs: each ends in a result or a named error"
 	@echo "make chaos              60 frames by 2 workers while 40 of them and 5 coordinators are killed"
@@ -52,7 +53,7 @@ demo: $(STAMP)
 	@$(PY) scripts/demo.py --out "$(OUT)"
 
 test: $(STAMP)
-	$(PY) -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 validate: $(STAMP)
 	@$(PY) scripts/validate.py

@@ -25,11 +25,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["render"]:
         return render_command(words[1:])
+    if words[:1] == ["selfcheck"]:
+        return selfcheck_command(words[1:])
     from .signal.pipeline import main as process_main
 
     if arguments is None:  # killed politely: what is half written is removed
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    return process_main(words, {"render": "measure the radar frames of a .blend file (needs bpy)"})
+    others = {"render": "measure the radar frames of a .blend file (needs bpy)"}
+    others["selfcheck"] = "check that a device gives what measurements stand on (needs bpy)"
+    return process_main(words, others)
 
 
 def render_command(
@@ -51,12 +55,7 @@ def render_command(
     except ModuleNotFoundError as error:
         if error.name != "bpy":
             raise
-        message = (
-            f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
-            "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
-        )
-        print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
-        return MissingDependencyError.exit_code
+        return _no_bpy(error)
     run_and_leave(parsed)
     return 0
 
@@ -82,6 +81,26 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         return getattr(stop, "exit_code", 130)
     print(f"radarsim: wrote {about['folder']}", flush=True)
     return process_main(["process", about["folder"], *share.words]) if process else 0
+
+
+def selfcheck_command(words: list[str]) -> int:
+    """Check a device; return the exit code."""
+    try:
+        from .blender.headless.selfcheck import main as selfcheck
+    except ModuleNotFoundError as error:
+        if error.name != "bpy":
+            raise
+        return _no_bpy(error)
+    return selfcheck(words)
+
+
+def _no_bpy(error: ModuleNotFoundError) -> int:
+    message = (
+        f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
+        "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
+    )
+    print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
+    return MissingDependencyError.exit_code
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import json
 import math
 import typing
@@ -77,12 +78,12 @@ class _Reader:
         if not isinstance(data, dict):
             raise self.error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
         fields = {item.name: item for item in dataclasses.fields(kind)}
-        settings, hints = declared(kind), typing.get_type_hints(kind)
+        settings, hints = declared(kind), _hints(kind)
         values: dict[str, Any] = {}
         for key, value in data.items():
             name = todays_name(key, fields)
             if name in fields:
-                setting = settings.get(name) or self._limited(name, hints[name])
+                setting = settings.get(name) or _limited(self.limits, name, hints[name])
                 values[name] = self._value(hints[name], value, f"{where}: {key}", setting)
             elif self.strict:
                 near = difflib.get_close_matches(key[:60], fields, 1)
@@ -105,21 +106,11 @@ class _Reader:
         except ValueError as wrong:
             raise self.error(f"{where}: {wrong}") from wrong
 
-    def _limited(self, name: str, hint: Any) -> Declared | None:
-        """What the numbers in a field may be that is no setting."""
-        kind, optional = value_type(hint)
-        while typing.get_origin(kind) in (list, dict):
-            kind, optional = value_type(typing.get_args(kind)[-1])
-        if self.limits is None or kind not in (int, float):
-            return None
-        return Declared(name, kind, optional, MISSING, self.limits(name))
-
     def _value(self, hint: Any, value: Any, where: str, setting: Declared | None = None) -> Any:
         """A value as its annotated type."""
-        kind, optional = value_type(hint)
+        kind, optional, origin, inner = _parts(hint)
         if value is None and optional:
             return None
-        origin, inner = typing.get_origin(kind), typing.get_args(kind)
         if kind is Finding:
             return finding_from_json(value, where)
         if dataclasses.is_dataclass(kind):
@@ -159,6 +150,30 @@ class _Reader:
 
     def _refuse(self, value: Any, where: str, expected: str) -> NoReturn:
         raise self.error(f"{where} is {value!r:.60}; expected {expected}.")
+
+
+@functools.cache
+def _hints(kind: Any) -> dict[str, Any]:
+    """Annotations of a dataclass by field."""
+    return typing.get_type_hints(kind)
+
+
+@functools.cache
+def _parts(hint: Any) -> tuple[Any, bool, Any, tuple[Any, ...]]:
+    """Kind of the values, whether None is one, and what the kind is made of."""
+    kind, optional = value_type(hint)
+    return kind, optional, typing.get_origin(kind), typing.get_args(kind)
+
+
+@functools.cache
+def _limited(limits: Callable[[str], Setting] | None, name: str, hint: Any) -> Declared | None:
+    """What the numbers in a field may be that is no setting."""
+    kind, optional, origin, inner = _parts(hint)
+    while origin in (list, dict):
+        kind, optional, origin, inner = _parts(inner[-1])
+    if limits is None or kind not in (int, float):
+        return None
+    return Declared(name, kind, optional, MISSING, limits(name))
 
 
 def _not_finite(text: str) -> NoReturn:

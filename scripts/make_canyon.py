@@ -67,9 +67,9 @@ def build() -> Any:
     )
     x, y = GROUND_M
     corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
-    radarsim.assign_material(_mesh("Ground", corners, [(0, 1, 2, 3)]), ground)
+    radarsim.assign_material(add_mesh("Ground", corners, [(0, 1, 2, 3)]), ground)
     radarsim.assign_material(
-        [_box(f"Block {number}", *block) for number, block in enumerate(blocks(), 1)], wall
+        [add_box(f"Block {number}", *block) for number, block in enumerate(blocks(), 1)], wall
     )
     radar = radarsim.add_radar(
         (0.0, 0.0, RADAR_HEIGHT_M),
@@ -91,14 +91,16 @@ def build() -> Any:
     return radar
 
 
-def _box(name: str, low: tuple[float, ...], high: tuple[float, ...]) -> Any:
+def add_box(name: str, low: tuple[float, ...], high: tuple[float, ...]) -> Any:
+    """Add a closed box between two corners."""
     corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1])
                for z in (low[2], high[2])]  # fmt: skip
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return _mesh(name, corners, faces)
+    return add_mesh(name, corners, faces)
 
 
-def _mesh(name: str, corners: list[Any], faces: list[Any]) -> Any:
+def add_mesh(name: str, corners: list[Any], faces: list[Any]) -> Any:
+    """Add an object made of faces."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(corners, [], faces)
     item = bpy.data.objects.new(name, mesh)

@@ -35,10 +35,22 @@ pytest.approx = _strict_approx  # type: ignore[assignment]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep Blender away from this user's own preferences and extensions, whichever they are."""
+    """Keep Blender away from this user's own preferences and extensions, whichever they are.
+
+    Side by side, processes whose BLAS has a thread a core spend more time waiting than computing.
+    """
+    if config.getoption("numprocesses", None):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes to come inherit it
     folder = tempfile.TemporaryDirectory(prefix="radarsim-blender-")
     config.add_cleanup(folder.cleanup)
     os.environ["BLENDER_USER_RESOURCES"] = folder.name
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Side by side, slow files come first: the last ones then leave no process without work."""
+    if hasattr(config, "workerinput"):
+        slow = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session")

@@ -46,6 +46,19 @@ PROCESSING = {
         "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
         "Shadow Catcher off. Check that no object is scaled to 0.",
     ),
+    "weather-attenuates": Kind(
+        "info",
+        "The air takes {attenuation_db_per_km:.3g} dB of each kilometre of path, one way.",
+        "Rain, fog or gases were asked for. Cross sections are those in clear air.",
+        "For clear air, leave the weather options out.",
+    ),
+    "rain-echo-left-out": Kind(
+        "caution",
+        "Rain of {rain_mm_per_h:g} mm/h attenuates the paths, but its own echo is left out.",
+        "Its drops would return {reflectivity_db:.1f} dB m^2/m^3: that much cross section from "
+        "each cubic metre of a resolution cell.",
+        "Compare the targets' cross sections with reflectivity times volume of the cell.",
+    ),
     "range-ambiguous-paths": Kind(
         "caution",
         "The frame has {count:#path} beyond the unambiguous range of {unambiguous_range_m:.6g} m, "
@@ -143,8 +156,9 @@ PROCESSING = {
     "range-gaps-between-rays": Kind(
         "caution",
         "From {range_m:.3g} m on, a pixel covers more than a range cell.",
-        "Echoes and maps show single rays there, with gaps that are not in the scene. The expected "
-        "power has no such gaps.",
+        "Echoes, maps and the expected power show there what the rays of a surface tell of the "
+        "places between them; objects and shadows smaller than a pixel are missed. Without a "
+        "speckle seed echoes are of single rays, with gaps that are not in the scene.",
         "Raise the resolution or the replicates, or refine for ranges.",
     ),
     "echoes-cancel": Kind(

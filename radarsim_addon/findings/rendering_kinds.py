@@ -114,6 +114,13 @@ SCENE = {
         "other than Radar Materials, cannot carry the polarisations through all walls.",
         "Choose the polarisation of your radar, or Paths with Radar Materials alone.",
     ),
+    "device-unfit": Kind(
+        "caution",
+        "radarsim renders on the CPU, because its check of {device} failed: {subjects}.",
+        "A measurement stands on these facts; from {device} powers or ranges would be wrong.",
+        "Update Blender and the driver, run radarsim selfcheck --device {device} on the command "
+        "line, and render again. Or choose CPU in Render > Device.",
+    ),
     "facets-encode-range": Kind(
         "caution",
         "Range encoding is Materials, and rough physical materials return several reflections.",

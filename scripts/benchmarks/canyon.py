@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The street canyon: cost of the commands `render` and `process`, stage by stage.
+"""The street canyon: cost of the commands `render` and `process`, and error of the power.
 
 python -m scripts.benchmarks.canyon [--repeats 5] [--order 1 --order 2]
 """
@@ -7,32 +7,31 @@ python -m scripts.benchmarks.canyon [--repeats 5] [--order 1 --order 2]
 from __future__ import annotations
 
 import argparse
-import json
-import shutil
 import statistics
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .clock import command_cost
+import numpy as np
 
-_ROOT = Path(__file__).resolve().parents[2]
-BLEND = _ROOT / "blend_examples" / "canyon.blend"
-_RENDER = ("-m", "scripts.benchmarks.stages")
-_PROCESS = ("-m", "radarsim_addon", "process")
+from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
+from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.paths.table import open_table
+
+from .stages import process_cost, render_cost
+
+BLEND = Path(__file__).resolve().parents[2] / "blend_examples" / "canyon.blend"
+#: Rays of the two measurements of the error, and replicates of the second one.
+_RAYS, _REPLICATES = (1414, 707), 8
 
 
 def run_canyon(repeats: int = 5, orders: Sequence[int] = (1, 2)) -> list[dict[str, Any]]:
-    """Return rows with the median and the range of each figure, for each order.
-
-    Times are processor seconds; "render" is without Blender's start.
-    """
+    """Return a row for each order: median and range of each figure [s of processor, MiB]."""
     rows = []
     with tempfile.TemporaryDirectory(prefix="radarsim_canyon_") as name:
-        folder = Path(name)
         for order in orders:
-            each = [_once(folder, order) for _ in range(repeats)]
+            each = [_once(Path(name), order) for _ in range(repeats)]
             row: dict[str, Any] = {"order": order, "repeats": repeats}
             for key in each[0]:
                 values = [one[key] for one in each]
@@ -43,29 +42,70 @@ def run_canyon(repeats: int = 5, orders: Sequence[int] = (1, 2)) -> list[dict[st
 
 
 def _once(folder: Path, order: int) -> dict[str, float]:
-    run, stages = folder / "run", folder / "stages.json"
-    shutil.rmtree(run, ignore_errors=True)  # else it resumes
-    words: list[str | Path] = [BLEND, "--out", run, "--max-reflections", str(order)]
-    render = command_cost([*_RENDER, stages, *words], _ROOT)
-    found = json.loads(stages.read_text(encoding="utf-8"))
-    plain = command_cost([*_PROCESS, run, "--no-plots"], _ROOT)
-    pictures = command_cost([*_PROCESS, run, "--plots"], _ROOT)
+    run = folder / "run"
+    render = render_cost(BLEND, run, "--max-reflections", order)
+    plain, pictures = process_cost(run, "--no-plots"), process_cost(run, "--plots")
+    stages = ("render_s", "start_s", "preparation_s", "cycles_s", "rest_s", "renders")
     return {
-        "render_s": render.cpu_s - found["start_s"],
-        **found,
-        "render_mib": render.peak_mib,
-        "process_s": plain.cpu_s,
-        "process_mib": plain.peak_mib,
-        "process_pictures_s": pictures.cpu_s,
-        "process_pictures_mib": pictures.peak_mib,
+        **{key: render[key] for key in stages},
+        "render_mib": render["peak_mib"],
+        "process_s": plain["process_s"],
+        "process_mib": plain["peak_mib"],
+        "process_pictures_s": pictures["process_s"],
+        "process_pictures_mib": pictures["peak_mib"],
     }
+
+
+def run_canyon_error(quick: bool = False) -> dict[str, float]:
+    """Return the rms error of bins of 1 m per million rays [dB], and the error of that.
+
+    Single reflections are compared with their integral. Second reflections have no closed form:
+    the scatter of replicates about their mean, at a quarter of the rays, tells their error; that
+    of independent rays falls with the root of their number.
+    """
+    from . import canyon_accuracy
+
+    width, height = (n // 2 for n in _RAYS)
+    with tempfile.TemporaryDirectory(prefix="radarsim_canyon_") as name:
+        run = Path(name) / "run"
+
+        def table(*words: str | int) -> tuple[Any, PathsRecord]:
+            render_cost(BLEND, run, *words)
+            record = read_record(run / frame_dir(1) / PATHS_FILE, PathsRecord)
+            return open_table(run / frame_dir(1) / record.table_file), record
+
+        rows, record = table("--resolution", "{}x{}".format(*_RAYS))
+        exact_w = canyon_accuracy.exact_w(record, canyon_accuracy.wavelength_m(run))
+        found = canyon_accuracy.errors_db(canyon_accuracy.binned(rows, record), exact_w)
+        count = 3 if quick else _REPLICATES
+        rows, record = table(
+            "--resolution", f"{width}x{height}", "--replicates", count, "--max-reflections", 2
+        )
+        second = canyon_accuracy.second_reflections(rows, record)
+        mean_w, bins = second.mean(axis=0), canyon_accuracy.STREET_TWICE
+    each = [canyon_accuracy.errors_db(one, mean_w, bins) for one in second]
+    # about their own mean: (n - 1) / n of the variance; a quarter of the rays: twice the error
+    per_run = np.sqrt(np.mean(np.square(each), axis=1)) * np.sqrt(count / (count - 1)) / 2
+    return {
+        "first_db": float(np.sqrt(np.mean(found**2))),
+        "first_db_error": _spread_of_rms(found),
+        "second_db": float(np.sqrt(np.mean(per_run**2))),
+        "second_db_error": float(np.std(per_run, ddof=1) / np.sqrt(count)),
+        "replicates": count,
+    }
+
+
+def _spread_of_rms(values: np.ndarray) -> float:
+    """Standard error of a root mean square, from the scatter of the squares."""
+    squares = values**2
+    return float(np.std(squares, ddof=1) / np.sqrt(len(squares)) / 2 / np.sqrt(squares.mean()))
 
 
 def canyon_lines(rows: list[dict[str, Any]]) -> list[str]:
     """The rows as lines of the table."""
     keys = [key for key in rows[0] if f"{key}_range" in rows[0]]
     lines = ["", "Street canyon, 1e6 rays: processor seconds, MiB without mapped files"]
-    lines.append(" " * 24 + "".join(f"{'order ' + str(row['order']):>24}" for row in rows))
+    lines.append(" " * 24 + "".join(f"{'order ' + str(row['order']):>28}" for row in rows))
     for key in keys:
         cells = [
             f"{row[key]:8.2f} ({row[key + '_range'][0]:.2f} to {row[key + '_range'][1]:.2f})"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,17 @@ import numpy as np
 from radarsim_addon.array_types import Real
 from radarsim_addon.contract import PathsRecord
 from radarsim_addon.physics.radar_equation import effective_area_m2
+from radarsim_addon.signal import open_run
 from radarsim_addon.signal.paths import spread, steps_of, tiles_by_replicate
 from scripts import make_canyon
 
 from .canyon_profile import first_order_profile
 
 EDGES_M = np.arange(0.0, 101.0)
-#: Bins within the street: ground from 2 m on, walls up to its ends at 75 m.
+#: Bins within the street: from the ground below the radar to the street's ends.
 STREET = slice(2, 75)
+#: Those of two reflections: the shortest way is over ground and wall.
+STREET_TWICE = slice(12, 75)
 
 
 def binned(rows: Any, record: PathsRecord) -> Real:
@@ -41,7 +45,22 @@ def exact_w(record: PathsRecord, wavelength_m: float) -> Real:
     return np.asarray(profile * effective_area_m2(wavelength_m) * record.transmitter.eirp_w)
 
 
-def rms_db(power: Real, expected: Real) -> float:
-    """Root mean square over the street's bins [dB]."""
-    ratio = power[STREET] / expected[STREET]
-    return float(np.sqrt(np.mean((10 * np.log10(ratio)) ** 2)))
+def wavelength_m(run: Path) -> float:
+    """Wavelength of a run's carrier [m]."""
+    return float(open_run(run).radar.waveform.wavelength_m)
+
+
+def second_reflections(rows: Any, record: PathsRecord) -> Real:
+    """Power of paths of two reflections in the bins, as each replicate finds it (n, bins) [W]."""
+    found = np.zeros((record.replicates, len(EDGES_M) - 1))
+    chosen = rows[rows["order"] == 2]
+    for number, power_w in enumerate(found):
+        part = chosen[chosen["replicate"] == number]
+        weights = record.replicates * part["power_w"]
+        power_w += np.histogram(part["length_m"] / 2, EDGES_M, weights=weights)[0]
+    return found
+
+
+def errors_db(power: Real, expected: Real, bins: slice = STREET) -> Real:
+    """Ratio in these bins [dB]."""
+    return np.asarray(10 * np.log10(power[bins] / expected[bins]))

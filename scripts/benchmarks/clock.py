@@ -83,6 +83,11 @@ def command_cost(words: Sequence[str | Path], folder: Path) -> Cost:
     return Cost(wall_s, usage.ru_utime + usage.ru_stime, peak_mib)
 
 
+def half_range(values: Sequence[float]) -> float | None:
+    """Half the range of repeats, their error; None of one alone."""
+    return (max(values) - min(values)) / 2 if len(values) > 1 else None
+
+
 def _anonymous_mib(pid: int) -> float:
     """Memory of a process now, without mapped files [MiB]; NaN where Linux does not tell it."""
     try:

@@ -98,10 +98,10 @@ def _scaling(pyplot: Any, scaling: Any, save: Callable[[Any, str], None]) -> Non
     left.set_xlabel("paths in the run")
     left.set_ylabel("processor time [s]")
     left.legend()
-    right.semilogx([r["paths"] for r in rows], [r["peak_above_idle_mib"] for r in rows], "o")
+    right.semilogx([r["paths"] for r in rows], [r["peak_mib"] for r in rows], "o")
     right.set_ylim(bottom=0)
     right.set_xlabel("paths in the run")
-    right.set_ylabel("peak memory above the open scene [MiB]")
+    right.set_ylabel("peak memory without mapped files [MiB]")
     for axis in (left, right):
         axis.grid(True, which="both", alpha=0.25)
     figure.suptitle("Cost and memory of the acquisition 'paths', tiles of 256 pixels")

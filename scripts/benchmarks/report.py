@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from .bounds import bound_lines, read_history
+from .canyon import canyon_lines
 from .motion import motion_table
 from .target import target_lines
 
@@ -19,7 +21,9 @@ def table(result: dict[str, Any]) -> str:
             f"radarsim {machine['radarsim']}"
         ),
     ]
+    lines += bound_lines(result, read_history())
     for name, parts in (
+        ("canyon", (canyon_lines,)),
         ("accuracy", (_accuracy, _target, _rings)),
         ("scaling", (_scaling,)),
         ("synthesis", (_synthesis,)),
@@ -98,10 +102,11 @@ def _scaling(rows: list[dict[str, Any]]) -> list[str]:
     lines = ["", "3. Paths: cost and memory against the length of the run (tiles of 256 pixels)"]
     for row in rows:
         lines.append(
-            f"   {row['width_px']}x{row['height_px']}, {row['replicates']:>2} replicates: "
-            f"{row['paths']:>9} paths, {row['renders']:>5} renders, {row['wall_s']:>6.1f} s wall, "
+            f"   {row['width_px']}x{row['height_px']}, {row['replicates']:>2} replicates, "
+            f"order {row['order']}: {row['paths']:>9} paths, {row['renders']:>5} renders, "
+            f"{row['wall_s']:>6.1f} s wall, "
             f"{row['cpu_s']:>6.1f} s cpu, {row['cpu_us_per_path']:>5.2f} us a path, "
-            f"peak {row['peak_mib']:.0f} MiB (+{row['peak_above_idle_mib']:.0f})"
+            f"peak {row['peak_mib']:.0f} MiB"
         )
     return lines
 

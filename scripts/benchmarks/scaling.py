@@ -1,59 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cost and memory of the paths against their number; each run in a process of its own."""
+"""Cost and memory of `radarsim render` against the number of paths, in the paper's scene."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-from .clock import peak_mib
+from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
+from radarsim_addon.sidecar import read_record
 
-#: Width, height, replicates: 15 000 to a million paths, in tiles of the default size.
-SIZES = ((160, 90, 1), (320, 180, 1), (640, 360, 1), (1280, 720, 1), (640, 360, 4))
-#: Ten million, and the same tiles and replicates in a shorter run, for the memory.
-LARGE = ((512, 480, 11), (1280, 720, 11))
+from .stages import render_cost
+
+#: Width, height, replicates, reflections: 15 000 to a million paths, in tiles of the default size.
+SIZES = ((160, 90, 1, 1), (320, 180, 1, 1), (640, 360, 1, 1), (1280, 720, 1, 1), (640, 360, 4, 1))
+#: Ten million.
+LARGE = ((1280, 720, 11, 2),)
 
 
-def run_scaling(script: Path, blend: Path, folder: Path, large: bool) -> list[dict[str, Any]]:
-    """One row for each size; `script` is bench.py, which runs `measure_one` for us."""
+def run_scaling(blend: Path, folder: Path, large: bool, quick: bool) -> list[dict[str, Any]]:
+    """One row for each size."""
     rows = []
-    for size in (*SIZES, *(LARGE if large else ())):
-        command = [sys.executable, str(script), "--one", str(blend), str(folder), *map(str, size)]
-        result = subprocess.run(
-            command,
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )
-        rows.append(json.loads(result.stdout.strip().splitlines()[-1]))
+    for width, height, replicates, order in SIZES[: 2 if quick else None] + LARGE * large:
+        words: list[str | int] = ["--sampling-mode", "paths", "--motion", "off", "--snapshots", 1]
+        words += ["--resolution", f"{width}x{height}", "--replicates", replicates]
+        cost = render_cost(blend, folder / "run", *words, "--max-reflections", order)
+        record = read_record(folder / "run" / frame_dir(1) / PATHS_FILE, PathsRecord)
+        row = {"width_px": width, "height_px": height, "replicates": replicates, "order": order}
+        row |= {"paths": record.path_count, "renders": record.renders, "wall_s": cost["wall_s"]}
+        row |= {"cpu_s": cost["render_s"], "peak_mib": cost["peak_mib"]}
+        rows.append({**row, "cpu_us_per_path": 1e6 * cost["render_s"] / record.path_count})
     return rows
-
-
-def measure_one(
-    blend: Path, folder: Path, width: int, height: int, replicates: int
-) -> dict[str, Any]:
-    """One run of paths and the memory it needed in addition to the open scene."""
-    from .paper import PaperScene
-
-    scene = PaperScene(blend, folder)
-    scene.paths(16, 16, replicates=1)
-    before_mib = peak_mib()
-    result = scene.paths(width, height, replicates=replicates)
-    return {
-        "width_px": width,
-        "height_px": height,
-        "replicates": replicates,
-        "paths": result.samples,
-        "renders": result.renders,
-        "wall_s": result.acquire.wall_s,
-        "cpu_s": result.acquire.cpu_s,
-        "cpu_us_per_path": 1e6 * result.acquire.cpu_s / result.samples,
-        "process_cpu_s": result.process.cpu_s,
-        "peak_mib": result.details["peak_mib"],
-        "peak_above_idle_mib": result.details["peak_mib"] - before_mib,
-    }

@@ -57,6 +57,12 @@ def simple_slabs(bench: Bench) -> list[Check]:
         # Thick enough for some 60 % to be absorbed on one passage, straight through.
         depth = 0.07 / preset.kappa if preset.penetrable else 0.5
         found = []
+        scene = sky_scene(1.0, 0.0)
+        material = nodes.make_material(
+            "Slab", preset.n, preset.kappa, 1.0, 0.0, penetrable=preset.penetrable
+        )
+        add_box("Slab", (-501.0, -499.0, -depth), (497.0, 503.0, 0.0), material)
+        furnace = _Furnace(bench, scene)
         for angle_deg in SLAB_ANGLES_DEG:
             faces = float(textbook_reflectance(index, angle_deg))
             sent = faces
@@ -64,14 +70,7 @@ def simple_slabs(bench: Bench) -> list[Check]:
                 cosine = math.cos(math.radians(angle_deg))
                 sent = _series(faces, (1 - faces) ** 2, 4 * math.pi * preset.kappa * depth / cosine)
             for number, name in enumerate(POLARISATIONS):
-                scene = sky_scene(1.0, 1.0)
-                scene[attributes.ATTR_POLARISATION] = float(number)
-                material = nodes.make_material(
-                    "Slab", preset.n, preset.kappa, 1.0, 0.0, penetrable=preset.penetrable
-                )
-                add_box("Slab", (-501.0, -499.0, -depth), (497.0, 503.0, 0.0), material)
-                look_down(scene, angle_deg)
-                total, spread = radiance(bench, scene, SAMPLES)
+                total, spread = furnace(angle_deg, number)
                 brightest.append(total)
                 found.append(_sum_check(angle_deg, name, total, sent, spread))
         thickness = f"{depth:.3g} units" if preset.penetrable else "opaque"
@@ -164,19 +163,18 @@ def _sum_check(angle_deg: float, name: str, total: float, sent: float, spread: f
 
 @dataclass
 class _Furnace:
-    """One scene for all renders of a library material: loading it takes longer than a render."""
+    """One scene for all renders of a material: making it takes longer than a render."""
 
     bench: Bench
     scene: Any
-    sky: Any
 
     def __call__(
         self, angle_deg: float, polarisation: int = 0, sky: tuple[float, float] = (1.0, 1.0)
     ) -> tuple[float, float]:
         """Radiance and its standard error, for a sky above and below."""
-        upper, lower = sky
-        self.sky.inputs["To Min"].default_value = lower
-        self.sky.inputs["To Max"].default_value = upper
+        nodes_of_sky = self.scene.world.node_tree.nodes
+        gradient = next(node for node in nodes_of_sky if node.bl_idname == "ShaderNodeMapRange")
+        gradient.inputs["To Max"].default_value, gradient.inputs["To Min"].default_value = sky
         self.scene[attributes.ATTR_POLARISATION] = float(polarisation)
         if self.scene.camera is not None:
             bpy.data.objects.remove(self.scene.camera)
@@ -203,9 +201,7 @@ def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
         add_plate("Plate", plate, material)
     look_down(scene, 0.0)
     set_layer_normals(SettingsRestorer(), bpy.context.evaluated_depsgraph_get())
-    nodes_of_sky = scene.world.node_tree.nodes
-    sky = next(node for node in nodes_of_sky if node.bl_idname == "ShaderNodeMapRange")
-    return _Furnace(bench, scene, sky)
+    return _Furnace(bench, scene)
 
 
 def _library_series(index: complex, opaque: bool, angle_deg: float) -> list[tuple[float, float]]:

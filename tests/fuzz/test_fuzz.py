@@ -27,6 +27,8 @@ from tests.fuzz.cases import run_case
 from tests.fuzz.corpus import correct_hashes, make_corpus
 from tests.fuzz.mutations import change_file
 
+pytestmark = pytest.mark.slow
+
 CASES, SEED = 100, 2
 
 

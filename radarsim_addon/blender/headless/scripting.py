@@ -41,9 +41,6 @@ from ..state import evaluated_depsgraph
 from .console import quiet_blender
 from .jobs import make_job
 
-#: Media of Recommendation ITU-R P.2040 may carry this prefix.
-_ITU = "itu_"
-
 
 def add_radar(
     location: Sequence[float] = (0.0, 0.0, 0.0),
@@ -83,13 +80,11 @@ def add_radar(
         location itself.
     """
     _ensure_registered()
-    chosen = {**(preset_settings(preset) if preset else {}), **values}
     scene = bpy.context.scene if scene is None else scene
-    place = _point("Location", location)
     target = None if look_at is None else _point("Point to look at", look_at)
-    rig = setup_rig(scene, place)
+    rig = setup_rig(scene, _point("Location", location))
     try:
-        _set(settings(rig), chosen)
+        _set(settings(rig), {**(preset_settings(preset) if preset else {}), **values})
         if field_of_view_deg is not None:
             if not 0 < field_of_view_deg < 180:
                 raise ConfigError(
@@ -101,11 +96,8 @@ def add_radar(
         if target is not None:
             _look(rig, target)
     except BaseException:
-        for item in (*rig.children, rig):
-            if item.data is None:
-                bpy.data.objects.remove(item)
-            else:  # its camera or light goes, too
-                bpy.data.batch_remove([item, item.data])
+        made = [part for item in (*rig.children, rig) for part in (item, item.data)]
+        bpy.data.batch_remove([part for part in made if part is not None])  # its camera, its light
         raise
     return rig
 
@@ -210,7 +202,7 @@ def material(
             f"kappa is {kappa!r}, but the medium {medium!r} has its own. Leave out kappa, or give "
             "n in place of the medium."
         )
-    known = medium.removeprefix(_ITU)
+    known = medium.removeprefix("itu_")  # of Recommendation ITU-R P.2040
     _ensure_registered()
     return make_physical_material(
         name or f"Radar {known.replace('_', ' ')}",

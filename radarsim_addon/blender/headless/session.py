@@ -17,6 +17,7 @@ from ...processes import own_folder, remove_abandoned_folders
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..run import MeasurementJob
+from ..run.devices import Device, choose_device
 from ..scene import active_radar, radars
 from .jobs import make_job
 
@@ -34,6 +35,8 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     if arguments.blend is not None:
         _open_file(arguments.blend)
     scene = _find_scene(arguments.scene)
+    if arguments.device is not None:
+        choose_device(scene, Device(arguments.device.upper()))
     migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
     radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
     folder = arguments.out.absolute() if arguments.out else output_folder(radar)

@@ -20,6 +20,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
+from ...vectors import are_finite
 from ..scene import InstancePose, Poses, distance_from_box
 from ..state import Key
 
@@ -75,6 +76,11 @@ class Bodies:
         self._of_number: dict[int, list[int]] = {}
         for index, part in enumerate(self.parts):
             self._of_number.setdefault(part.number, []).append(index)
+        #: Body of each object that is a single one, by the object's number; 0: none, or several.
+        self._lone_body = np.zeros(len(names) + 1, dtype=np.int32)
+        for number, indices in self._of_number.items():
+            if len(indices) == 1:
+                self._lone_body[number] = indices[0] + 1
 
     def label(self, rows: PathRows) -> None:
         """Fill in bodies, and objects that are unknown though the scatterer is known."""
@@ -89,8 +95,12 @@ class Bodies:
     def _label_end(
         self, rows: PathRows, points: str, objects: str, bodies: str, wanted: Indices
     ) -> None:
-        wanted = wanted[np.isfinite(rows[points][wanted]).all(axis=-1)]
+        wanted = wanted[are_finite(rows[points][wanted])]
         numbers = rows[objects][wanted]
+        body = self._lone_body[numbers]
+        rows[bodies][wanted] = body
+        left = np.flatnonzero(body == 0)
+        wanted, numbers = wanted[left], numbers[left]
         for number in np.unique(numbers).tolist():
             mine = wanted[numbers == number]
             position = np.array(rows[points][mine])

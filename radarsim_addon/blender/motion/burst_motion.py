@@ -9,7 +9,7 @@ samples doubles until the fit is accurate enough for the carrier, or a limit is 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -142,17 +142,20 @@ class BurstMotion:
         """Fill in objects and bodies of rows, with the numbers of all rendered bodies."""
         self.bodies.label(rows)
 
-    def collect(self, rows: PathRows) -> None:
-        """Collect the bodies of labelled rows; call it for all rows before `sample`."""
-        for column in ("last_body", "first_body"):
-            self._seen.update(np.unique(rows[column]).tolist())
+    def collect(self, bodies: Iterable[int], chunks: Iterable[PathRows]) -> None:
+        """Collect the numbers of all bodies that rows were labelled with, before `sample`.
+
+        `chunks` are all labelled rows; they are read where surfaces deform.
+        """
+        self._seen.update(bodies)
         if self._deformations.any:
-            self._deformations.attach(rows, self.bodies.parts)
+            for rows in chunks:
+                self._deformations.attach(rows, self.bodies.parts)
 
     def complete(self, rows: PathRows) -> PathRows:
         """Fill in range rates and surface points, and number the bodies as in the file.
 
-        Call it after `sample`, for the same rows and order as `collect`.
+        Call it after `sample`, for the same rows in the same order as `collect`.
         """
         if self._deformations.any:
             self._deformations.number(rows, self.bodies.parts)

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from typing import Any
 
 import bpy
@@ -215,14 +216,12 @@ class TreeBuilder:
 
 def arrange(tree: Any) -> None:
     """Place nodes in columns by their distance from the inputs, so that the tree is readable."""
-    depth = {node.name: 0 for node in tree.nodes}
-    links = [(link.from_node.name, link.to_node.name) for link in tree.links]
-    for _ in tree.nodes:  # the longest path of an acyclic graph needs at most one pass per node
-        before = dict(depth)
-        for source, target in links:
-            depth[target] = max(depth[target], depth[source] + 1)
-        if depth == before:
-            break
+    sources: dict[str, set[str]] = {node.name: set() for node in tree.nodes}
+    for link in tree.links:
+        sources[link.to_node.name].add(link.from_node.name)
+    depth: dict[str, int] = {}
+    for name in TopologicalSorter(sources).static_order():
+        depth[name] = max((depth[source] + 1 for source in sources[name]), default=0)
     rows: Counter[int] = Counter()
     for node in tree.nodes:
         column = depth[node.name]

@@ -304,6 +304,7 @@ class FrameWork:
             further.numbers(),
             sorted(quality.seen),
             sorted(quality.echoing),
+            sorted(quality.bodies),
             renders,
             time.monotonic() - start_s,
         )
@@ -350,8 +351,8 @@ class FrameWork:
 
     def _write_table(self) -> int:
         """All rows with their motion; returns their number."""
-        for chunk in self._chunks():
-            self._motion.collect(chunk)
+        bodies = set().union(*(measured.quality.bodies for measured in self._tiles.values()))
+        self._motion.collect(bodies, self._chunks())
         self._motion.sample()
         table = self._folder / contract.PATHS_TABLE
         return write_table(table, (self._motion.complete(part) for part in self._chunks()))

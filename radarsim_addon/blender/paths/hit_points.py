@@ -14,6 +14,7 @@ import numpy as np
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathFlag, PathRows, TriangleMesh
+from ...vectors import are_finite, crosses, distances, dots, norms
 from ..motion import Bodies
 from ..state import evaluated_mesh, evaluated_objects, read_triangles
 
@@ -76,35 +77,36 @@ class HitPoints:
 
         `origin_m` is where the rays start, (3,) or (n, 3).
         """
-        origins_m = np.broadcast_to(origin_m, rows["direction"].shape)
         flags = rows["flags"]
         one_path = flags & PathFlag.MIXED == 0
         seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
         one = np.flatnonzero((rows["order"] == 1) & seen)
-        self._refine_order_1(rows, one, origins_m[one], transmitter_m)
+        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m)
         later = np.flatnonzero((rows["order"] > 1) & one_path)
-        self._refine_later(rows, later, origins_m[later], transmitter_m)
+        self._refine_later(rows, later, _of(origin_m, later), transmitter_m)
 
     def _refine_order_1(
         self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
     ) -> None:
         points_m = rows["last_scatterer_m"][chosen]
         reach_m = _reach_m(points_m, origins_m)
-        needed = _LENGTH_OVER_POINT * reach_m > self._tolerance_m
-        chosen, points_m, origins_m = chosen[needed], points_m[needed], origins_m[needed]
+        needed = np.flatnonzero(_LENGTH_OVER_POINT * reach_m > self._tolerance_m)
+        if not needed.size:
+            return
+        chosen, points_m, origins_m = chosen[needed], points_m[needed], _of(origins_m, needed)
         mine = rows[chosen]
         reach_m = reach_m[needed]
         way_m, normal = self._hit(
             mine["last_body"], origins_m, mine["direction"], points_m, reach_m
         )
         found_m = origins_m + way_m[:, None] * mine["direction"]
-        length_m = way_m + np.linalg.norm(found_m - transmitter_m, axis=1)
+        length_m = way_m + distances(found_m, transmitter_m)
         with np.errstate(divide="ignore", invalid="ignore"):
             # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
             # surface it tells where another one hit, close by. It is too short where Cycles
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
-            cosine = np.abs(np.sum(mine["direction"] * normal, axis=1))
-            grazed_m = 2 * reach_m * np.linalg.norm(normal, axis=1) / cosine
+            cosine = np.abs(dots(mine["direction"], normal))
+            grazed_m = 2 * reach_m * norms(normal) / cosine
             delay_m = mine["length_m"] - length_m
             undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
         encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
@@ -121,8 +123,12 @@ class HitPoints:
         self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
     ) -> None:
         """Orders above 1: the first vertex along its ray, the last one along the last segment."""
-        needed = _LARGEST_SIGMAS * rows["length_sigma_m"][chosen] > self._tolerance_m
-        chosen, origins_m = chosen[needed], origins_m[needed]
+        needed = np.flatnonzero(
+            _LARGEST_SIGMAS * rows["length_sigma_m"][chosen] > self._tolerance_m
+        )
+        if not needed.size:
+            return
+        chosen, origins_m = chosen[needed], _of(origins_m, needed)
         mine = rows[chosen]
         direction, first_m = mine["direction"], mine["first_scatterer_m"]
         coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
@@ -139,25 +145,27 @@ class HitPoints:
         last_m = np.where(lit[:, None], start_m + share[:, None] * (last_m - start_m), last_m)
         # Where the first surface is a mirror, its ray tells the second vertex better.
         two = seen & lit & (mine["order"] == 2)
+        within_m = _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
         with np.errstate(invalid="ignore"):
-            turn = 2 * np.sum(direction * normal, axis=1) / np.sum(normal**2, axis=1)
-        mirrored = direction - turn[:, None] * normal
+            turn = 2 * dots(direction, normal) / dots(normal, normal)
+            mirrored = direction - turn[:, None] * normal
+            # Rays of rough surfaces rarely pass as near as that.
+            passes = norms(crosses(mirrored, last_m - first_m)) <= (1 + 1e-6) * within_m
         further_m, _ = self._hit(
-            np.where(two, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
+            np.where(two & passes, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
         )
         reflected_m = first_m + further_m[:, None] * mirrored
         with np.errstate(invalid="ignore"):
-            off_m = np.linalg.norm(reflected_m - last_m, axis=1)
-            exact = off_m <= _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
+            exact = distances(reflected_m, last_m) <= within_m
         last_m = np.where(exact[:, None], reflected_m, last_m)
         rows["first_scatterer_m"][chosen], rows["last_scatterer_m"][chosen] = first_m, last_m
 
         between_m, back_m = last_m - first_m, last_m - transmitter_m
-        far_m, near_m = np.linalg.norm(between_m, axis=1), np.linalg.norm(back_m, axis=1)
+        far_m, near_m = norms(between_m), norms(back_m)
         length_m = way_m + far_m + near_m
         with np.errstate(divide="ignore", invalid="ignore"):
             # how the length changes as the last vertex moves
-            slope = np.linalg.norm(between_m / far_m[:, None] + back_m / near_m[:, None], axis=1)
+            slope = norms(between_m / far_m[:, None] + back_m / near_m[:, None])
             sigma_m = np.where(
                 exact, _sigma_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
             )
@@ -178,7 +186,7 @@ class HitPoints:
         NaN where nothing is hit.
         """
         found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan)
-        known = np.flatnonzero((bodies > 0) & np.isfinite(near_m).all(axis=1))
+        known = np.flatnonzero((bodies > 0) & are_finite(near_m))
         if not known.size:
             return found, normals
         if not self._data.size:
@@ -196,7 +204,7 @@ class HitPoints:
             inverse = self._inverse[part]
             turn, move = inverse[..., :3, :3], inverse[..., :3, 3]
             found[mine], normal = mesh.hit(
-                np.einsum("...ij,...j->...i", turn, origins_m[mine]) + move,
+                np.einsum("...ij,...j->...i", turn, _of(origins_m, mine)) + move,
                 np.einsum("...ij,...j->...i", turn, directions[mine]),
                 np.einsum("...ij,...j->...i", turn, near_m[mine]) + move,
                 reach_m[mine] * self._stretch[part],
@@ -240,10 +248,14 @@ class HitPoints:
         return TriangleMesh(vertices.astype(np.float64) * self._units, triangles)
 
 
+def _of(origins_m: Real, rows: Indices) -> Real:
+    """Where the rays of these rows start, of one place for all, (3,), or of one each, (n, 3)."""
+    return origins_m if origins_m.ndim == 1 else origins_m[rows]
+
+
 def _reach_m(points_m: Real, start_m: Real) -> Real:
     """Largest error of hit points of rays from `start_m`, (n,)."""
-    away_m = np.linalg.norm(points_m, axis=1) + np.linalg.norm(points_m - start_m, axis=1)
-    return np.asarray(_ROUNDINGS * _EPS32 * away_m)
+    return _ROUNDINGS * _EPS32 * (norms(points_m) + distances(points_m, start_m))
 
 
 def _sigma_m(points_m: Real, length_m: Real) -> Real:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...findings import Finding, finding
 from ...signal.paths import PathFlag, PathRows
@@ -33,6 +34,7 @@ class QualitySums:
         self.coloured = False
         self.seen: set[int] = set()
         self.echoing: set[int] = set()
+        self.bodies: set[int] = set()
 
     def add_view(self, traced: TracedReplicate, watts_per_unit: float) -> None:
         """Add what a view found; `watts_per_unit` turns its powers into watts."""
@@ -41,7 +43,7 @@ class QualitySums:
         self.truncated_transparency_w += traced.truncated_transparency * watts_per_unit
         self.coloured |= traced.coloured
         if traced.open_view is not None and traced.open_view.object_index is not None:
-            self.seen.update(np.unique(traced.open_view.object_index).tolist())
+            self.seen.update(_numbers(traced.open_view.object_index))
 
     def add_beyond(self, traced: TracedReplicate, watts_per_unit: float) -> None:
         """Add what a view found beyond the last order, as far as it was asked for."""
@@ -54,9 +56,11 @@ class QualitySums:
         """Add the rows of a view."""
         power = rows["power_w"]
         for name in ("last_object", "first_object"):
-            self.echoing.update(np.unique(rows[name]).tolist())
+            self.echoing.update(_numbers(rows[name]))
+        for name in ("last_body", "first_body"):
+            self.bodies.update(_numbers(rows[name]))
         flags = rows["flags"]
-        mixed = flags & PathFlag.MIXED != 0
+        mixed = np.flatnonzero(flags & PathFlag.MIXED)
         self._row_w += float(power.sum())
         self.mixed_w += float(power[mixed].sum())
         self.unranged_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
@@ -70,16 +74,14 @@ class QualitySums:
         return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
 
     @classmethod
-    def from_numbers(
-        cls, numbers: Mapping[str, float], seen: Iterable[int] = (), echoing: Iterable[int] = ()
-    ) -> QualitySums:
-        """What `numbers` gave, and the sets."""
+    def from_numbers(cls, numbers: Mapping[str, float], **sets: Iterable[int]) -> QualitySums:
+        """What `numbers` gave, and the sets by name."""
         found = cls()
         for name, value in numbers.items():
             setattr(found, name, value)
         found.coloured = bool(found.coloured)
-        found.seen.update(seen)
-        found.echoing.update(echoing)
+        for name, members in sets.items():
+            getattr(found, name).update(members)
         return found
 
     @classmethod
@@ -167,3 +169,9 @@ class QualitySums:
         if silent and self.total_w > 0:
             found.append(finding("object-without-echo", *silent))
         return found
+
+
+def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
+    """Different numbers from 0 in a column."""
+    found: list[int] = np.flatnonzero(np.bincount(column.ravel())).tolist()
+    return found

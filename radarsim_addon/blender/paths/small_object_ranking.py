@@ -55,7 +55,8 @@ def in_sight(
     if view.position is None or view.object_index is None:
         return ~seen
     pose = np.array(receiver.matrix_world, dtype=np.float64)
-    local = (view.position * metres_per_unit - pose[:3, 3]) @ pose[:3, :3]
+    position_m = view.position.astype(np.float64) * metres_per_unit
+    local = (position_m - pose[:3, 3]) @ pose[:3, :3]
     ortho = receiver.kind == "orthographic"
     reach = -local[..., 2] if ortho else np.linalg.norm(local, axis=-1)
     # What light passes, and the sky, hide nothing.

@@ -9,6 +9,7 @@ whole. Does not import bpy.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import shutil
 from collections.abc import Iterator
@@ -43,6 +44,7 @@ class TileRecord:
     further: dict[str, float]
     seen: list[int] = field(default_factory=list)
     echoing: list[int] = field(default_factory=list)
+    bodies: list[int] = field(default_factory=list)
     renders: int = 0
     seconds: float = 0.0
     schema: str = "radarsim/tile"
@@ -50,7 +52,9 @@ class TileRecord:
 
     def sums(self) -> tuple[QualitySums, QualitySums]:
         """Quality of the rows, and what lies beyond the last order."""
-        quality = QualitySums.from_numbers(self.quality, self.seen, self.echoing)
+        quality = QualitySums.from_numbers(
+            self.quality, seen=self.seen, echoing=self.echoing, bodies=self.bodies
+        )
         return quality, QualitySums.from_numbers(self.further)
 
 
@@ -62,7 +66,8 @@ class TileCheckpoints:
 
     def __init__(self, frame_folder: Path, stamp: str) -> None:
         self._folder = frame_folder / contract.TILES_DIR
-        self._stamp = f"{stamp} {PATH_DTYPE.descr}"
+        fields = [one.name for one in dataclasses.fields(TileRecord)]
+        self._stamp = f"{stamp} {PATH_DTYPE.descr} {fields}"
 
     def key(self, *numbers: Any) -> str:
         """Name of a tile by what determines its rows."""

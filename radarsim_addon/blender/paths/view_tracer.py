@@ -227,6 +227,7 @@ class ViewTracer:
             probe=probe,
             polarised_from=self._polarised_from(),
             opaque=run.scene.opaque,
+            all_opaque=run.scene.all_opaque,
         )
 
 

@@ -102,6 +102,12 @@ def parse_render_arguments(
     )
     add_arguments(parser, render_settings())
     parser.add_argument(
+        "--device",
+        choices=("cpu", "cuda", "optix", "hip", "oneapi", "metal"),
+        type=str.lower,
+        help="Render with this kind of device; else as file and preferences choose",
+    )
+    parser.add_argument(
         "--overwrite", action="store_true", help=declared(RunSettings)["overwrite"].of.help
     )
     parser.add_argument(

@@ -187,6 +187,8 @@ class MeasurementJob:
             digests.append(geometry_digest + at)
         self._settings = self._make_settings()
         self._settings.apply()
+        if self._settings.device_kind != "CPU":
+            self.versions["device"] = self._settings.device_kind
         self._simulated_to = -math.inf  # changes of the scene empty the caches of simulations
         fingerprints = [fingerprint(self.plan, digest, self.versions) for digest in digests]
         if earlier is not None:

@@ -2,7 +2,8 @@
 """All that a measurement needs of the user's scene, set for a run and restored after it.
 
 Each setting here spoils the measurement without a word when it is wrong: see the reasons in
-the comments. What is not ours to change (device, threads, geometry) stays as the user has it.
+the comments. What is not ours to change (threads, geometry) stays as the user has it; so does the
+device, if its check passes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 import bpy
 
 from ...errors import SceneError
-from ...findings import Finding
+from ...findings import Finding, finding
 from ..materials import (
     EXACT_FACETS,
     assigned_materials,
@@ -30,6 +31,7 @@ from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
 from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
 from ..state import SettingsRestorer, evaluated_depsgraph
+from .devices import failed_facts
 
 #: Surfaces that may lie in line; transparent ones count.
 _TRANSPARENT_BOUNCES = 1024
@@ -68,6 +70,7 @@ class MeasurementSettings:
         self.findings: list[Finding] = []
         #: Objects that waves pass in the mean of two polarisations.
         self.averaging: tuple[str, ...] = ()
+        self.device_kind = "CPU"
 
     def __enter__(self) -> MeasurementSettings:
         self.apply()
@@ -90,13 +93,14 @@ class MeasurementSettings:
             )
         try:
             self._recorder.keep_frame(self._scene)
+            unfit = self._set_device()
             self._set_render()
             self._set_cycles()
             self._set_image_format()
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            self.findings = self._set_materials()
+            self.findings = [*unfit, *self._set_materials()]
             depsgraph = evaluated_depsgraph(self._view_layer)
             self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
@@ -148,6 +152,15 @@ class MeasurementSettings:
             # Date, host and paths do not belong into every EXR file.
             if name.startswith("use_stamp_") and name != "use_stamp_labels":
                 put(render, name, False)
+
+    def _set_device(self) -> list[Finding]:
+        """The CPU in place of a device whose check failed."""
+        device, failed = failed_facts(self._scene)
+        self.device_kind = "CPU" if failed else device.kind
+        if not failed:
+            return []
+        self._recorder.set(self._scene.cycles, "device", "CPU")
+        return [finding("device-unfit", *failed, device=device.kind)]
 
     def _set_cycles(self) -> None:
         cycles, put, put_some = (

@@ -7,7 +7,7 @@ Up to Blender 4.5 such a file has one part, from 5.0 on a part for each pass; ch
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,29 +26,35 @@ def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single
     kind, module = exr_backend()
     names = set(wanted)
     try:
-        planes = _openexr(module, path) if kind == "OpenEXR" else _openimageio(module, path)
+        read = _openexr if kind == "OpenEXR" else _openimageio
+        planes = read(module, path, names)
     except (RuntimeError, ValueError, TypeError, OSError) as error:
         raise RenderError(
             f"The render in {path} cannot be read ({error}). Is the disk for temporary files full?"
         ) from error
     passes: dict[str, dict[str, Single]] = {}
     for channel, plane in planes.items():
-        parts = channel.rsplit(".", 2)
-        if len(parts) == 3 and parts[1] in names:
-            passes.setdefault(parts[1], {})[parts[2]] = plane
+        _, name, component = channel.rsplit(".", 2)
+        passes.setdefault(name, {})[component] = plane
     return passes
 
 
-def _openexr(module: Any, path: Path) -> dict[str, Single]:
+def _is_wanted(channel: str, names: Collection[str]) -> bool:
+    parts = channel.rsplit(".", 2)
+    return len(parts) == 3 and parts[1] in names
+
+
+def _openexr(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
     found: dict[str, Single] = {}
     with module.File(str(path), separate_channels=True) as file:
         for part in file.parts:
             for name, channel in part.channels.items():
-                found[name] = np.array(channel.pixels, dtype=np.float32)
+                if _is_wanted(name, names):
+                    found[name] = np.asarray(channel.pixels, dtype=np.float32)
     return found
 
 
-def _openimageio(module: Any, path: Path) -> dict[str, Single]:
+def _openimageio(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
     source = module.ImageInput.open(str(path))
     if source is None:
         raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
@@ -57,12 +63,15 @@ def _openimageio(module: Any, path: Path) -> dict[str, Single]:
         index = 0
         while source.seek_subimage(index, 0):
             spec = source.spec()
-            pixels = source.read_image(index, 0, 0, spec.nchannels, module.FLOAT)
+            index += 1
+            if not any(_is_wanted(name, names) for name in spec.channelnames):
+                continue
+            pixels = source.read_image(index - 1, 0, 0, spec.nchannels, module.FLOAT)
             if pixels is None:
                 raise RuntimeError(source.geterror() or "OpenImageIO cannot read its pixels")
             for number, name in enumerate(spec.channelnames):
-                found[name] = np.ascontiguousarray(np.asarray(pixels)[..., number])
-            index += 1
+                if _is_wanted(name, names):
+                    found[name] = np.ascontiguousarray(np.asarray(pixels)[..., number])
     finally:
         source.close()
     return found

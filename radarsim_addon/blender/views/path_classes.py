@@ -119,6 +119,8 @@ class TraceLimits:
         order 1, with `deterministic_transmission`; None: each surface takes the mean.
     opaque
         Numbers of objects that let nothing through, whatever the ray.
+    all_opaque
+        Nothing in the scene lets anything through, so that all paths are of depth 0.
     """
 
     max_reflections: int = 1
@@ -130,6 +132,7 @@ class TraceLimits:
     probe: bool = False
     polarised_from: int | None = None
     opaque: frozenset[int] = frozenset()
+    all_opaque: bool = False
 
 
 def trace_replicate(
@@ -156,20 +159,22 @@ def trace_replicate(
     """
     found = TracedReplicate()
     tracer = _Tracer(limits, weight, found)
+    lowest, view = 1, None
     if limits.deterministic_transmission:
         anything = yield from tracer.first_order_in_turn()
         if not anything:
             return found
-        left = yield from tracer.orders_from_2()
+        lowest = 2
+        left, view = yield from tracer.orders_from_2()
     else:
         # The world's range encoding leaves paths as they are: the sum needs none. Materials that
         # carry it weigh their lobes by it, so switching it would change the paths.
         left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
-    for order in range(2 if limits.deterministic_transmission else 1, limits.max_reflections + 1):
+    for order in range(lowest, limits.max_reflections + 1):
         if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
             break
-        if order == limits.max_reflections == 1:
-            base = left
+        if order == limits.max_reflections == lowest:
+            base = left  # what is left holds no other order
         else:
             view = yield RenderRequest(
                 PathClass(order_min=order, order_max=order), encoded=not limits.world_encoding
@@ -177,7 +182,8 @@ def trace_replicate(
             found.renders += 1
             base = tracer.amplitude(view)
         if tracer.power(base) > 0:
-            yield from tracer.depths_of(order, base)
+            encoded = limits.all_opaque and not limits.world_encoding
+            yield from tracer.depths_of(order, base, view if encoded else None)
         left = left - base
     found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
     if limits.probe:
@@ -205,11 +211,12 @@ class _Tracer:
 
     def amplitude(self, view: View) -> Real:
         """The channel that is the amplitude; blue, unless the scene is coloured."""
-        if not self._found.coloured:
-            return view.blue
-        if self._limits.amplitude_channel == "mean":
-            return (view.red + view.green + view.blue) / 3
-        return {"R": view.red, "G": view.green, "B": view.blue}[self._limits.amplitude_channel]
+        channel = self._limits.amplitude_channel
+        if self._found.coloured and channel == "mean":
+            red, green, blue = view.channels()
+            return np.asarray((red + green + blue) / 3)
+        planes = {"R": view.red, "G": view.green, "B": view.blue}
+        return planes[channel if self._found.coloured else "B"].astype(np.float64)
 
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
         """What the path classes must add up to; also tells whether the scene is coloured."""
@@ -222,28 +229,31 @@ class _Tracer:
         found.total = self.power(amplitude)
         return amplitude
 
-    def orders_from_2(self) -> Generator[RenderRequest, View, Real]:
-        """Everything above order 1, up to the limit."""
+    def orders_from_2(self) -> Generator[RenderRequest, View, tuple[Real, View | None]]:
+        """Everything above order 1, up to the limit: amplitudes, and the view of them."""
         found, limits = self._found, self._limits
         if limits.max_reflections == 1:
-            return np.zeros_like(self._weight)
+            return np.zeros_like(self._weight), None
         path_class = PathClass(order_min=2, order_max=limits.max_reflections)
         view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
         found.renders += 1
         later = self.amplitude(view)
         found.total += self.power(later)
-        return later
+        return later, view
 
-    def depths_of(self, order: int, base: Real) -> Generator[RenderRequest, View, None]:
+    def depths_of(
+        self, order: int, base: Real, only: View | None = None
+    ) -> Generator[RenderRequest, View, None]:
         """All depths of one order, until they add up to `base`. Lobes are left to chance.
 
+        `only` is the view of `base` where there is no depth but 0.
         An empty path class is no reason to stop (a wholly transparent layer leaves a hole).
         """
         left = base.copy()
         region = bounding_region(base > 0)
         for depth in range(self._limits.max_depth + 1):
             path_class = PathClass(order, order, depth, depth)
-            layer = yield from self.layer(order, depth, path_class, region)
+            layer = yield from self.layer(order, depth, path_class, region, only)
             left -= layer.amplitude
             if self._spent(left):
                 break
@@ -307,11 +317,17 @@ class _Tracer:
         return np.asarray(~closed)
 
     def layer(
-        self, order: int, depth: int, path_class: PathClass, region: Region | None
+        self,
+        order: int,
+        depth: int,
+        path_class: PathClass,
+        region: Region | None,
+        encoded: View | None = None,
     ) -> Generator[RenderRequest, View, PathClassLayer]:
         coloured = self._found.coloured
-        encoded = yield RenderRequest(path_class, region=region, all_channels=coloured)
-        self._found.renders += 1
+        if encoded is None:
+            encoded = yield RenderRequest(path_class, region=region, all_channels=coloured)
+            self._found.renders += 1
         plain = None
         if coloured:
             plain = yield RenderRequest(path_class, encoded=False, region=region)
@@ -349,10 +365,11 @@ def mean_of_polarisations(view: View, amplitude: Real) -> Real:
     The view has p on both ways in red, s on the first or the last way in green and blue. s on both
     follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
     """
+    red, green, blue = view.channels()
     with np.errstate(divide="ignore", invalid="ignore"):
-        both_s = view.green * view.blue / view.red
-    mean = (view.red + view.green + view.blue + both_s) / 4
-    return np.where((view.red > 0) & (amplitude > 0), mean, amplitude)
+        both_s = green * blue / red
+    mean = (red + green + blue + both_s) / 4
+    return np.where((red > 0) & (amplitude > 0), mean, amplitude)
 
 
 def _is_coloured(view: View) -> bool:

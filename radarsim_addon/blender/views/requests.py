@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Indices, Real, Single
 
 #: Regions larger than this fraction of the view are rendered as the whole view.
 _LARGEST_REGION = 0.85
@@ -90,7 +90,7 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class View:
-    """What came out of one render, arrays of h x w pixels.
+    """What came out of one render, arrays of h x w pixels; float32 where Cycles made them.
 
     Attributes
     ----------
@@ -104,10 +104,10 @@ class View:
         Pixels a side that shared one ray.
     """
 
-    red: Real
-    green: Real
-    blue: Real
-    position: Real | None = None
+    red: Real | Single
+    green: Real | Single
+    blue: Real | Single
+    position: Real | Single | None = None
     object_index: NDArray[np.int32] | None = None
     coarse: int = 1
 
@@ -118,7 +118,12 @@ class View:
 
     def channels(self) -> Real:
         """Return red, green and blue, (3, h, w)."""
-        return np.stack([self.red, self.green, self.blue])
+        return np.stack([self.red, self.green, self.blue], dtype=np.float64)
+
+    def colours(self, pixels: Indices) -> Real:
+        """Return red, green and blue of pixels, counted row by row, (3, n)."""
+        planes = (self.red, self.green, self.blue)
+        return np.stack([plane.take(pixels) for plane in planes], dtype=np.float64)
 
 
 def coarse_variance(power: Real, coarse: int) -> float:

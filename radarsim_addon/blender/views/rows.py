@@ -37,10 +37,11 @@ def rows_of_replicate(
     """
     parts = []
     for layer in traced.layers:
-        row, col = np.nonzero(layer.amplitude > 0)
-        index = row, col
+        index = np.flatnonzero(layer.amplitude > 0)
         pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)
         parts.append(assemble_rows(pixels, index, shared))
+    if len(parts) == 1:
+        return parts[0]
     return np.concatenate(parts) if parts else np.empty(0, dtype=PATH_DTYPE)
 
 
@@ -66,16 +67,16 @@ def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
 
 def _pixels(
     layer: PathClassLayer,
-    index: tuple[Indices, Indices],
+    index: Indices,
     metres_per_unit: float,
     vertex_map: tuple[Real, float],
     coloured: bool,
 ) -> PathClassPixels:
-    amplitude = layer.amplitude[index]
-    encoded = layer.encoded.channels()[:, index[0], index[1]]
+    amplitude = layer.amplitude.take(index)
+    encoded = layer.encoded.colours(index)
     mixing = np.full(amplitude.shape, np.nan)
     if coloured and layer.plain is not None:
-        plain = layer.plain.channels()[:, index[0], index[1]]
+        plain = layer.plain.colours(index)
         log_ratio = _coloured_ratio(encoded, plain)
     else:
         log_ratio = log_encoding_ratio(encoded[0], encoded[2])
@@ -83,18 +84,19 @@ def _pixels(
         # as (G/R)(B/R): R^2 may underflow
         np.divide(encoded[1], encoded[0], out=mixing, where=usable)
         mixing[usable] *= encoded[2][usable] / encoded[0][usable]
-    nowhere = np.full((amplitude.size, 3), np.nan)
+    nowhere = np.broadcast_to(np.nan, (amplitude.size, 3))
     position = nowhere
     unknown = np.zeros(amplitude.size, dtype=np.int32)
     first_object = unknown
     view = layer.encoded
     if view.position is not None:
-        position = view.position[index] * metres_per_unit
+        seen = view.position.reshape(-1, 3).take(index, axis=0)
+        position = seen.astype(np.float64) * metres_per_unit
     if view.object_index is not None and layer.position_is_first:
-        first_object = view.object_index[index]
+        first_object = view.object_index.take(index)
     vertex = nowhere
     if layer.vertex is not None:
-        ratio = layer.vertex.channels()[:, index[0], index[1]]
+        ratio = layer.vertex.colours(index)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = ratio / encoded
         origin, scale = vertex_map

@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ... import contract
+from ...array_types import Single
 from ...errors import RenderError
 from ...processes import temporary_folder
 from ..nodes import attributes
@@ -313,7 +314,7 @@ class PathScene:
             coarse=self._coarse,
         )
 
-    def _whole(self, plane: np.ndarray) -> np.ndarray:
+    def _whole(self, plane: Single) -> Single:
         """A channel over the whole view: 0 outside the region, coarse pixels repeated."""
         (width, height), region = self._size, self._request.region
         if self._coarse > 1:
@@ -328,8 +329,8 @@ class PathScene:
                 f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
             )
         if region is None:
-            return plane.astype(np.float64)
-        whole = np.zeros((height, width))
+            return plane
+        whole = np.zeros((height, width), dtype=np.float32)
         whole[region.top : region.bottom, region.left : region.right] = plane
         return whole
 
@@ -374,5 +375,7 @@ class PathScene:
         put(image, "file_format", "OPEN_EXR_MULTILAYER")
         image.color_depth = "32"
         put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
+        if hasattr(image, "use_exr_interleave"):
+            put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
         put(self._scene.render, "filepath", str(self._folder / "view"))
         put(self._scene.render, "use_file_extension", True)

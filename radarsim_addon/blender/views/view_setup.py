@@ -45,6 +45,7 @@ def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmit
     """Position, object, and a light group of the transmitter alone."""
     recorder.set(view_layer, "use_pass_position", True)
     recorder.set(view_layer, "use_pass_object_index", True)
+    recorder.set(view_layer, "use_pass_z", False)
     recorder.set(view_layer, "pass_alpha_threshold", 0.0)
     active = view_layer.active_lightgroup_index
     recorder.on_restore(

@@ -103,8 +103,10 @@ def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
         local = np.stack([uu, vv, np.full_like(uu, -1.0)], axis=-1)
         local = local / np.sqrt(1 + uu**2 + vv**2)[..., None]
     elif receiver.kind == "equirectangular":
-        cos_lat = np.cos(vv)
-        local = np.stack([np.sin(uu) * cos_lat, np.sin(vv), -np.cos(uu) * cos_lat], axis=-1)
+        cos_lat = np.cos(v)[:, None]
+        local = np.empty((*uu.shape, 3))
+        local[..., 0], local[..., 2] = np.sin(u) * cos_lat, -np.cos(u) * cos_lat
+        local[..., 1] = np.sin(v)[:, None]
     elif receiver.kind == "orthographic":
         local = np.zeros((*uu.shape, 3))
         local[..., 2] = -1.0

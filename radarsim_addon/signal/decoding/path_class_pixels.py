@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
+from ...vectors import are_finite, distances, dots, largest
 from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows
 from .cameras import PixelRays
 
@@ -139,17 +140,15 @@ def first_vertex_order_2(
     denominator over 2 s: the result is poor where it is small.
     """
     to_last = last_scatterer_m - receiver_m
-    s = length_m - np.linalg.norm(last_scatterer_m - transmitter_m, axis=-1)
-    denominator = s - np.sum(direction * to_last, axis=-1)
+    s = length_m - distances(last_scatterer_m, transmitter_m)
+    denominator = s - dots(direction, to_last)
     with np.errstate(divide="ignore", invalid="ignore"):
-        r = (s**2 - np.sum(to_last**2, axis=-1)) / (2 * denominator)
+        r = (s**2 - dots(to_last, to_last)) / (2 * denominator)
         conditioning = denominator / s
     return receiver_m + r[:, None] * direction, conditioning
 
 
-def assemble_rows(
-    pixels: PathClassPixels, index: tuple[Indices, Indices], shared: TileReplicate
-) -> PathRows:
+def assemble_rows(pixels: PathClassPixels, index: Indices, shared: TileReplicate) -> PathRows:
     """Make the rows of one path class.
 
     Parameters
@@ -157,7 +156,7 @@ def assemble_rows(
     pixels
         The path class's n pixels with a path.
     index
-        Row and column of each of them in the tile, (n,) each.
+        Numbers of these in the tile, counted row by row, (n,).
     shared
         What they share.
 
@@ -174,10 +173,12 @@ def assemble_rows(
     encoding.
     """
     rays = shared.rays
-    direction = rays.direction[index]
-    origin_m = rays.origin_m if rays.origin_m.ndim == 1 else rays.origin_m[index]
-    solid_angle_sr = rays.solid_angle_sr[index] * shared.fraction
-    encoded_m, sigma_m = _encoded_length(pixels, rays.near_cosine[index], shared)
+    direction = rays.direction.reshape(-1, 3).take(index, axis=0)
+    origin_m = rays.origin_m
+    if origin_m.ndim > 1:
+        origin_m = origin_m.reshape(-1, 3).take(index, axis=0)
+    solid_angle_sr = rays.solid_angle_sr.take(index) * shared.fraction
+    encoded_m, sigma_m = _encoded_length(pixels, rays.near_cosine.take(index), shared)
     find = _one_reflection if pixels.order == 1 else _several_reflections
     found = find(pixels, origin_m, direction, encoded_m, sigma_m, shared.transmitter_m)
     known = np.isfinite(pixels.log_ratio)
@@ -224,25 +225,27 @@ def _one_reflection(
 ) -> _Vertices:
     """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
     # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
-    scale_m = np.maximum(
-        np.max(np.abs(pixels.position_m), axis=-1, initial=0.0),
-        np.linalg.norm(pixels.position_m - origin_m, axis=-1),
-    )
+    there_m = distances(pixels.position_m, origin_m)
+    scale_m = np.maximum(largest(pixels.position_m), there_m)
     position_sigma_m = np.maximum(1e-9, _POSITION_ROUNDINGS * _EPS32 * scale_m)
-    along_m = _range_of_length(origin_m, direction, transmitter_m, encoded_m)
-    point_m = origin_m + along_m[:, None] * direction
-    by_encoding = np.ones(encoded_m.size, dtype=bool)
+    geometric_m = there_m + distances(pixels.position_m, transmitter_m)
+    seen = np.isfinite(geometric_m) & pixels.position_is_first
+    point_m, lost = pixels.position_m, np.flatnonzero(~seen)
+    if lost.size:
+        start_m = origin_m if origin_m.ndim == 1 else origin_m[lost]
+        ray = direction[lost]
+        along_m = _range_of_length(start_m, ray, transmitter_m, encoded_m[lost])
+        point_m = point_m.copy()
+        point_m[lost] = start_m + along_m[:, None] * ray
+    by_encoding = ~seen
     if pixels.position_is_first:
-        seen_m = _length_over(pixels.position_m, origin_m, transmitter_m)
         # A dielectric on the way delays what geometry cannot see; the encoding does, down to its
         # noise. More than that noise must not be let pass: at long range it would be wavelengths.
         with np.errstate(invalid="ignore"):
-            agrees = np.abs(seen_m - encoded_m) <= _AGREES_WITHIN * (sigma_m + position_sigma_m)
-        seen = np.isfinite(seen_m)
-        point_m = np.where(seen[:, None], pixels.position_m, point_m)
+            off_m = np.abs(geometric_m - encoded_m)
+            agrees = off_m <= _AGREES_WITHIN * (sigma_m + position_sigma_m)
         unencoded = ~np.isfinite(pixels.log_ratio) & (pixels.depth == 0)
         by_encoding = ~(seen & (agrees | unencoded))
-    geometric_m = _length_over(point_m, origin_m, transmitter_m)
     # Behind transparent surfaces a delay below the encoding's noise would go unnoticed.
     exact = ~by_encoding & (pixels.depth == 0)
     return _Vertices(
@@ -271,23 +274,17 @@ def _several_reflections(
         )
         first_m[~(conditioning > _LEAST_DENOMINATOR)] = np.nan
     if pixels.position_is_first:
-        seen = np.isfinite(pixels.position_m).all(axis=-1)
+        seen = are_finite(pixels.position_m)
         first_m = np.where(seen[:, None], pixels.position_m, first_m)
     flags = np.full(encoded_m.size, PathFlag.ENCODED_LENGTH, dtype=np.uint16)
-    flags[~np.isfinite(first_m).all(axis=-1)] |= PathFlag.NO_FIRST_VERTEX
+    flags[~are_finite(first_m)] |= PathFlag.NO_FIRST_VERTEX
     return _Vertices(first_m, pixels.vertex_m, encoded_m, sigma_m, flags)
-
-
-def _length_over(point_m: Real, origin_m: Real, transmitter_m: Real) -> Real:
-    """Length from the receiver over a point to the transmitter, (n,) [m]."""
-    there_m = np.linalg.norm(point_m - origin_m, axis=-1)
-    return np.asarray(there_m + np.linalg.norm(point_m - transmitter_m, axis=-1))
 
 
 def _range_of_length(origin: Real, direction: Real, transmitter_m: Real, length_m: Real) -> Real:
     """Distance r along the ray where r + |P - T| is the length (an ellipsoid's intersection)."""
     to_transmitter = transmitter_m - origin
-    squared = np.sum(np.broadcast_to(to_transmitter, direction.shape) ** 2, axis=-1)
-    denominator = length_m - np.sum(direction * to_transmitter, axis=-1)
+    squared = dots(to_transmitter, to_transmitter)
+    denominator = length_m - dots(direction, to_transmitter)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(length_m > 0, (length_m**2 - squared) / (2 * denominator), 0.0)

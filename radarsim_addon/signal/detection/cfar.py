@@ -7,6 +7,7 @@ because neighbouring cells of a map are not independent: tapers and oversampling
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Literal
@@ -134,8 +135,14 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
         taken = places[:: -(-places.size // _MAX_SORTED)]
         mask = np.zeros_like(mask)
         mask.flat[taken] = True
-    rho = noise_correlation(rd_map, (2 * reach[0], 2 * reach[1]))
-    calibration = Calibration(mask, rho, cfar.pfa, cfar.rank if cfar.kind == "os" else None)
+    along = noise_correlation(rd_map, (2 * reach[0], 2 * reach[1]))
+    calibration = _calibration(
+        mask.shape,
+        mask.tobytes(),
+        *(rho.tobytes() for rho in along),
+        cfar.pfa,
+        cfar.rank if cfar.kind == "os" else None,
+    )
     if cfar.kind == "ca":
         total, count = _ring_sums(power, guard, train)
         statistic = total / np.maximum(count, 1)
@@ -146,6 +153,20 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
     return CfarResult(
         statistic * factor, statistic / calibration.mean, (int(mask.sum()), calibration.independent)
     )
+
+
+@functools.lru_cache(maxsize=8)
+def _calibration(
+    shape: tuple[int, int],
+    mask: bytes,
+    doppler: bytes,
+    along: bytes,
+    pfa: float,
+    rank: float | None,
+) -> Calibration:
+    """Calibration of a ring, kept: all frames of a run share it, and drawing it takes longest."""
+    correlation = np.frombuffer(doppler, complex), np.frombuffer(along, complex)
+    return Calibration(np.frombuffer(mask, bool).reshape(shape), correlation, pfa, rank)
 
 
 def _shifted_sum(values: Real, first: int, last: int, axis: int, wrap: bool) -> Real:

@@ -362,7 +362,8 @@ class _Search:
         trains = np.fft.ifft(np.fft.ifftshift(self._residual[:, cols], axes=0), axis=0)
         pulse = np.arange(pulses)
         fine = (row - self._zero + np.arange(-16, 17) / 16) / pulses
-        spectra = np.abs(np.exp(-2j * np.pi * np.outer(fine, pulse)) @ trains)
+        turns = np.exp(-2j * np.pi * np.outer(fine, pulse))
+        spectra = np.abs(np.einsum("fp,pr->fr", turns, trains))
         best = int(np.argmax(spectra[1:-1, 1])) + 1
         cycles = fine[best] + vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
         step_m = float(range_m[1] - range_m[0]) if range_m.size > 1 else 0.0

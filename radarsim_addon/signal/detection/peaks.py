@@ -221,11 +221,13 @@ def refine_peak(
         return np.asarray((turn - leak) / math.sqrt(max(1 - abs(leak) ** 2, 1e-12)))
 
     for _ in range(3):
-        line = terms(frequency) @ spectrum / ranges
+        # no BLAS: its threads share such sums, and their number would show in the last digits
+        line = np.einsum("p,pr->r", terms(frequency), spectrum) / ranges
         position, best = _climb(
             lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0, (0.0, ranges - 1.0)
         )
-        train = spectrum @ np.exp(2j * np.pi * wave * position) / ranges
+        turns = np.exp(2j * np.pi * wave * position)
+        train = np.einsum("pr,r->p", spectrum, turns) / ranges
         frequency, best = _climb(terms, train, frequency, 1.0 / pulses)
     if deflate:
         leak = complex(np.exp(-2j * np.pi * frequency * pulse) @ weight)
@@ -255,7 +257,7 @@ def _climb(
     """
 
     def value(x: float) -> float:
-        return float(abs(factors(x) @ terms))
+        return float(abs(np.einsum("i,i->", factors(x), terms)))
 
     # golden-section search: one maximum between two cells, and no derivative needed
     ratio = (5**0.5 - 1) / 2

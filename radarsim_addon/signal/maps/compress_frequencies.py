@@ -118,7 +118,9 @@ class LinePower:
         # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1
         spectrum = np.abs(np.fft.fft(weight, 2 * count)) ** 2
         self._lags = np.fft.fftshift(np.fft.ifft(spectrum).real) / weight.sum() ** 2
-        self._sum = np.zeros(2 * count, dtype=np.complex128)
+        self._limits_m = range_limits_m
+        #: Of echoes within the range limits, and of those that reach in from beyond.
+        self._sums = np.zeros((2, 2 * count), dtype=np.complex128)
 
     def add(self, range_m: Real, power: Real) -> None:
         """Paths at these one-way ranges [m] with these powers."""
@@ -126,16 +128,25 @@ class LinePower:
             heard = range_m < self._waveform.unambiguous_range_m
             range_m, power = range_m[heard], power[heard]
         points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
-        # 1e-13: far echoes stand many tens of dB below near ones
-        self._sum += nufft1(points, power, self._sum.size, 1e-13, self._nufft_backend)
+        cell_m, (start_m, stop_m) = self._waveform.range_resolution_m, self._limits_m
+        after_m = np.mod(range_m - start_m + cell_m, self._waveform.range_period_m)
+        beyond = after_m > stop_m - start_m + 2 * cell_m
+        for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
+            own = slice(None) if rows.all() else rows
+            if rows.any():
+                # 1e-13: far echoes stand many tens of dB below near ones
+                total += nufft1(points[own], power[own], total.size, 1e-13, self._nufft_backend)
 
-    def result(self) -> Real:
-        """Power at `range_m`, of its shape, in the unit of the powers that were added."""
+    def result(self, within: bool = False) -> Real:
+        """Power at `range_m`, of its shape, in the unit of the powers that were added; `within`: of
+        echoes within the range limits alone.
+        """
+        total = self._sums[0] if within else self._sums.sum(axis=0)
         count = self._waveform.grid_count
         q = np.arange(-count, count)
         start = 2 * self.range_m[0] / SPEED_OF_LIGHT_MPS * self._waveform.grid_step_hz
         size = count * self._oversample
         padded = np.zeros(max(size, 2 * count), dtype=np.complex128)
-        padded[q % padded.size] = self._sum * self._lags * np.exp(2j * np.pi * q * start)
+        padded[q % padded.size] = total * self._lags * np.exp(2j * np.pi * q * start)
         power = np.fft.ifft(padded).real * padded.size
         return np.asarray(np.maximum(power[: self.range_m.size], 0.0))

@@ -180,13 +180,13 @@ class _TableSums:
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
         steps = steps_of(rows, record.receiver, record.replicates)
         self.gaps.add(rows, steps)
-        for part in spread(rows, steps, cells.step_m, cells.step_mps):
+        for part in spread(rows, steps, *cells.spacing):
             cells.add(grid, part, record.replicates * power)
             if self._points_to is not None:
                 self._points_to(make_paths(radiance[part.row] * part.share, part.length_m))
         if record.replicates > 1:
             steps = steps.scaled(record.replicates**-0.5)
-            for part in spread(rows, steps, cells.step_m, cells.step_mps):
+            for part in spread(rows, steps, *cells.spacing):
                 cells.add(self.finer, part, power)
 
     def _gain(self, rows: PathRows) -> Real:
@@ -275,6 +275,8 @@ class _Cells:
         self.pulses = radar.burst.pulses
         #: One Doppler bin [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
+        #: Points' distances in total length and range rate, and where a cell begins.
+        self.spacing = self.step_m, self.step_mps, 2 * self._start_m - self.step_m
 
     @property
     def range_m(self) -> Real:

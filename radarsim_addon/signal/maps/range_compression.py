@@ -216,7 +216,8 @@ class ProfileAccumulator:
             )
         # the compressed pulse is two chirps long: what lies further out does not reach in
         self._margin_m = (2 * chirp - 1) * radar.waveform.sample_spacing_m
-        self._sum = np.zeros(self._size, dtype=np.complex128)
+        #: Of echoes within the range limits, and of those that reach in from beyond.
+        self._sums = np.zeros((2, self._size), dtype=np.complex128)
 
     def add(self, paths: Paths) -> None:
         """Add the power of these paths, where they are at t."""
@@ -237,20 +238,33 @@ class ProfileAccumulator:
         offset_m = offset_m[near] - repeat_orders(low, copies) * fold_m
         step_m = self._radar.waveform.sample_spacing_m / self._oversample
         points = offset_m * (2 * np.pi / (step_m * self._size))
-        # 1e-13: far echoes stand many tens of dB below near ones
-        self._sum += nufft1(points, power[near] ** 2, self._size, 1e-13, self._nufft_backend)
+        cell_m = self._radar.waveform.range_resolution_m
+        beyond = (offset_m < -cell_m) | (offset_m > span_m + cell_m)
+        power = power[near] ** 2
+        for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
+            own = slice(None) if rows.all() else rows
+            if rows.any():
+                # 1e-13: far echoes stand many tens of dB below near ones
+                total += nufft1(points[own], power[own], self._size, 1e-13, self._nufft_backend)
 
-    def result(self) -> PowerProfile:
-        """Profile of all paths added so far."""
+    def result(self, within: bool = False) -> PowerProfile:
+        """Profile of all paths added so far, or of those within the range limits alone.
+
+        Parameters
+        ----------
+        within
+            Leave out what reaches in from beyond: sidelobes without their echo.
+        """
         if self._lines is not None:
-            power = self._lines.result()
+            power = self._lines.result(within)
             return PowerProfile(power, self._range_m, self._radar, self._range_taper)
         waveform = self._radar.waveform
         response = replica_spectrum(waveform, self._base) * matched_filter(
             waveform, self._base, self._range_taper
         )
         point_power = np.abs(_interpolate(response, self._oversample)) ** 2
-        spectrum = np.fft.ifftshift(self._sum) * np.fft.fft(point_power)
+        total = self._sums[0] if within else self._sums.sum(axis=0)
+        spectrum = np.fft.ifftshift(total) * np.fft.fft(point_power)
         power = np.maximum(np.fft.ifft(spectrum).real[: self._range_m.size], 0.0)
         return PowerProfile(power, self._range_m, self._radar, self._range_taper)
 

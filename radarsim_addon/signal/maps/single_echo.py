@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Complex, Real
+from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes, EchoOptions, synthesizer_for
 from ..paths import make_paths
 from ..radar import (
@@ -25,6 +26,7 @@ from ..radar import (
     FmcwWaveform,
     PmcwWaveform,
     Radar,
+    SteppedWaveform,
     frequencies_hz,
     matched_filter,
     replica,
@@ -143,15 +145,12 @@ def point_response(
     nodes = np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count))
     weights = _lagrange(nodes, times / max(times[-1], 0.5))
     rate_mps = -(cycles + folds) * waveform.wavelength_m / 2 * radar.burst.prf_hz
-    profiles = [_profiles(recording, range_m + travel_m * node, rate_mps) for node in nodes]
+    own, conjugate = _profiles(recording, range_m + travel_m * nodes, rate_mps)
     turns: Complex = np.exp(2j * np.pi * cycles * times)[:, None]
-    response = PointResponse(
-        _doppler(recording, weights * turns), np.stack([own for own, _ in profiles])
-    )
-    images = [image for _, image in profiles if image is not None]
-    if not images:
+    response = PointResponse(_doppler(recording, weights * turns), own)
+    if conjugate is None:
         return response
-    image = PointResponse(_doppler(recording, weights * turns.conj()), np.stack(images))
+    image = PointResponse(_doppler(recording, weights * turns.conj()), conjugate)
     return dataclasses.replace(response, image=image)
 
 
@@ -274,28 +273,56 @@ def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
 
 
 def _profiles(
-    recording: Recording, range_m: float, rate_mps: float
+    recording: Recording, ranges_m: Real, rate_mps: float
 ) -> tuple[Complex, Complex | None]:
-    """Return profiles (ranges,) of a unit echo that is shown at a range, and of its image in a real
-    ADC, without their carrier phases, so that they change slowly with range.
+    """Return profiles (Q, ranges) of unit echoes that are shown at Q ranges, and of their images in
+    a real ADC, without their carrier phases, so that they change slowly with range.
 
     Pulses and codes move while they are under way; where frequencies come one after the other it is
     the profile of a stationary echo.
     """
-    echoes, range_taper = recording.echoes, recording.rd_map.range_taper
-    waveform = echoes.radar.waveform
+    waveform = recording.echoes.radar.waveform
+    if isinstance(waveform, FmcwWaveform | SteppedWaveform):
+        return _still_profiles(recording, waveform, np.maximum(ranges_m, _NEAREST_M))
+    later_s = _coupling_s(waveform, recording.rd_map.range_taper)
+    ranges_m = np.maximum(ranges_m - rate_mps * later_s, _NEAREST_M)
+    radar = Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, 1))
+    echoes = (_unit_echo(recording, radar, float(r), rate_mps, True) for r in ranges_m)
+    profiles = np.concatenate([_compressed(recording, echo) for echo in echoes])
+    carrier = np.exp(2j * np.pi * (2 * ranges_m / waveform.wavelength_m % 1.0))
+    return carrier[:, None] * profiles, None
+
+
+def _still_profiles(
+    recording: Recording, waveform: FmcwWaveform | SteppedWaveform, ranges_m: Real
+) -> tuple[Complex, Complex | None]:
+    """`_profiles` of stationary echoes at these ranges, with beats from their closed form."""
+    real = False
     if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
+        real = True
         waveform = dataclasses.replace(waveform, real_adc=False)  # what the image adds is its own
-    radar = Radar(waveform, Burst(echoes.radar.burst.prf_hz, 1))
-    moves = waveform.family == "pulse" or isinstance(waveform, PmcwWaveform)
-    if moves:
-        range_m -= rate_mps * _coupling_s(waveform, range_taper)
-    range_m = max(range_m, _NEAREST_M)
-    echo = _unit_echo(recording, radar, range_m, rate_mps if moves else 0.0, moves)
-    columns = recording.rd_map.range_m.size
-    carrier = np.exp(2j * np.pi * (2 * range_m / waveform.wavelength_m % 1.0))
-    own = range_process(echo, range_taper).values[0, 0, :columns] * carrier
-    if waveform is echoes.radar.waveform:
+    delay_s = (2 / SPEED_OF_LIGHT_MPS * ranges_m)[:, None]
+    cycles = (
+        -waveform.grid_step_hz * delay_s * (np.arange(waveform.grid_count) - waveform.grid_middle)
+    )
+    if isinstance(waveform, FmcwWaveform):
+        cycles += waveform.slope_hz_per_s / 2 * delay_s**2
+    beats = np.exp(2j * np.pi * cycles)
+    if isinstance(waveform, FmcwWaveform):
+        beats[ranges_m >= waveform.unambiguous_range_m] = 0  # filtered out
+    echo = dataclasses.replace(
+        recording.echoes,
+        samples=beats[None],
+        radar=Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, ranges_m.size)),
+        range_limits_m=recording.range_limits_m,
+    )
+    own = _compressed(recording, echo)
+    if not real:
         return own, None
-    echo = dataclasses.replace(echo, samples=np.conj(echo.samples))
-    return own, range_process(echo, range_taper).values[0, 0, :columns] * np.conj(carrier)
+    return own, _compressed(recording, dataclasses.replace(echo, samples=np.conj(beats)[None]))
+
+
+def _compressed(recording: Recording, echo: Echoes) -> Complex:
+    """Profiles of echoes over the ranges of the map, (pulses, ranges)."""
+    found = range_process(echo, recording.rd_map.range_taper).values[0]
+    return np.asarray(found[:, : recording.rd_map.range_m.size])

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Int32, Real
 from ...errors import ConfigError
+from ...vectors import are_finite
 from .body_motion import BodyMotion
 from .motion_file import FrameMotion, VertexSeries
 from .path_motion import Rows
@@ -63,10 +64,7 @@ class KinematicMotion:
     @functools.cached_property
     def known(self) -> NDArray[np.bool_]:
         """Rows with known first and last vertex, (n,)."""
-        return np.asarray(
-            np.isfinite(self.first_scatterer_m).all(axis=-1)
-            & np.isfinite(self.last_scatterer_m).all(axis=-1)
-        )
+        return are_finite(self.first_scatterer_m) & are_finite(self.last_scatterer_m)
 
     @functools.cached_property
     def moving(self) -> NDArray[np.bool_]:

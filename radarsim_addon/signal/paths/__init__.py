@@ -21,6 +21,7 @@ from .table_files import (
     read_paths_record,
     usable,
 )
+from .table_footprints import TableFootprints
 from .triangles import TriangleMesh
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "Paths",
     "Points",
     "Steps",
+    "TableFootprints",
     "TriangleMesh",
     "channel_lengths",
     "edge_variances",

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ranges and range rates a pixel's surface covers, told from its neighbours.
+"""What a pixel's surface covers of range, range rate and place, told from its neighbours.
 
 A path stands for all that its pixel sees. Where a surface is seen at grazing incidence, that is a
-stretch of many range cells, and a profile of single paths has an echo in one of them and nothing
-in the others. Between the rays of one object the surface is taken to be straight: from its own ray
+stretch of many range cells, and single paths have an echo in one of them and nothing in the others.
+Between the rays of one object the surface is taken to be straight: from its own ray
 a pixel reaches half-way to its neighbours, and its power, which it keeps, is spread over that as
-theirs tell. For expected powers alone: echoes with phase need points.
+theirs tell. Expected powers and the echoes of rough surfaces are formed of the same points
+(:mod:`.paths.table_footprints`); where pixels add up in phase, single paths stay as they are.
 
 Nothing is spread at orders above 1 (which chance rules), where the ranges to both sides say
 opposite things (the nearest point of a sphere, an edge that juts out), and beyond the last ray of
@@ -17,13 +18,12 @@ much (a step in the surface), the smaller one counts.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Integers, Real
 from ...contract import ReceiverRecord
 from .pixel_spacing import grid_places, placed
 from .table import PathRows
@@ -51,13 +51,17 @@ class Steps:
     length_m, range_rate_mps, power
         Of length, range rate, and power over the ray's own, (n, 2, 2) [m, m/s, 1]: by axis (across,
         up) and side (before, after), counted along the axis; 0 where unknown.
+    between
+        Rows that each step leads from and to, (n, 2, 2, 2), one row twice where it is unknown;
+        empty: not told.
     """
 
     length_m: Real
     range_rate_mps: Real
     power: Real
+    between: Indices = field(default_factory=lambda: np.zeros((0, 2, 2, 2), dtype=np.intp))
 
-    def part(self, rows: slice) -> Steps:
+    def part(self, rows: slice | Indices) -> Steps:
         """Return the steps of some rows."""
         return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
 
@@ -102,81 +106,118 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
     -------
     Steps
     """
-    found = Steps(*np.zeros((3, rows.size, 2, 2)))
+    own = np.arange(rows.size)
+    between = np.broadcast_to(own[:, None, None, None], (rows.size, 2, 2, 2)).copy()
+    # columns of their own: in a table they lie far apart
+    length_m, rate_mps, power_w = (
+        np.ascontiguousarray(rows[name]) for name in ("length_m", "range_rate_mps", "power_w")
+    )
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
-    if kept.size < 2:
-        return found
-    mine = rows if kept.size == rows.size else rows[kept]
-    col, row = grid_places(mine, receiver, count)
-    owner = mine["last_object"].astype(np.int64) << 32 | mine["last_body"]
-    depth, power = mine["transparent_depth"], mine["power_w"]
-    moving = bool(np.any(mine["range_rate_mps"]))
-    names = ("length_m", "power_w", "range_rate_mps")[: 3 if moving else 2]
-    for path_class in np.unique(depth):
-        here = depth == path_class
-        # two empty pixels all around: nothing wraps, and every ray has two on each side
-        place = tuple(at[here] - at[here].min() + 2 for at in (row, col))
-        shape = tuple(int(at.max()) + 3 for at in place)
-        owners = np.zeros(shape, dtype=np.int64)
-        owners[place] = owner[here]
-        images = np.zeros((len(names), *shape))
-        for image, name in zip(images, names, strict=True):
-            image[place] = mine[name][here]
-        into, own = kept[here], power[here, None]
-        for axis in (0, 1):
+    if kept.size > 1:
+        mine = rows if kept.size == rows.size else rows[kept]
+        places = grid_places(mine, receiver, count)
+        owner = mine["last_object"].astype(np.int64) << 32 | mine["last_body"]
+        depth = mine["transparent_depth"]
+        for path_class in np.unique(depth):
+            here = np.flatnonzero(depth == path_class)
             # columns are the second index of an image, and the first axis of steps
-            sides = _sides(images, owners, 1 - axis)
-            steps = [np.stack([one[place] for one in side], axis=-1) for side in sides]
-            found.length_m[into, axis] = steps[0]
-            relative = np.divide(steps[1], own, out=np.zeros_like(steps[1]), where=own > 0)
-            found.power[into, axis] = np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
-            if moving:
-                found.range_rate_mps[into, axis] = steps[2]
-    return found
+            for axis, chain in enumerate(_chains(places[0][here], places[1][here], owner[here])):
+                rays = kept[here][chain]
+                between[kept[here], axis] = _counting(length_m[rays], rays)
+    return Steps(
+        _differences(length_m, between),
+        _differences(rate_mps, between) if rate_mps.any() else np.zeros((rows.size, 2, 2)),
+        power_steps(power_w, between, power_w),
+        between,
+    )
 
 
-def _sides(images: Real, owners: NDArray[np.int64], axis: int) -> list[tuple[Real, Real]]:
-    """Step before and after each pixel of each image along an axis.
+def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
+    """Return the steps of power over the rays' own, (n, 2, 2), as `Steps` has them."""
+    own_w = own_w[:, None, None]
+    steps = _differences(power_w, between)
+    relative = np.divide(steps, own_w, out=np.zeros_like(steps), where=own_w > 0)
+    return np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
 
-    The first image rules what counts. Pixels of no owner hold nothing.
+
+def _differences(values: Real, between: Indices) -> Real:
+    """Steps of values; none to or from what is not finite, which is refused where it is used."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(values[between[..., 1]] - values[between[..., 0]], posinf=0, neginf=0)
+
+
+def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:
+    """Five rays in a line across, and up: two before each, itself, two after it, (5, n).
+
+    Where another owner begins, the last ray of the own one stands for all that follow.
     """
-    same = (owners == np.roll(owners, 1, axis)) & (owners > 0)
-    # the step that ends at each pixel; 0 where it begins on something else
-    steps = [np.where(same, image - np.roll(image, 1, axis), 0.0) for image in images]
+    # two empty pixels all around: nothing wraps, and every ray has two on each side
+    width = int(np.ptp(col)) + 5
+    pixel = (row - row.min() + 2) * width + col - col.min() + 2
+    number = np.full((int(np.ptp(row)) + 5) * width, col.size)
+    own = np.arange(col.size)
+    number[pixel] = own
+    owners = np.append(owner, -1)
+    for stride in (1, width):
+        chain = np.tile(own, (5, 1))
+        for way in (-1, 1):
+            going = np.ones(col.size, dtype=bool)
+            for reach in (1, 2):
+                there = number[pixel + way * reach * stride]
+                going &= owners[there] == owner
+                chain[2 + way * reach] = np.where(going, there, chain[2 + way * (reach - 1)])
+        yield chain
 
-    def at(step: NDArray[Any], offset: int) -> NDArray[Any]:
-        return np.roll(step, -offset, axis)
 
-    # steps to each pixel and from it on, and the next ones to both sides
-    to, on = same, at(same, 1)
-    size = abs(steps[0])
+def _counting(length_m: Real, rays: Indices) -> Indices:
+    """Rays that the step to each side leads from and to, (n, 2, 2), the ray twice for none, of
+    chains of five rays and their lengths, (5, n).
+    """
+    step = np.diff(length_m, axis=0)
+    size = abs(step)
+    to, on = rays[1] != rays[2], rays[3] != rays[2]
     # At the end of a surface the step before counts, or the one before that if it is smaller.
-    nearer_on, nearer_to = at(size, 1) <= at(size, 2), size <= at(size, -1)
-
-    def pair(step: Real) -> tuple[Real, Real]:
-        after = at(step, 1)
-        first = np.where(to, step, np.where(nearer_on, after, at(step, 2)))
-        last = np.where(on, after, np.where(nearer_to, step, at(step, -1)))
-        return first, last
-
-    before, after = pair(steps[0])
-    smaller = abs(before) <= abs(after)
-    rough = np.maximum(abs(before), abs(after)) > _STEEPER * np.minimum(abs(before), abs(after))
-    take_first, take_last = rough & ~smaller, rough & smaller
+    first = np.where(to, 1, np.where(size[2] <= size[3], 2, 3))
+    last = np.where(on, 2, np.where(size[1] <= size[0], 1, 0))
+    ray = np.arange(rays.shape[1])
+    before, after = step[first, ray], step[last, ray]
+    near, far = abs(before), abs(after)
+    smaller = near <= far
+    rough = np.maximum(near, far) > _STEEPER * np.minimum(near, far)
+    # How far a surface extends beyond the last ray is unknown. Where it comes nearer, that half
+    # stays at the ray; where it recedes (a limb, a horizon), the step before continues.
     monotonic = before * after > 0
-    goes_before, goes_after = to | (before < 0), on | (after > 0)
-    found = []
-    for step in steps:
-        first, last = pair(step)
-        before = np.where(monotonic, np.where(take_first, last, first), 0.0)
-        after = np.where(monotonic, np.where(take_last, first, last), 0.0)
-        # How far a surface extends beyond the last ray is unknown. Where it comes nearer, that half
-        # stays at the ray; where it recedes (a limb, a horizon), the step before continues.
-        found.append((np.where(goes_before, before, 0.0), np.where(goes_after, after, 0.0)))
+    goes = monotonic & (to | (before < 0)), monotonic & (on | (after > 0))
+    chosen = np.where(rough & ~smaller, last, first), np.where(rough & smaller, first, last)
+    found = np.empty((ray.size, 2, 2), dtype=np.intp)
+    for side in (0, 1):
+        for end in (0, 1):
+            found[:, side, end] = np.where(goes[side], rays[chosen[side] + end, ray], rays[2])
     return found
 
 
-def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iterator[Points]:
+def points_along(
+    steps: Steps, cell_m: float, cell_mps: float, most_a_row: int = _POINTS_A_ROW
+) -> Indices:
+    """Return how many points stand for each row across and up, (n, 2), see `spread`; there are at
+    most so many times the rows, or a number that costs nothing.
+    """
+    # by columns: reductions over two are slow
+    length_m, rate_mps = abs(steps.length_m), abs(steps.range_rate_mps)
+    extent = np.maximum(length_m[..., 0], length_m[..., 1]) / cell_m
+    if rate_mps.any():
+        extent = np.maximum(extent, np.maximum(rate_mps[..., 0], rate_mps[..., 1]) / cell_mps)
+    most = max(most_a_row * len(extent), _LEAST_POINTS)
+    along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
+    # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
+    while int(along[:, 0] @ along[:, 1]) > most:
+        along = np.minimum(along, max(int(0.8 * along.max()), 1))
+    return along
+
+
+def spread(
+    rows: PathRows, steps: Steps, cell_m: float, cell_mps: float, border_m: float = 0.0
+) -> Iterator[Points]:
     """Yield points that stand for the rows, no further apart than cells, a part at a time.
 
     Parameters
@@ -189,46 +230,90 @@ def spread(rows: PathRows, steps: Steps, cell_m: float, cell_mps: float) -> Iter
         Largest distance of the points in total length [m].
     cell_mps
         Largest distance in range rate [m/s].
+    border_m
+        Total length at which a cell ends. A point that reaches over such a place, or others whole
+        cells away from it, is cut in two there.
 
     Yields
     ------
     Points
         Those of some rows; the fractions of a row add up to 1.
     """
-    extent = np.maximum(
-        abs(steps.length_m).max(axis=2) / cell_m, abs(steps.range_rate_mps).max(axis=2) / cell_mps
-    )
-    most = max(_POINTS_A_ROW * len(extent), _LEAST_POINTS)
-    along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
-    # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
-    while int(along.prod(axis=1).sum()) > most:
-        along = np.minimum(along, max(int(0.8 * along.max()), 1))
-    points = along.prod(axis=1)
-    ends = np.cumsum(points)
+    along = points_along(steps, cell_m, cell_mps)
+    points = along[:, 0] * along[:, 1]
+    lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
+    whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
+    if whole.size:
+        found = Points(whole, lengths[whole], rates[whole], np.ones(whole.size))
+        yield _cut_at_borders(found, _widths_m(steps, whole, along), cell_m, border_m)
+    ends = np.cumsum(points[several])
     start = 0
-    while start < points.size:
-        last = int(np.searchsorted(ends, ends[start] - points[start] + _CHUNK, side="right"))
-        stop = max(last, start + 1)
-        here = slice(start, stop)
-        yield _points(rows[here], steps.part(here), along[here], start)
+    while start < several.size:
+        begin = ends[start - 1] if start else 0
+        stop = max(int(np.searchsorted(ends, begin + _CHUNK, side="right")), start + 1)
+        here = several[start:stop]
+        row, place = places_in_pixels(along[here])
+        length_m = lengths[here][row] + along_steps(steps.length_m[here], row, place)
+        rate_mps = rates[here][row] + along_steps(steps.range_rate_mps[here], row, place)
+        found = Points(here[row], length_m, rate_mps, shares(steps.power[here], row, place))
+        yield _cut_at_borders(found, _widths_m(steps, here, along)[row], cell_m, border_m)
         start = stop
 
 
-def _points(rows: PathRows, steps: Steps, along: Indices, start: int) -> Points:
-    """Points of rows whose first one is number `start` of all."""
+def _widths_m(steps: Steps, rows: Indices, along: Indices) -> Real:
+    """Total lengths that each point of some rows covers, along the wider axis, (rows,) [m]."""
+    length_m = abs(steps.length_m[rows])
+    covered_m = (length_m[..., 0] + length_m[..., 1]) / 2 / along[rows]
+    return np.maximum(covered_m[:, 0], covered_m[:, 1])
+
+
+def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:
+    """The points, those cut in two that reach over a border; each is even over its width."""
+    low_m = points.length_m - width_m / 2
+    over_m = low_m + width_m - (border_m + np.ceil((low_m - border_m) / cell_m) * cell_m)
+    cut = np.flatnonzero((over_m > 0) & (over_m < width_m))
+    part = over_m[cut] / width_m[cut]
+    length_m, share = points.length_m.copy(), points.share.copy()
+    # the lower part ends where the upper one begins
+    length_m[cut] -= over_m[cut] / 2
+    share[cut] *= 1 - part
+    upper_m = points.length_m[cut] + (width_m[cut] - over_m[cut]) / 2
+    return Points(
+        np.concatenate([points.row, points.row[cut]]),
+        np.concatenate([length_m, upper_m]),
+        np.concatenate([points.range_rate_mps, points.range_rate_mps[cut]]),
+        np.concatenate([share, points.share[cut] * part]),
+    )
+
+
+def places_in_pixels(along: Indices) -> tuple[Indices, Real]:
+    """Return the row of each point and its place in the pixel, across and up, (points, 2), from
+    -1/2 to 1/2, of rows (n, 2) of so many points.
+    """
     points = along.prod(axis=1)
     row = np.repeat(np.arange(points.size), points)
     number = np.arange(row.size) - np.repeat(np.cumsum(points) - points, points)
-    length, rate = rows["length_m"][row], rows["range_rate_mps"][row]
-    across, share = along[row, 0], np.ones(row.size)
-    for axis, index in ((0, number % across), (1, number // across)):
-        place = (index + 0.5) / along[row, axis] - 0.5
-        side = (place > 0).astype(np.intp)
-        length = length + place * steps.length_m[row, axis, side]
-        rate = rate + place * steps.range_rate_mps[row, axis, side]
-        share += place * steps.power[row, axis, side]
-    share /= np.bincount(row, share)[row]
-    return Points(start + row, length, rate, share)
+    across, up = along[row].T
+    place = np.stack([(number % across + 0.5) / across, (number // across + 0.5) / up], axis=-1)
+    return row, place - 0.5
+
+
+def along_steps(steps: Real, row: Indices, place: Real) -> Real:
+    """Return by how much values change, (points, ...), at places in pixels of rows with these
+    steps, (n, 2, 2, ...).
+    """
+    total = np.zeros((row.size, *steps.shape[3:]))
+    for axis in (0, 1):
+        here = place[:, axis]
+        part = steps[row, axis, (here > 0).astype(np.intp)]
+        total += here.reshape(-1, *[1] * (part.ndim - 1)) * part
+    return total
+
+
+def shares(power_steps: Real, row: Indices, place: Real) -> Real:
+    """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
+    share = 1 + along_steps(power_steps, row, place)
+    return np.asarray(share / np.bincount(row, share)[row])
 
 
 def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
@@ -245,13 +330,19 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
     ------
     iterator of ndarray
     """
+    starts, stops = view_limits(table)
+    replicate = np.asarray(table["replicate"])[starts]
+    for number in range(replicates):
+        mine = np.flatnonzero(replicate == number)
+        yield (_rows_with_length(table[starts[i] : stops[i]]) for i in mine)
+
+
+def view_limits(table: PathRows) -> tuple[Indices, Indices]:
+    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
     tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
-    starts = np.concatenate([[0], cuts])[: table.size]
-    stops = np.concatenate([cuts, [table.size]])[: starts.size]
-    for number in range(replicates):
-        mine = np.flatnonzero(replicate[starts] == number)
-        yield (_rows_with_length(table[starts[i] : stops[i]]) for i in mine)
+    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
+    return starts, np.append(starts[1:], table.size)[: starts.size]
 
 
 def _rows_with_length(view: PathRows) -> PathRows:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Integers, Real
 from ...contract import ReceiverRecord
+from ...vectors import are_finite, largest
 from .table import PathRows
 
 #: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side, and those of
@@ -29,11 +30,11 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
     Parallel rays are told by where they end, others by their direction.
     """
     if receiver.kind == "orthographic":
-        return np.asarray(np.isfinite(rows["first_scatterer_m"]).all(axis=1))
+        return are_finite(rows["first_scatterer_m"])
     if receiver.kind == "perspective":
         backwards = np.array(receiver.matrix_world, dtype=np.float64)[:3, 2]
         return np.asarray(rows["direction"] @ backwards < 0)
-    return np.asarray(np.any(rows["direction"] != 0, axis=1))
+    return np.asarray(largest(rows["direction"]) != 0)
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:

@@ -141,7 +141,8 @@ def _images(
     kept = np.flatnonzero((label > 0) & placed(rows, receiver))
     if kept.size == 0:
         return
-    rows, label, value = rows[kept], label[kept], value[:, kept]
+    if kept.size < rows.size:
+        rows, label, value = rows[kept], label[kept], value[:, kept]
     col, row = grid_places(rows, receiver, count)
     path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(path_class):

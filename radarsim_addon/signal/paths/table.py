@@ -103,7 +103,7 @@ def write_table(path: Path, parts: Iterable[PathRows]) -> int:
         for part in parts:
             if part.dtype != PATH_DTYPE:
                 raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE")
-            stream.write(np.ascontiguousarray(part).tobytes())
+            stream.write(np.ascontiguousarray(part).view(np.uint8).data)
             rows += part.size
         stream.seek(0)
         _write_header(stream, rows)

@@ -215,7 +215,9 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         last = rows[f"last_{what}"]
         return np.stack([np.where(one, last, rows[f"first_{what}"]), last], axis=-1)
 
-    last = np.array(rows["last_scatterer_m"])
+    first = last = np.array(rows["last_scatterer_m"])
+    if not one.all():
+        first = np.where(one[:, None], last, rows["first_scatterer_m"])
     bodies, tracks = ends("body"), ends("surface_point")
     most_tracks = 0 if scene.tracks is None else scene.tracks.body.size
     for what, numbers, most in (
@@ -231,7 +233,7 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         scene=scene,
         length_m=np.array(rows["length_m"]),
         order=rows["order"].astype(np.int32),
-        first_scatterer_m=np.where(one[:, None], last, rows["first_scatterer_m"]),
+        first_scatterer_m=first,
         last_scatterer_m=last,
         direction=np.array(rows["direction"]),
         bodies=bodies,

@@ -3,22 +3,32 @@
 
 Renders give hit points to float32. The ray and the mesh are known better, and the point tells which
 triangles may have been hit. Triangles lie in grids of cells, one grid for each power of two of
-their extent, so that no triangle is in more than eight cells and no cell has many.
+their extent, so that no triangle is in more than eight cells and no cell has many. Neighbouring
+pixels mostly see the same triangle: one ray of several looks for its triangle in the cells, and the
+others try those of the rays next to them first.
+
+Arrays of n vectors are (n, 3) with contiguous columns.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
+from ...vectors import crosses, dots, norms
 
-#: Points that are treated at once: a few megabytes of arrays.
+#: Rays that are treated at once: a few megabytes of arrays.
 _BLOCK = 1 << 15
-#: Bits of a cell's number along each axis. Cells further apart than that share their triangles.
-_BITS = 21
+#: One ray of so many looks for its triangle in the cells.
+_EVERY = 8
+#: Fraction of the others that must hit a neighbour's triangle for the next block to try, too.
+_WORTHWHILE = 0.3
+#: Factors that spread cells over buckets (Teschner et al. 2003).
+_SPREAD = (73856093, 19349663, 83492791)
 #: Least reach as a fraction of the mesh's extent: boxes are kept in float32.
 _LEAST_REACH = 1e-6
 #: What a unit of distance from the plane counts, against one outside the triangle.
@@ -45,27 +55,29 @@ class TriangleMesh:
     """
 
     def __init__(self, vertices: Real, triangles: NDArray[np.int32]) -> None:
-        vertices = np.asarray(vertices, dtype=np.float64)
-        corners = vertices[triangles]
-        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        places = np.asfortranarray(vertices, dtype=np.float64)
+        a, b, c = (_rows(places, corner) for corner in triangles.T)
+        normal = crosses(b - a, c - a)
         with np.errstate(invalid="ignore"):
-            flat = ~(np.einsum("ij,ij->i", area, area) > 0)
-        #: First corner and the two edges from it, (m, 9): one gather each.
-        first = corners[~flat, 0]
-        edges = corners[~flat, 1:] - first[:, None]
-        self._shape = np.concatenate([first, edges.reshape(-1, 6)], axis=1)
-        self._low, self._high = corners[~flat].min(axis=1), corners[~flat].max(axis=1)
-        self._extent = float(np.abs(corners[~flat]).max(initial=0.0))
+            kept = np.flatnonzero(dots(normal, normal) > 0)
+        a, b, c, normal = (_rows(each, kept) for each in (a, b, c, normal))
+        self._low, self._high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        self._extent = float(max(abs(each).max(initial=0.0) for each in (self._low, self._high)))
+        sizes = np.stack([norms(normal), np.maximum(norms(b - a), norms(c - a))])
+        #: First corner, the two edges from it, normal, its length, longer edge; (14, m).
+        self._shape = np.concatenate([a.T, (b - a).T, (c - a).T, normal.T, sizes])
         self._reach = -1.0
         self._levels: list[_Level] = []
 
     def __len__(self) -> int:
-        return len(self._shape)
+        return int(self._shape.shape[1])
 
     def hit(
         self, origins: Real, directions: Real, near: Real, reach: Real | float
     ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
+
+        It is fastest where rays that follow one another hit the same triangle.
 
         Parameters
         ----------
@@ -90,14 +102,17 @@ class TriangleMesh:
         if not len(self):
             return way, np.full((len(near), 3), np.nan)
         self._prepare(float(np.max(reach, initial=0.0)))
-        origins, reach = np.broadcast_to(origins, near.shape), np.broadcast_to(reach, len(near))
+        origins, reach = np.asarray(origins), np.broadcast_to(reach, len(near))
+        follow = True
         for start in range(0, len(near), _BLOCK):
             part = slice(start, start + _BLOCK)
-            way[part], triangle[part] = self._hit(
-                origins[part], directions[part], near[part], reach[part]
-            )
-        shape = self._shape[triangle]
-        return way, _cross(shape[:, 3:6], shape[:, 6:])
+            begin = origins if origins.ndim == 1 else origins[part]
+            rays = _Rays.towards(begin, directions[part], near[part], reach[part])
+            best = _Best(len(rays.ahead))
+            follow = self._find(rays, best, follow)
+            way[part] = (rays.ahead + best.way) / rays.length
+            triangle[part] = best.triangle
+        return way, self._shape[9:12].take(triangle, axis=1).T
 
     def _prepare(self, reach: float) -> None:
         """Sort the triangles into cells; again where points are less well known than before."""
@@ -105,24 +120,45 @@ class TriangleMesh:
             return
         self._reach = max(2 * reach, _LEAST_REACH * self._extent)
         low, high = self._low - self._reach, self._high + self._reach
+        #: float32: six comparisons of these decide which triangles are looked at.
         self._boxes = low.T.astype(np.float32), high.T.astype(np.float32)
-        exponent = np.ceil(np.log2((high - low).max(axis=1))).astype(np.int64)
+        exponent = np.frexp((high - low).max(axis=1))[1]
         sizes, count = np.unique(exponent, return_counts=True)
         self._levels = []
-        for size in sizes[np.argsort(-count)]:
+        for size in sizes[np.argsort(-count, kind="stable")]:
             here = np.flatnonzero(exponent == size)
-            self._levels.append(_Level(2.0 ** int(size), low[here], high[here], here))
+            self._levels.append(_Level(2.0 ** int(size), _rows(low, here), _rows(high, here), here))
 
-    def _hit(
-        self, origins: Real, directions: Real, near: Real, reach: Real
-    ) -> tuple[Real, Indices]:
-        """Distances along rays and numbers of triangles, (n,) each."""
-        # From the foot of the point on the ray on all numbers are small.
-        length = np.sqrt(np.einsum("ij,ij->i", directions, directions))
-        along = directions / length[:, None]
-        ahead = np.einsum("ij,ij->i", near - origins, along)
-        start = origins + ahead[:, None] * along - near
-        best, touched = _Best(len(near)), np.zeros(len(near), dtype=bool)
+    def _find(self, rays: _Rays, best: _Best, follow: bool) -> bool:
+        """Find what all rays hit; with `follow`, most try their neighbours' triangles first.
+
+        Returns whether neighbours are worth a try.
+        """
+        every = np.arange(len(rays.ahead))
+        if not follow:
+            self._search(rays, best, every)
+            return False
+        seeds = every[::_EVERY]
+        self._search(rays, best, seeds)
+        tried = left = every[every % _EVERY > 0]
+        for offset in (0, 1):
+            neighbour = np.minimum(left // _EVERY + offset, seeds.size - 1)
+            left = left[self._miss(rays, best, left, best.triangle[seeds[neighbour]])]
+        self._search(rays, best, left)
+        return left.size <= (1 - _WORTHWHILE) * tried.size
+
+    def _miss(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Mask:
+        """Try one triangle for each chosen ray; returns those that do not surely hit it."""
+        outside, off_plane, way = self._intersect(rays, chosen, triangles)
+        with np.errstate(invalid="ignore"):
+            hit = (outside == 0) & (off_plane <= _SURE * rays.reach[chosen])
+        best.take(chosen[hit], way[hit], triangles[hit])
+        return np.asarray(~hit)
+
+    def _search(self, rays: _Rays, best: _Best, chosen: Indices) -> None:
+        """Find what the chosen rays hit among the triangles in the cells of their points."""
+        touched = np.zeros(len(rays.ahead), dtype=bool)
+        near = _rows(rays.near, chosen)
         places = near.T.astype(np.float32)
         for level in self._levels:
             points, triangles = level.candidates(near)
@@ -130,34 +166,83 @@ class TriangleMesh:
                 at = place[points]
                 inside = np.flatnonzero((at >= low[triangles]) & (at <= high[triangles]))
                 points, triangles = points[inside], triangles[inside]
-            outside, off_plane, way = _intersect(
-                start[points], along[points], near[points], self._shape[triangles]
-            )
+            points = chosen[points]
+            outside, off_plane, way = self._intersect(rays, points, triangles)
             # A ray that meets a triangle beats one that passes by it. Of triangles that it meets,
             # in two sheets of a wall, it is the one in whose plane the point lies; where the point
             # does not tell, the first one.
-            most = reach[points]
+            most = rays.reach[points]
             cost = outside + _PLANE_COUNTS * np.maximum(off_plane, _SURE * most)
             cost += _WAY_COUNTS * most * np.arctan(way / most)
             cost[~((outside <= most) & (off_plane <= most))] = np.inf
             best.offer(points, cost, way, triangles, outside > 0)
             touched[points[off_plane <= most]] = True
-        self._search_along(best, np.flatnonzero(touched & best.passed), near + start, along)
-        return (ahead + best.way) / length, best.triangle
+        self._search_along(rays, best, chosen[touched[chosen] & best.passed[chosen]])
 
-    def _search_along(self, best: _Best, lost: Indices, feet: Real, along: Real) -> None:
+    def _search_along(self, rays: _Rays, best: _Best, lost: Indices) -> None:
         """Look further along rays that miss what their points lie on: past the limb of a body."""
-        for level in self._levels if lost.size else ():
+        if not lost.size:
+            return
+        along = _rows(rays.along, lost)
+        feet = _rows(rays.near, lost) + _rows(rays.start, lost)
+        for level in self._levels:
             for step in _STEPS * level.cell:
-                points, triangles = level.candidates(feet[lost] + step * along[lost])
+                points, triangles = level.candidates(feet + step * along)
                 points = lost[points]
-                outside, _, way = _intersect(
-                    np.zeros((points.size, 3)), along[points], feet[points], self._shape[triangles]
-                )
+                outside, _, way = self._intersect(rays, points, triangles)
                 met = (outside == 0) & (np.abs(way) <= _STEPS[-1] * level.cell)
                 # any of these beats what was missed
                 cost = np.where(met, np.arctan(np.abs(way)) - math.pi, np.inf)
                 best.offer(points, cost, way, triangles, ~met)
+
+    def _intersect(
+        self, rays: _Rays, chosen: Indices, triangles: Indices
+    ) -> tuple[Real, Real, Real]:
+        """How far rays pass by triangles, how far points are off their planes, the way to these.
+
+        One triangle for each chosen ray. NaN or infinite where a ray is parallel to the plane.
+        """
+        shape = self._shape.take(triangles, axis=1)
+        edge_1, edge_2, normal = (shape[i : i + 3].T for i in (3, 6, 9))
+        along = _rows(rays.along, chosen)
+        # From the point on the ray on all numbers are small.
+        corner = shape[:3].T - _rows(rays.near, chosen)
+        arm = _rows(rays.start, chosen) - corner
+        # Moeller and Trumbore 1997, with the normal known
+        swept = crosses(arm, along)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = -1 / dots(along, normal)
+            u, v = dots(edge_2, swept) * scale, -dots(edge_1, swept) * scale
+            outside = -np.minimum(np.minimum(u, v), 1 - u - v) - _ROUNDING
+            outside = np.maximum(outside, 0.0) * shape[13]
+            off_plane = np.abs(dots(corner, normal)) / shape[12]
+            return outside, off_plane, dots(arm, normal) * scale
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Rays by unit vectors `along`, and points `near` their hits, known to `reach`.
+
+    `length` is that of the direction given; `ahead` the way to the foot of the point on the ray,
+    which is at `start` from the point.
+    """
+
+    along: Real
+    length: Real
+    near: Real
+    ahead: Real
+    start: Real
+    reach: Real
+
+    @classmethod
+    def towards(cls, origins: Real, directions: Real, near: Real, reach: Real) -> _Rays:
+        """Make rays of any directions from origins, (n, 3) or (3,)."""
+        directions, near = np.asfortranarray(directions), np.asfortranarray(near)
+        length = norms(directions)
+        along = directions / length[:, None]
+        away = near - origins
+        ahead = dots(away, along)
+        return cls(along, length, near, ahead, origins + ahead[:, None] * along - near, reach)
 
 
 class _Best:
@@ -171,6 +256,10 @@ class _Best:
         self.way = np.full(count, np.nan)
         self.triangle = np.zeros(count, dtype=np.intp)
         self.passed = np.ones(count, dtype=bool)
+
+    def take(self, rays: Indices, way: Real, triangles: Indices) -> None:
+        """Take what these rays hit, whatever they were offered."""
+        self.way[rays], self.triangle[rays], self.passed[rays] = way, triangles, False
 
     def offer(self, rays: Indices, cost: Real, way: Real, triangles: Indices, passed: Mask) -> None:
         """Take the best of these, ordered by ray."""
@@ -188,68 +277,47 @@ class _Best:
 
 
 class _Level:
-    """Triangles of about one extent, by the cells that their boxes touch."""
+    """Triangles of about one extent, by the cells that their boxes touch.
+
+    Cells share buckets by chance: who takes candidates from them compares boxes.
+    """
 
     def __init__(self, cell: float, low: Real, high: Real, triangles: Indices) -> None:
+        from scipy.sparse import csr_array  # only here: opening a table needs no scipy
+
         self.cell = cell
-        first, last = np.floor(low / cell).astype(np.int64), np.floor(high / cell).astype(np.int64)
-        keys, owners = [], []
+        bits = max(int(triangles.size).bit_length() + 2, 6)
+        self._mask = (1 << bits) - 1
+        first, last = (np.floor(corner.T / cell).astype(np.int64) for corner in (low, high))
+        further = last > first
+        buckets, owners = [], []
         for corner in np.ndindex(2, 2, 2):
-            touched = np.flatnonzero((first + corner <= last).all(axis=1))
-            keys.append(_key(first[touched] + corner))
+            touched = np.flatnonzero(further[np.flatnonzero(corner)].all(axis=0))
+            cells = first.take(touched, axis=1) + np.array(corner)[:, None]
+            buckets.append(self._bucket(cells))
             owners.append(triangles[touched])
-        key, owner = np.concatenate(keys), np.concatenate(owners)
-        order = np.argsort(key, kind="stable")
-        self._triangles = owner[order]
-        self._keys, self._starts = np.unique(key[order], return_index=True)
-        self._ends = np.append(self._starts[1:], owner.size)
+        owner = np.concatenate(owners)
+        place = np.concatenate(buckets), np.arange(owner.size)
+        # A sparse matrix of a row for each bucket sorts by counting.
+        sorter = csr_array((np.ones(owner.size, dtype=bool), place), (1 << bits, owner.size))
+        self._triangles, self._starts = owner[sorter.indices], sorter.indptr
+
+    def _bucket(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Number of the bucket of each cell, from (3, n)."""
+        x, y, z = (one * factor for one, factor in zip(cells, _SPREAD, strict=True))
+        return np.asarray((x ^ y ^ z) & self._mask)
 
     def candidates(self, points: Real) -> tuple[Indices, Indices]:
-        """Pairs of points and of triangles in their cells, ordered by point."""
-        key = _key(np.floor(points / self.cell).astype(np.int64))
-        place = np.minimum(np.searchsorted(self._keys, key), self._keys.size - 1)
-        here = np.flatnonzero(self._keys[place] == key)
-        starts, ends = self._starts[place[here]], self._ends[place[here]]
-        count = ends - starts
+        """Pairs of points and of triangles in the buckets of their cells, ordered by point."""
+        bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64))
+        starts = self._starts[bucket]
+        count = self._starts[bucket + 1] - starts
         total = np.cumsum(count)
         number = np.arange(total[-1] if total.size else 0)
         number += np.repeat(starts - total + count, count)
-        return np.repeat(here, count), self._triangles[number]
+        return np.repeat(np.arange(len(points)), count), self._triangles[number]
 
 
-def _key(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """One number for each cell (n, 3)."""
-    cell = cell & ((1 << _BITS) - 1)
-    return np.asarray(cell[:, 0] | cell[:, 1] << _BITS | cell[:, 2] << 2 * _BITS)
-
-
-def _intersect(start: Real, direction: Real, near: Real, shape: Real) -> tuple[Real, Real, Real]:
-    """How far rays pass by triangles, how far points are off their planes, and the way to these.
-
-    The rays start at `start` relative to the points `near`, with unit vectors. NaN or infinite
-    where a ray is parallel to the plane.
-    """
-    corner, edge_1, edge_2 = shape[:, :3] - near, shape[:, 3:6], shape[:, 6:]
-    normal = _cross(edge_1, edge_2)
-    # Moeller and Trumbore 1997
-    across = _cross(direction, edge_2)
-    arm = start - corner
-    other = _cross(arm, edge_1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1 / _dot(edge_1, across)
-        u, v = _dot(arm, across) * scale, _dot(direction, other) * scale
-        size = np.sqrt(np.maximum(_dot(edge_1, edge_1), _dot(edge_2, edge_2)))
-        outside = np.maximum(-np.minimum(np.minimum(u, v), 1 - u - v) - _ROUNDING, 0.0) * size
-        off_plane = np.abs(_dot(corner, normal)) / np.sqrt(_dot(normal, normal))
-        return outside, off_plane, _dot(edge_2, other) * scale
-
-
-def _dot(a: Real, b: Real) -> Real:
-    return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
-def _cross(a: Real, b: Real) -> Real:
-    """Cross product of rows; numpy's own takes three times as long."""
-    x, y, z = a.T
-    p, q, r = b.T
-    return np.stack([y * r - z * q, z * p - x * r, x * q - y * p], axis=1)
+def _rows(vectors: Real, rows: Indices) -> Real:
+    """Some rows of (n, 3), with contiguous columns."""
+    return np.asarray(vectors.T.take(rows, axis=1).T)

@@ -4,21 +4,25 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...array_types import Real
 from ...atomic_files import replaced
 from ...errors import FrameFileError
 from ..results import FrameResult, frame_file
-from .figure import new_figure
+from .figure import lay_out, new_figure
 from .map import ColourScale, MapAxes, draw_map, floor_db_of, joined_level, map_axes
 
 #: Pictures per second.
 FRAMES_PER_SECOND = 5
+#: Pixels per inch.
+_DPI = 80
 _ARRAYS = ("doppler_hz", "velocity_mps", "range_m", "power")
 
 
@@ -110,27 +114,46 @@ def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path
     FrameFileError
         A map is missing or damaged, or has other axes than the first one.
     """
-    figure = new_figure(8, 6.5)
-    writer_class = importlib.import_module("matplotlib.animation").PillowWriter
     first = _read(maps[0].path)
+    pillow = importlib.import_module("PIL.Image")
+    pictures = (pillow.fromarray(picture) for picture in _pictures(maps, first, scale))
+    with replaced(out) as temporary:
+        next(pictures).save(
+            temporary, format="gif", save_all=True, append_images=pictures,
+            duration=1000 // FRAMES_PER_SECOND, loop=0,
+        )  # fmt: skip
+    return out
+
+
+def _pictures(
+    maps: Sequence[MapFile], first: Mapping[str, Real], scale: ColourScale
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pictures of maps, of which the first was read: (height, width, 3)."""
+    figure = new_figure(8, 6.5)
+    figure.set_dpi(_DPI)
     axes = _axes_of(first)
     axis, picture = draw_map(figure, first["power"], axes, scale)
-    title = axis.set_title("", fontsize=10)
-    with replaced(out) as temporary:
-        writer = writer_class(fps=FRAMES_PER_SECOND)
-        writer.setup(figure, str(temporary), dpi=80)
-        for item in maps:
-            arrays = _read(item.path)
-            if not all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m")):
-                raise FrameFileError(
-                    f"{item.path} has other axes than {maps[0].path}, so they have no common "
-                    "animation. Process the run again."
-                )
-            picture.set_data(joined_level(arrays["power"], axes, scale))
-            title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
-            writer.grab_frame()
-        writer.finish()
-    return out
+    title = axis.set_title(" ", fontsize=10)
+    lay_out(figure)
+    canvas: Any = figure.canvas
+    changing = [picture, *axis.spines.values(), title]  # in the order in which they are drawn
+    for artist in changing:
+        artist.set_animated(True)
+    canvas.draw()
+    empty = canvas.copy_from_bbox(figure.bbox)
+    for item in maps:
+        arrays = first if item is maps[0] else _read(item.path)
+        if not all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m")):
+            raise FrameFileError(
+                f"{item.path} has other axes than {maps[0].path}, so they have no common "
+                "animation. Process the run again."
+            )
+        picture.set_data(joined_level(arrays["power"], axes, scale))
+        title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
+        canvas.restore_region(empty)
+        for artist in changing:
+            axis.draw_artist(artist)
+        yield np.array(canvas.buffer_rgba())[..., :3]
 
 
 def _read(path: Path) -> Mapping[str, Real]:

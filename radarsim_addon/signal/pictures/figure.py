@@ -85,6 +85,21 @@ def scale_on_top(axis: Axes, factor: float, label: str) -> None:
     upper.set_xlabel(label)
 
 
+def lay_out(figure: Figure) -> None:
+    """Give all axes their places, once: what is drawn later leaves them there.
+
+    The layout takes as long as all drawing, and would else be found again with each drawing.
+    """
+    for axes in figure.axes:
+        for spine in axes.spines.values():
+            # no further out than the ticks and their texts, which it would have made again
+            spine.set_in_layout(False)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
 def save_figure(figure: Figure, path: str | Path, dpi: int = 120) -> Path:
     """Write a figure as PNG under a temporary name, then rename it.
 
@@ -103,6 +118,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 120) -> Path:
         The file.
     """
     path = Path(path)
+    lay_out(figure)
     with replaced(path) as temporary:
         figure.savefig(temporary, dpi=dpi, format="png")
     return path

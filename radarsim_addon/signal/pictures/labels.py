@@ -7,6 +7,8 @@ import importlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from .figure import lay_out
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -51,7 +53,7 @@ def number_points(
         handles=handles, loc="outside lower center", ncols=len(texts), fontsize=8, frameon=False,
         handletextpad=0.2,
     )  # fmt: skip
-    figure.draw_without_rendering()  # axes have their place only when the layout is done
+    lay_out(figure)
     pixel = figure.dpi / 72
     frame = axis.get_window_extent().padded(-_HALF_PT * pixel)
 

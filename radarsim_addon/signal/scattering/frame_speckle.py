@@ -8,15 +8,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...array_types import Integers
+from ...array_types import Indices
 from ...contract import GroundTruthRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
-from ..motion import KinematicMotion
-from ..paths import Paths
+from ..motion import JoinedMotion, KinematicMotion
+from ..paths import PathRows, Paths, TableFootprints, geometry_of
 from .surface_cells import Body
 from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
+
+#: Largest distance of the points of one path, in range resolutions of the total length (half as
+#: much of range) and in Doppler bins: their echoes overlap without a ripple.
+_CELLS = 1.0
 
 
 class FrameSpeckle:
@@ -42,6 +46,13 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
+        pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
+        self._footprints = TableFootprints(
+            record,
+            table.rows,
+            _CELLS * waveform.range_resolution_m,
+            _CELLS * waveform.wavelength_m * prf_hz / 2 / pulses,
+        )
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
             record,
@@ -53,15 +64,26 @@ class FrameSpeckle:
             seed,
             roughness_of(scene, record.objects),
             cell_m,
+            self._footprints,
         )
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths for the echo synthesis, with the factors of their scatterers, and moving with
-        them. Powers are to be added up before.
+        """The paths for the echo synthesis, spread over what their pixels cover, with the factors
+        of their scatterers, and moving with them. Powers are to be added up before.
         """
         if self._speckle is None or not len(paths):
             return paths
-        rows = self._table[_as_slice(paths.row)]
+        motion = paths.motion
+        if isinstance(motion, JoinedMotion):
+            ends = np.cumsum([part.moving.size for part in motion.parts])
+            each = zip(ends, motion.parts, strict=True)
+            parts = ((paths[end - part.moving.size : end], part) for end, part in each)
+            return Paths.join(
+                self.apply(dataclasses.replace(own, motion=part)) for own, part in parts
+            )
+        index, rows = self._footprints.points(paths.row)
+        if index.size > len(paths):
+            paths = self._spread(paths, index, rows)
         known = np.flatnonzero(self._speckle.known(rows))
         found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
@@ -99,16 +121,30 @@ class FrameSpeckle:
         )
         return Paths.join([own, scattered])
 
+    def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
+        """The paths of points, each with the gain of the path that it belongs to."""
+        chosen = paths.select(index)
+        motion = chosen.motion
+        if isinstance(motion, KinematicMotion):
+            motion = dataclasses.replace(
+                motion,
+                length_m=np.array(points["length_m"]),
+                first_scatterer_m=np.array(points["first_scatterer_m"]),
+                last_scatterer_m=np.array(points["last_scatterer_m"]),
+                direction=np.array(points["direction"]),
+            )
+        return dataclasses.replace(
+            chosen,
+            solid_angle_sr=np.array(points["solid_angle_sr"]),
+            length_m=np.array(points["length_m"]),
+            range_rate_mps=np.array(points["range_rate_mps"]),
+            geometry=geometry_of(points),
+            motion=motion,
+        )
+
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
-
-
-def _as_slice(rows: Integers) -> Integers | slice:
-    """Row numbers, as a slice where they are without a gap: of a table that copies nothing."""
-    first, last = int(rows[0]), int(rows[-1])
-    whole = last - first + 1 == rows.size and bool((np.diff(rows) == 1).all())
-    return slice(first, last + 1) if whole else rows
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:

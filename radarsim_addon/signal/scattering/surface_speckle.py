@@ -36,7 +36,7 @@ from ...contract import PathsRecord
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, iter_rows
+from ..paths import PathRows, TableFootprints, iter_rows
 from .surface_cells import Body, Hash, SurfaceCells
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
@@ -134,7 +134,8 @@ class SurfaceSpeckle:
 
     `bodies` and `roughness` (objects left out are fully rough) go by the numbers in the table, from
     1; `body_columns` are those of first and last vertex. `resolution_m` is for statistics and the
-    finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints.
+    finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints. `footprints`
+    spreads the rows over what their pixels cover; None: rows are points.
     """
 
     def __init__(
@@ -148,8 +149,9 @@ class SurfaceSpeckle:
         seed: int,
         roughness: Mapping[int, Roughness] | None = None,
         cell_m: float | None = None,
+        footprints: TableFootprints | None = None,
     ) -> None:
-        self._table = table
+        self._table, self._footprints = table, footprints
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
         self._receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
         self._emitter_m = np.asarray(record.transmitter.matrix_world, dtype=np.float64)[:3, 3]
@@ -168,8 +170,8 @@ class SurfaceSpeckle:
         self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
         self._cells = SurfaceCells(bodies, body_columns, lengths_m, seed, self.cell_m)
         self._objects = record.objects
-        self._keys, self._powers, self._ranges, self._leaders, self._coherent_w = self._add_up()
-        self._scatterers_m, self._units, self._over_m = self._draw()
+        self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
+        self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
         self._even: Complex | None = None
         if not np.isfinite(self._heights).any():
@@ -206,11 +208,14 @@ class SurfaceSpeckle:
                 found &= np.isfinite(rows[name][:, axis])
         return np.asarray(found)
 
-    def _draw(self) -> tuple[Real, Real, Real]:
+    def _draw(self, places_m: Real) -> tuple[Real, Real, Real]:
         """Scatterers of first and last vertex, equal at order 1, (2, keys, 3) [m], their unit
-        heights (2, keys) and the length over them (keys,) [m].
+        heights (2, keys) and the length over them (keys,) [m], of last vertices (keys, 3) [m].
         """
         rows = self._table[self._leaders]
+        single = rows["order"] == 1
+        for name in ("first_scatterer_m", "last_scatterer_m"):
+            rows[name][single] = places_m[single]
         found = [self._cells.scatterers(self._cells.of(rows, first)) for first in (True, False)]
         scatterers_m = np.stack([points_m for points_m, _ in found])
         order = rows["order"]
@@ -219,18 +224,21 @@ class SurfaceSpeckle:
         return scatterers_m, np.stack([heights for _, heights in found]), over_m
 
     def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp], Real]:
-        """Keys of all cells (sorted), the power over each, its one-way range and first row;
-        coherent power by the number of the object [W].
+        """Keys of all cells (sorted), the power over each, its one-way range, first row, and last
+        vertex of that (keys, 3) [m]. Finds the coherent power by the number of the object [W].
         """
         keys = np.zeros(0, dtype=np.uint64)
-        coherent_w = np.zeros(self._heights.size)
-        powers, ranges = np.zeros(0), np.zeros(0)
+        coherent_w = self._coherent_w = np.zeros(self._heights.size)
+        powers, ranges, places_m = np.zeros(0), np.zeros(0), np.zeros((0, 3))
         leaders, start = np.zeros(0, dtype=np.intp), 0
         for rows in iter_rows(self._table):
-            known = self.known(rows)
-            number = start + np.flatnonzero(known)
+            number = np.arange(start, start + rows.size)
             start += rows.size
-            rows = rows if known.all() else rows[known]
+            if self._footprints is not None:
+                index, rows = self._footprints.points(number)
+                number = number[index]
+            known = self.known(rows)
+            number, rows = number[known], rows if known.all() else rows[known]
             if np.isfinite(self._heights).any():
                 left = np.nan_to_num(np.exp(-np.sum(self._kappa_heights(rows) ** 2, axis=0)))
                 coherent_w += np.bincount(
@@ -241,10 +249,11 @@ class SurfaceSpeckle:
             power = np.concatenate([powers, rows["power_w"]])
             length = np.concatenate([ranges, rows["length_m"] / 2])
             number = np.concatenate([leaders, number])
+            point_m = np.concatenate([places_m, rows["last_scatterer_m"]])
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
-            leaders = number[place]
-        return keys, powers, ranges, leaders, coherent_w
+            leaders, places_m = number[place], point_m[place]
+        return keys, powers, ranges, leaders, places_m
 
     def report(self) -> SpeckleReport:
         """How many scatterers share a range cell."""

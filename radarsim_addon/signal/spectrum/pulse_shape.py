@@ -102,6 +102,13 @@ class CodeShape(PulseShape):
     What is received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
     that of all samples, each of which takes it at its own time. So the sums at the nodes are
     turned into samples, and these are weighted by L_j(u).
+
+    Parameters
+    ----------
+    samples
+        Complex samples of one period, (n,).
+    rate_hz
+        Sampling rate, which is the band of the frequency grid [Hz].
     """
 
     #: Nodes are times of reception: the wave met the path half its delay before.

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""scripts/render_radar.py in processes of its own: exit codes, kill -9, a full disk."""
+"""scripts/render_radar.py: exit codes, kill -9, a full disk; in processes of its own where the
+process is what is tested, else in this one, because starting Blender takes longer than the rest."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import signal as signals
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +18,19 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
+from radarsim_addon.__main__ import render_command
 from radarsim_addon.blender import rig_settings as properties
+from radarsim_addon.blender.headless import render
 from radarsim_addon.blender.run.leases import Leases
 from radarsim_addon.sidecar import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "render_radar.py"
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+Done = subprocess.CompletedProcess[str]
+Command = Callable[..., Done]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +53,27 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def start(*words: Any, **options: Any) -> subprocess.CompletedProcess[str]:
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Command]:
+    """The command in this process, as `start` has it in one of its own."""
+
+    def run(*words: Any) -> Done:
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            render_command([str(word) for word in words], "render_radar.py")
+        return Done(words, end.value.code, *capfd.readouterr())
+
+    before = {number: signals.getsignal(number) for number in (signals.SIGINT, signals.SIGTERM)}
+    monkeypatch.setattr(render, "_leave_blender", sys.exit)
+    yield run
+    for number, handler in before.items():
+        signals.signal(number, handler)
+    if hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
+        properties.unregister()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def start(*words: Any, **options: Any) -> Done:
     return subprocess.run(
         [sys.executable, str(SCRIPT), *map(str, words)],
         capture_output=True,
@@ -71,11 +97,11 @@ def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> Non
     assert "Fra:" not in done.stdout
 
 
-def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None:
+def test_paths_are_measured_where_asked_for(here: Command, blend: Path, tmp_path: Path) -> None:
     """Named, or implied by an option of theirs; the same command again renders nothing."""
     for number, words in enumerate((("--acquisition", "paths"), ("--shifts", "2"))):
         folder = tmp_path / str(number)
-        done = start(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
+        done = here(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
         assert done.returncode == 0, done.stderr
         run = read_record(folder / "run.json", contract.RunRecord)
         assert run.sampling_mode == "paths"
@@ -85,16 +111,18 @@ def test_paths_are_measured_where_asked_for(blend: Path, tmp_path: Path) -> None
         table = folder / "frames/frame_0001/paths.npy"
         written = table.stat().st_mtime_ns
         assert (folder / "products" / "frame_0001_expected.npz").is_file()
-        again = start(blend, "--out", folder, "--resolution", "16x16", *words)
+        again = here(blend, "--out", folder, "--resolution", "16x16", *words)
         assert again.returncode == 0, again.stderr
         assert table.stat().st_mtime_ns == written
 
 
-def test_who_finishes_last_processes_a_shared_run(blend: Path, tmp_path: Path) -> None:
+def test_who_finishes_last_processes_a_shared_run(
+    here: Command, blend: Path, tmp_path: Path
+) -> None:
     """Another process holds frame 2: this one leaves the processing to it, and does not fail."""
     folder = tmp_path / "run"
     words = ["--frames", "1:2", "--sampling-mode", "paths", "--shifts", "1", "--resolution", "8x8"]
-    assert start(blend, "--out", folder, *words).returncode == 0
+    assert here(blend, "--out", folder, *words).returncode == 0
     for frame in (1, 2):
         (folder / contract.frame_dir(frame) / contract.PATHS_FILE).unlink()
     lease = Leases(folder).claim("frame_0002")
@@ -104,18 +132,18 @@ def test_who_finishes_last_processes_a_shared_run(blend: Path, tmp_path: Path) -
     assert done.returncode == 0, done.stderr
     assert "not processed: other processes still measure frames" in done.stdout
     assert not (folder / "products").exists()
-    last = start(blend, "--out", folder, *words, "--process")
+    last = here(blend, "--out", folder, *words, "--process")
     assert last.returncode == 0, last.stderr
     assert len(list((folder / "products").glob("*_map.npz"))) == 2
 
 
-def test_options_override_the_file(blend: Path, tmp_path: Path) -> None:
+def test_options_override_the_file(here: Command, blend: Path, tmp_path: Path) -> None:
     words = (
         "--frames 2:4:2 --rings 2 --ring-step 6 --delta-t 0.02 --samples 2 --resolution 24x16 "
         "--bounces 1 --carrier-ghz 77 --bandwidth-mhz 150 --chirp-us 12.5 --sampling-mhz 160 "
         "--prf-hz 4000 --pulses 64 --seed 5 --process"
     )
-    done = start(blend, "--out", tmp_path / "run", *words.split())
+    done = here(blend, "--out", tmp_path / "run", *words.split())
     assert done.returncode == 0, done.stderr
     run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
     assert (run.frames, run.rings, run.ring_step_m, run.snapshot_interval_s) == (
@@ -158,9 +186,9 @@ def test_the_installed_command_renders_too(blend: Path, tmp_path: Path) -> None:
     assert "SceneError: The scene has no radar 'Mast'; it has 'Radar'." in done.stderr
 
 
-def test_a_file_of_0_1_is_rendered_with_its_settings(tmp_path: Path) -> None:
+def test_a_file_of_0_1_is_rendered_with_its_settings(here: Command, tmp_path: Path) -> None:
     old = Path(__file__).parents[2] / "data" / "version_0_1" / "paths_pmcw_moving.blend"
-    done = start(old, "--out", tmp_path / "run", "--resolution", "8x6")
+    done = here(old, "--out", tmp_path / "run", "--resolution", "8x6")
     assert done.returncode == 0, done.stderr
     run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
     assert run.waveform["kind"] == "pmcw"
@@ -190,9 +218,9 @@ def test_help(tmp_path: Path) -> None:
     ],
 )
 def test_bad_arguments(
-    blend: Path, tmp_path: Path, words: list[str], code: int, message: str
+    here: Command, blend: Path, tmp_path: Path, words: list[str], code: int, message: str
 ) -> None:
-    done = start(blend, "--out", tmp_path / "run", *words)
+    done = here(blend, "--out", tmp_path / "run", *words)
     assert done.returncode == code
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -209,8 +237,8 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     assert "SceneError" in done.stderr and "cannot be opened" in done.stderr
 
 
-def test_missing_folder(blend: Path, tmp_path: Path) -> None:
-    done = start(blend, "--out", tmp_path / "no" / "run")
+def test_missing_folder(here: Command, blend: Path, tmp_path: Path) -> None:
+    done = here(blend, "--out", tmp_path / "no" / "run")
     assert done.returncode == 1
     assert "OutputError" in done.stderr and "does not exist. Create it" in done.stderr
 
@@ -235,7 +263,7 @@ def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
 
 
 @posix
-def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None:
+def test_kill_in_the_middle_and_start_again(here: Command, blend: Path, tmp_path: Path) -> None:
     """kill -9 at an arbitrary moment, twice; then the run is what an undisturbed one is."""
     folder = tmp_path / "run"
     command = [sys.executable, str(SCRIPT), str(blend), "--out", str(folder)]
@@ -256,11 +284,11 @@ def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None
     for sidecar in kept:
         record = read_record(sidecar, contract.RenderRecord)
         assert file_sha256(sidecar.with_suffix(".exr")) == record.exr_sha256
-    assert start(*command[2:]).returncode == 0
+    assert here(*command[2:]).returncode == 0
     assert not list(folder.rglob("*.part*"))
     assert {p: p.stat().st_mtime_ns for p in kept} == kept
-    assert start(*command[2:], "--overwrite").returncode == 0
-    once = start(*command[2:4], tmp_path / "undisturbed", *command[5:])
+    assert here(*command[2:], "--overwrite").returncode == 0
+    once = here(*command[2:4], tmp_path / "undisturbed", *command[5:])
     assert once.returncode == 0, once.stderr
     run, other = signal.open_run(folder), signal.open_run(tmp_path / "undisturbed")
     assert run.missing() == other.missing() == []
@@ -271,7 +299,7 @@ def test_kill_in_the_middle_and_start_again(blend: Path, tmp_path: Path) -> None
 
 
 @posix
-def test_full_disk(blend: Path, tmp_path: Path) -> None:
+def test_full_disk(here: Command, blend: Path, tmp_path: Path) -> None:
     """No file may pass 6 kB: the EXR of 64 x 64 pixels does not fit, the smaller ones do."""
     import resource
 
@@ -285,14 +313,14 @@ def test_full_disk(blend: Path, tmp_path: Path) -> None:
     assert "OutputError" in done.stderr and "disk" in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(folder.rglob("*.part*"))
-    assert start(*words).returncode == 0
+    assert here(*words).returncode == 0
     assert signal.open_run(folder).missing() == []
 
 
 @posix
 @pytest.mark.parametrize("sampling_mode", ["rings", "paths"])
 def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
-    blend: Path, tmp_path: Path, sampling_mode: str
+    here: Command, blend: Path, tmp_path: Path, sampling_mode: str
 ) -> None:
     """Exit code 130, nothing half-written, and the same command finishes the run."""
     # Automatic rings follow from the frames: stated, the run is the same with fewer of them.
@@ -317,7 +345,7 @@ def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob(wanted)}
     assert before
     assert not list((tmp_path / "run").rglob("*.part*"))
-    done = start(*words[:-1], "1:2")
+    done = here(*words[:-1], "1:2")
     assert done.returncode == 0, done.stderr
     kept = [path for path in before if "frame_0001" in str(path)]
     assert kept

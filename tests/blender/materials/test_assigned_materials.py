@@ -33,7 +33,7 @@ from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 MADE_HZ, RUN_HZ = 1.5e9, 5.3e9
 THICKNESS = 0.2

@@ -27,7 +27,7 @@ from radarsim_addon.physics.slab import slab_power
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 WAVELENGTH = 0.0566
 PLACE = Matrix.Translation((0.03, 0.05, -10))

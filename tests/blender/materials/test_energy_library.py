@@ -24,7 +24,7 @@ from scripts.validation.energy_slabs import (
     simple_slabs,
 )
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 SMOOTH = [asset.name for asset in ASSETS if not asset.rms_height_m]
 

@@ -23,6 +23,8 @@ from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
 from tests.blender import radar_scenes as rs
 
+pytestmark = pytest.mark.slow
+
 FPS = 24.0
 CARRIER_HZ = 77e9
 WAVENUMBER = 2 * math.pi * CARRIER_HZ / mh.C0_MPS

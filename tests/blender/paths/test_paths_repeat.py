@@ -18,7 +18,7 @@ from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 
 @pytest.mark.parametrize("mode", ["AUTO", "FIXED"])

@@ -20,7 +20,7 @@ from radarsim_addon.physics.slab import slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 CARRIER_HZ = 5.3e9
 WAVELENGTH_M = ph.C0_MPS / CARRIER_HZ

@@ -25,6 +25,8 @@ from radarsim_addon.signal.runs.exr import read_exr
 from tests.blender import radar_scenes as rs
 from tests.signal.synthetic import Setup, run_record
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 PLAN = run_record(Setup(frames=(1, 2, 3)))
 

@@ -22,7 +22,7 @@ from radarsim_addon.findings import Finding
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 
 @pytest.fixture(autouse=True)

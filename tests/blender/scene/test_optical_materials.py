@@ -46,9 +46,14 @@ def test_names(names: tuple[str, ...], ready: str | None) -> None:
     assert suggest_material(*names) == ready
 
 
-@pytest.mark.parametrize("ready", sorted(READY))
-def test_every_ready_material_can_be_made(ready: str) -> None:
+@pytest.fixture(scope="module")
+def one_file() -> None:
+    """For all of them: most of the time goes into the shader groups, which they share."""
     rh.new_scene()
+
+
+@pytest.mark.parametrize("ready", sorted(READY))
+def test_every_ready_material_can_be_made(one_file: None, ready: str) -> None:
     assert pm.is_physical(READY[ready].material(ready, 5.3e9))
 
 

@@ -32,22 +32,13 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.detection.cfar_thresholds import (
-    ca_factor,
-    ca_factor_exact,
-    drawn_factor,
-    drawn_statistic,
-    equivalent_cells,
-    noise_correlation,
-    os_equivalent,
-    os_factor,
-    os_false_alarms,
-    os_moments,
-)
+from radarsim_addon.signal.detection.cfar_thresholds import noise_correlation
 from radarsim_addon.signal.echoes import synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.products.detection_files import write_detections
 from tests.signal.oracle import unit_paths
+
+pytestmark = pytest.mark.slow
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
 FMCW = FmcwWaveform(77e9, 1e9, 256, 10e6)
@@ -112,52 +103,6 @@ def test_cancellers_that_do_not_fit() -> None:
 
 
 # -- thresholds ------------------------------------------------------------------------------------
-
-
-def test_factors_are_the_closed_forms() -> None:
-    assert ca_factor(1e-6, 32) == pytest.approx(32 * (1e-6 ** (-1 / 32) - 1), rel=1e-12)
-    assert ca_factor(1e-4, 1e9) == pytest.approx(-math.log(1e-4), rel=1e-6)
-    # Rohling 1983: 24 cells, the 18th, Pfa by the product itself
-    alpha = os_factor(1e-6, 24, 18 / 24)
-    product = math.prod((24 - i) / (24 - i + alpha) for i in range(18))
-    assert product == pytest.approx(1e-6, rel=1e-9)
-    assert os_false_alarms(alpha, 24, 0.75) == pytest.approx(1e-6, rel=1e-9)
-    with pytest.raises(ConfigError, match="cannot reach"):
-        os_factor(1e-15, 1.2, 0.75)
-
-
-def test_factors_of_correlated_cells_are_those_of_as_many_independent_ones() -> None:
-    """Pairs of equal cells are as good as half as many."""
-    alone, pairs = np.eye(12), np.kron(np.eye(12), np.ones((2, 2)))
-    for covariance in (alone, pairs):
-        found = ca_factor_exact(1e-5, covariance.astype(complex))
-        assert found == pytest.approx(ca_factor(1e-5, 12), rel=1e-9)
-        drawn = drawn_statistic(covariance.astype(complex), 9 * covariance.shape[0] // 12)
-        mean, variance = os_moments(12, 0.75)
-        assert drawn.mean() == pytest.approx(mean, abs=5 * math.sqrt(variance / drawn.size))
-        assert drawn.var() == pytest.approx(variance, rel=0.06)
-        assert drawn_factor(1e-3, drawn) == pytest.approx(os_factor(1e-3, 12, 0.75), rel=0.02)
-
-
-def test_moments_of_the_ordered_statistic_are_the_closed_form() -> None:
-    """x is a sum of independent exponentials of means 1/n ... 1/(n-k+1) (Renyi)."""
-    mean, variance = os_moments(40, 0.75)
-    terms = 1 / np.arange(11, 41)
-    assert mean == pytest.approx(terms.sum(), rel=1e-4)
-    assert variance == pytest.approx((terms**2).sum(), rel=1e-4)
-    cells, scale = os_equivalent(3 * mean, 9 * variance, 0.75)
-    assert cells == pytest.approx(40, rel=1e-6)
-    assert scale == pytest.approx(3, rel=1e-6)
-
-
-def test_independent_cells_count_as_many_as_they_are() -> None:
-    mask = np.ones((5, 7), dtype=bool)
-    mask[2, 3] = False
-    alone = np.array([1.0, 0, 0, 0, 0, 0, 0])
-    assert equivalent_cells(mask, alone, alone) == pytest.approx(34)
-    row = np.ones((1, 8), dtype=bool)
-    pairs = np.array([1.0, 1.0, 0, 0, 0, 0, 0, 0])
-    assert equivalent_cells(row, alone, pairs) == pytest.approx(64 / (8 + 14))
 
 
 @pytest.mark.parametrize("kind", ["ca", "os"])

@@ -12,6 +12,8 @@ from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.radar import LineWaveform, PmcwWaveform
 from tests.signal.pointscenes import PAIRS, clutter, radar_of, scene
 
+pytestmark = pytest.mark.slow
+
 
 def apparent_m(radar: Radar, range_m: float, rate_mps: float) -> float:
     """Where a map has an echo: in the middle of the burst, with the range-Doppler coupling."""

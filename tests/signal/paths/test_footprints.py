@@ -90,8 +90,11 @@ def integrated(camera: contract.ReceiverRecord) -> np.ndarray:
     a Lambert surface lit by the emitter is E cos / (4 pi^2 r^2), cos = h / r.
     """
     height_m = camera.matrix_world[2][3]
-    step_m, azimuths = 0.25, np.radians(np.linspace(-14, 14, 801))
+    step_m, count = 0.25, 800
     range_m = np.arange(60.0, 1190.0, step_m)[:, None]
+    # every ring has other places: else all would miss the same part at the frame's edge
+    start = np.arange(range_m.size)[:, None] * 0.6180339887 % 1
+    azimuths = np.radians(28.0) * ((start + np.arange(count)) / count - 0.5)
     flat_m = np.sqrt(range_m**2 - height_m**2)
     point = np.stack(
         np.broadcast_arrays(flat_m * np.sin(azimuths), flat_m * np.cos(azimuths), -height_m), -1
@@ -100,7 +103,7 @@ def integrated(camera: contract.ReceiverRecord) -> np.ndarray:
     u, v = local[..., 0] / -local[..., 2], local[..., 1] / -local[..., 2]
     seen = (u > camera.left) & (u < camera.right) & (v > camera.bottom) & (v < camera.top)
     seen &= point[..., 1] < 1190  # where the plate ends
-    solid_sr = np.mean(seen, axis=1) * np.ptp(azimuths) * height_m * step_m / range_m[:, 0] ** 2
+    solid_sr = np.mean(seen, axis=1) * np.radians(28.0) * height_m * step_m / range_m[:, 0] ** 2
     radiance = 5.0 * height_m / range_m[:, 0] / (4 * math.pi**2 * range_m[:, 0] ** 2)
     paths = make_paths(radiance * solid_sr, 2 * range_m[:, 0])
     return expected_power_profile(paths, RADAR, range_limits_m=WINDOW_M, oversample=2).power

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.signal import Burst, Radar, open_run
@@ -64,6 +65,26 @@ def test_objects_of_two_replicates(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(np.square(seen))) / true_w < 1.2  # the draw itself
     # a fifth less would be beyond three of its own standard errors
     assert 0.88 < np.sqrt(np.mean(np.square(reported))) / true_w < 1.15
+
+
+def test_groups_that_overlap_are_each_as_if_alone(tmp_path: Path) -> None:
+    """Power over groups that share an object; of paths between two groups it is nobody's own."""
+    rows = replicate_rows(0)
+    rows["first_object"][rows["last_object"] == 3] = 1
+    frame = open_run(run_of(tmp_path, rows)).frame(1)
+    names = open_frame(frame).table.record.objects
+    groups = {"low": names[:3], "high": names[2:6], "one": names[4:5], "rest": names[10:]}
+    found = {echo.name: echo for echo in object_echoes(frame, 5.3e9, groups=groups)}
+    for name, members in groups.items():
+        (alone,) = object_echoes(frame, 5.3e9, groups={name: members})
+        assert found[name] == alone
+        numbers = [names.index(member) + 1 for member in members]
+        ends = [np.isin(rows[end], numbers) for end in ("first_object", "last_object")]
+        own = rows["power_w"][ends[0] & ends[1]].sum()
+        assert alone.power_w == pytest.approx(own, rel=1e-12)
+        shared = rows["power_w"][ends[0] ^ ends[1]].sum()
+        assert alone.multi_object_power_w == pytest.approx(shared, rel=1e-12)
+    assert found["high"].multi_object_power_w > 0
 
 
 def test_profile_of_two_replicates(tmp_path: Path) -> None:

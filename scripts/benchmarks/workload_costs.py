@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cost of the benchmark's own scenes (`workloads`) and of the demo, by the program's commands."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from .clock import command_cost, half_range
+from .stages import process_cost, render_cost
+
+_ROOT = Path(__file__).resolve().parents[2]
+_REPEATS = 3
+#: Nothing is repeated that has taken so long [s].
+_ENOUGH_S = 60.0
+#: Frames of the car that are processed: with pictures a frame takes a second.
+_PROCESSED = 10
+
+
+def _built(name: str, folder: Path) -> Path:
+    blend = folder / f"{name}.blend"
+    command_cost(["-m", "scripts.benchmarks.workloads", name, blend], _ROOT)
+    return blend
+
+
+def _median(once: Callable[[], dict[str, float]], quick: bool) -> dict[str, Any]:
+    """Medians of up to three runs, and half the range of each figure as its error."""
+    started_s, each = time.perf_counter(), [once()]
+    while not quick and len(each) < _REPEATS and time.perf_counter() - started_s < _ENOUGH_S:
+        each.append(once())
+    found: dict[str, Any] = {"repeats": len(each)}
+    for key in each[0]:
+        values = [one[key] for one in each]
+        found |= {key: statistics.median(values), f"{key}_error": half_range(values)}
+    return found
+
+
+def run_frames(folder: Path, quick: bool = False) -> dict[str, Any]:
+    """Frames of a moving car, processor seconds a frame without Blender's start."""
+    blend, run = _built("car", folder), folder / "run"
+    count = 10 if quick else 100
+
+    def once() -> dict[str, float]:
+        render = render_cost(blend, run, "--frames", f"1:{count}")
+        frames = f"1:{_PROCESSED}"
+        plain = process_cost(run, "--no-plots", "--frames", frames, "--allow-incomplete")
+        pictures = process_cost(run, "--plots", "--frames", frames, "--allow-incomplete")
+        return {
+            "render_s": render["render_s"] / count,
+            "process_s": plain["process_s"] / _PROCESSED,
+            "process_pictures_s": pictures["process_s"] / _PROCESSED,
+        }
+
+    return {"frames": count, **_median(once, quick)}
+
+
+def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
+    """Scenes of many instances and objects, processor seconds without Blender's start."""
+    run = folder / "run"
+
+    def field() -> dict[str, float]:
+        blend = folder / "instances.blend"
+        cost = render_cost(blend, run)
+        begun, each = cost["begun_s"], cost["renders"] // 3
+        return {"first_render_s": cost["preparation_s"], "frame_s": begun[2 * each] - begun[each]}
+
+    def prepared() -> dict[str, float]:
+        return {"preparation_s": render_cost(folder / "objects.blend", run)["preparation_s"]}
+
+    def town() -> dict[str, float]:
+        return {"render_s": render_cost(folder / "city.blend", run)["render_s"]}
+
+    found = {}
+    for name, once in (("city", town), ("objects", prepared), ("instances", field)):
+        if not (quick and name == "instances"):
+            _built(name, folder)
+            found[name] = _median(once, quick)
+    return found
+
+
+def run_demo(folder: Path, quick: bool = False) -> dict[str, Any]:
+    """The paper's experiment, as `make demo` runs it: wall time [s]."""
+
+    def once() -> dict[str, float]:
+        cost = command_cost(["scripts/demo.py", "--out", folder / "demo"], _ROOT)
+        return {"wall_s": cost.wall_s, "cpu_s": cost.cpu_s}
+
+    return _median(once, quick)

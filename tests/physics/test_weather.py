@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rain, fog, gases and the echo of rain, against an independent code's tables.
+
+Attenuations of weather.csv agree with the package itur 0.4.0; its gases are that package's. Mie
+series of dielectric_sphere_mie.csv were summed by another code.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.rain_echo import (
+    rain_fall_speeds,
+    rain_reflectivity_per_m,
+    sphere_backscatter_m2,
+)
+from radarsim_addon.physics.weather import (
+    fog_attenuation_db_per_km,
+    gas_attenuation_db_per_km,
+    rain_attenuation_db_per_km,
+    rain_coefficients,
+)
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def _rows(model: str) -> list[dict[str, str]]:
+    with open(DATA / "weather.csv", encoding="utf-8") as stream:
+        return [row for row in csv.DictReader(stream) if row["model"] == model]
+
+
+def _rate(row: dict[str, str]) -> float:
+    return float(row["parameters"].removeprefix("mm_per_h="))
+
+
+def test_rain_attenuation_is_that_of_the_recommendation() -> None:
+    rows = _rows("rain_attenuation_p838_3")
+    assert len(rows) > 20
+    names = {"H": "horizontal", "V": "vertical"}
+    for row in rows:
+        found = rain_attenuation_db_per_km(
+            float(row["frequency_ghz"]) * 1e9, _rate(row), names[row["polarisation"]]
+        )
+        # the table has six digits
+        assert found == pytest.approx(float(row["value3"]), rel=5e-6)
+
+
+def test_average_polarisation_lies_between_the_two() -> None:
+    f_hz = np.geomspace(1e9, 1e12, 50)
+    horizontal, vertical, mean = (
+        rain_attenuation_db_per_km(f_hz, 20.0, one) for one in ("horizontal", "vertical", "average")
+    )
+    # the mean exponent is weighted by k: up to 2 % beyond them at 3.6 GHz
+    assert np.all(mean <= 1.03 * np.maximum(horizontal, vertical))
+    assert np.all(mean >= 0.97 * np.minimum(horizontal, vertical))
+    k, alpha = rain_coefficients(77e9, "average")
+    assert rain_attenuation_db_per_km(77e9, 0.0) == 0.0
+    assert rain_attenuation_db_per_km(77e9, 3.0) == pytest.approx(k * 3.0**alpha, rel=1e-12)
+
+
+def test_gases_are_the_sum_over_their_lines() -> None:
+    rows = _rows("gas_p676")
+    assert len(rows) == 4
+    for row in rows:
+        expected = float(row["value1"]) + float(row["value2"])
+        found = gas_attenuation_db_per_km(float(row["frequency_ghz"]) * 1e9)
+        assert found == pytest.approx(expected, rel=1e-9)
+        dry = gas_attenuation_db_per_km(float(row["frequency_ghz"]) * 1e9, vapour_g_per_m3=0.0)
+        # vapour widens oxygen's lines a little
+        assert dry == pytest.approx(float(row["value2"]), rel=2e-2)
+
+
+def test_a_vacuum_takes_nothing() -> None:
+    f_hz = np.geomspace(1e9, 1e12, 200)
+    assert np.all(gas_attenuation_db_per_km(f_hz, 0.0, 15.0, 0.0) == 0.0)
+    assert np.all(fog_attenuation_db_per_km(np.array([1e9, 77e9]), 0.0) == 0.0)
+
+
+def test_fog_is_rayleigh_absorption_of_its_drops() -> None:
+    """6 pi Im((eps - 1) / (eps + 2)) / lambda times the drops' volume, in dB."""
+    from radarsim_addon.physics.materials_water import liebe_permittivity
+
+    for f_hz in (10e9, 35e9, 94e9):
+        eps = liebe_permittivity(f_hz, 10.0)
+        volume = 0.5 / 1e6  # m^3 of water in a m^3 of air
+        per_m = 6 * np.pi * ((eps - 1) / (eps + 2)).imag * volume * f_hz / 299792458.0
+        expected = 10 / np.log(10) * 1e3 * per_m
+        assert fog_attenuation_db_per_km(f_hz, 0.5, 10.0) == pytest.approx(expected, rel=1e-3)
+
+
+def test_dielectric_spheres_have_the_mie_cross_section() -> None:
+    with open(DATA / "dielectric_sphere_mie.csv", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    assert len(rows) > 250
+    columns = [np.array([float(row[name]) for row in rows]) for name in ("eps_re", "eps_im", "ka")]
+    index = np.sqrt(columns[0] + 1j * columns[1])
+    found = sphere_backscatter_m2(1.0, 2 * np.pi / columns[2], index) / np.pi
+    expected = [float(row["sigma_over_pia2"]) for row in rows]
+    # ka is given to three digits behind the point, and narrow resonances feel its rounding
+    np.testing.assert_allclose(found, expected, rtol=2e-5)
+
+
+def test_small_spheres_are_rayleigh_scatterers() -> None:
+    index, k = 4 + 2j, 2 * np.pi / 3.9e-3
+    radius_m = np.array([0.0, 1e-7, 1e-6, 1e-5])
+    factor = abs((index**2 - 1) / (index**2 + 2)) ** 2
+    expected = 4 * np.pi * k**4 * radius_m**6 * factor
+    np.testing.assert_allclose(sphere_backscatter_m2(radius_m, 3.9e-3, index), expected, rtol=1e-3)
+
+
+def test_rain_echoes_as_its_drops_do() -> None:
+    rows = _rows("rain_volume")
+    assert len(rows) == 15
+    for row in rows:
+        eta = rain_reflectivity_per_m(float(row["frequency_ghz"]) * 1e9, _rate(row))
+        # another formula for water's permittivity at 77 GHz: 0.011 dB
+        assert 10 * np.log10(eta) == pytest.approx(float(row["value2"]), abs=0.015)
+
+
+def test_rain_falls_between_drizzle_and_the_largest_drops() -> None:
+    """Below 10 GHz the echo's mean fall speed is that of D^6: a closed form of two moments."""
+    rate = 10.0
+    slope = 4.1 * rate**-0.21  # 1/mm
+    # moments of D^6 exp(-slope D) exp(-0.6 D)
+    expected = 9.65 - 10.3 * (slope / (slope + 0.6)) ** 7
+    mean_mps, spread_mps = rain_fall_speeds(3e9, rate)
+    assert mean_mps == pytest.approx(expected, rel=0.02)
+    assert 0.5 < spread_mps < 2.0
+    assert rain_reflectivity_per_m(3e9, 0.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: rain_attenuation_db_per_km(77e9, -1.0),
+        lambda: rain_attenuation_db_per_km(77e9, np.nan),
+        lambda: rain_attenuation_db_per_km(0.5e9, 1.0),
+        lambda: rain_attenuation_db_per_km(77e9, 1.0, "diagonal"),  # type: ignore[arg-type]
+        lambda: gas_attenuation_db_per_km(77e9, -5.0),
+        lambda: gas_attenuation_db_per_km(2e12),
+        lambda: fog_attenuation_db_per_km(300e9, 0.1),
+        lambda: fog_attenuation_db_per_km(77e9, -0.1),
+        lambda: sphere_backscatter_m2(1.0, 1e-6, 3.0),
+        lambda: rain_fall_speeds(77e9, 0.0),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(call) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ConfigError, match=r"expected|summed up to"):
+        call()

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Leading edges are of echoes within the range limits, not of sidelobes that reach in."""
+
+import numpy as np
+import pytest
+
+from radarsim_addon.signal import Burst, FmcwWaveform, Radar, SteppedWaveform, Waveform
+from radarsim_addon.signal.detection import find_edges
+from radarsim_addon.signal.maps import ProfileAccumulator
+from radarsim_addon.signal.radar import AnyWaveform
+from tests.signal.oracle import unit_paths
+
+LFM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
+FMCW = FmcwWaveform(77e9, 150e6, 256, 20e6)
+STEPPED = SteppedWaveform(10e9, 0.5e6, 128, 10e-6)
+
+
+def profiles(waveform: AnyWaveform, range_m: list[float], power: list[float]) -> ProfileAccumulator:
+    """Expected power between 100 and 160 m."""
+    radar = Radar(waveform, Burst(500.0, 4))
+    found = ProfileAccumulator(radar, (100.0, 160.0), range_taper="none")
+    paths = unit_paths(radar, range_m)
+    paths.radiance[:] *= power
+    found.add(paths)
+    return found
+
+
+@pytest.mark.parametrize("waveform", [LFM, FMCW, STEPPED], ids=lambda w: w.kind)
+def test_an_echo_beyond_the_limits_has_no_edge_in_them(waveform: AnyWaveform) -> None:
+    """30 m before the limits and 20 m behind them; only sidelobes reach in."""
+    found = profiles(waveform, [70.0, 180.0], [1.0, 1.0])
+    assert found.result().power.max() > 0
+    assert find_edges(found.result(within=True)) == []
+
+
+@pytest.mark.parametrize("waveform", [LFM, FMCW, STEPPED], ids=lambda w: w.kind)
+def test_a_weak_echo_within_them_keeps_its_edge(waveform: AnyWaveform) -> None:
+    """30 dB below the one beyond; the profile itself holds both."""
+    found = profiles(waveform, [70.0, 130.0], [1.0, 1e-3])
+    edges = find_edges(found.result(within=True))
+    assert edges[0].peak_range_m == pytest.approx(130.0, abs=waveform.sample_spacing_m / 4)
+    both = profiles(waveform, [70.0], [1.0]).result().power
+    both = both + profiles(waveform, [130.0], [1e-3]).result().power
+    assert np.abs(found.result().power - both).max() < 1e-12
