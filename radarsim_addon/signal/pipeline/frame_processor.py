@@ -34,12 +34,11 @@ class FrameProcessor:
         options = process_options(chosen).for_run(run)
         # the coordinator has made the folder
         folder = products_folder(run, chosen.out).absolute()
-        self._frames = chosen.frames or run.record.frames
         self._products = Products(run, options, folder, chosen.allow_incomplete)
 
     def about(self) -> dict[str, Any]:
-        """Return all frames that were asked for."""
-        return {"frames": self._frames}
+        """Return all frames of the run."""
+        return {"frames": self._products.run.record.frames}
 
     def do(self, frame: int) -> dict[str, Any]:
         """Process a frame, and write its products."""
@@ -80,7 +79,8 @@ def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     options = process_options(chosen).for_run(run)
     with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
         products.draw_antennas()
-        run_frames(words, share_of(chosen), sys.stdout, show)
+        about = {"frames": chosen.frames or run.record.frames}
+        run_frames(words, share_of(chosen), sys.stdout, show, about=about)
         path = products.animate([maps[n] for n in chosen_frames(chosen) if n in maps])
     if path is not None:
         print(f"animation: {path}")
