@@ -298,8 +298,6 @@ class _Level:
             owners.append(triangles[touched])
         owner = np.concatenate(owners)
         place = np.concatenate(buckets), np.arange(owner.size)
-        from scipy.sparse import csr_array  # takes a while: only where rays are traced
-
         # A sparse matrix of a row for each bucket sorts by counting.
         sorter = csr_array((np.ones(owner.size, dtype=bool), place), (1 << bits, owner.size))
         self._triangles, self._starts = owner[sorter.indices], sorter.indptr
