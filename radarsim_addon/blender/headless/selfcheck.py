@@ -26,6 +26,7 @@ from ..run.devices import (
 )
 from .console import quiet_blender
 from .cycles_facts import measure_facts
+from .session import leave_blender
 
 
 def verdict_here(device: Device) -> Verdict:
@@ -48,11 +49,9 @@ def verdict_here(device: Device) -> Verdict:
 
 def check_here(path: str) -> None:
     """Check the device that a file names, and put the verdict in its place; ends the process."""
-    from .render import _leave_blender
-
     data = json.loads(Path(path).read_text(encoding="utf-8"))
     keep(Path(path), verdict_here(Device(data["kind"], tuple(data["ids"]))))
-    _leave_blender(0)
+    leave_blender(0)
 
 
 def main(words: list[str]) -> int:
