@@ -27,6 +27,9 @@ _LENGTH_OVER_POINT = 4.0
 #: Error of a vertex from the transmitter's colours over the length of the path: the largest, and a
 #: standard deviation along one axis.
 _LARGEST_COLOUR_ERROR, _COLOUR_ERROR = 1e-6, 7e-8
+#: Standard deviation of a length in float64, in steps of float64: at normal incidence, and for each
+#: unit of the tangent of the angle of incidence. As seen from 10 m to 10 km.
+_STRAIGHT, _SLANTED = 0.5, 0.12
 #: Standard deviations of such a vertex within which a mirrored ray is taken to have met it.
 _MIRRORED_SIGMAS = 6.0
 #: Standard deviations of an encoded length within which it is taken to be right.
@@ -95,14 +98,17 @@ class HitPoints:
         way_m, normal = self._hit(
             mine["last_body"], origins_m, mine["direction"], points_m, reach_m
         )
-        found_m = origins_m + way_m[:, None] * mine["direction"]
-        length_m = way_m + distances(found_m, transmitter_m)
+        ray_m = way_m[:, None] * mine["direction"]
+        found_m = origins_m + ray_m
+        # numbers no larger than the length, wherever the world's origin is
+        length_m = way_m + norms(ray_m + (origins_m - transmitter_m))
         with np.errstate(divide="ignore", invalid="ignore"):
             # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
             # surface it tells where another one hit, close by. It is too short where Cycles
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
-            cosine = np.abs(dots(mine["direction"], normal))
-            grazed_m = 2 * reach_m * norms(normal) / cosine
+            cosine = np.abs(dots(mine["direction"], normal)) / norms(normal)
+            grazed_m = 2 * reach_m / cosine
+            slanted = _SLANTED * np.sqrt(np.maximum(cosine**-2 - 1, 0.0))
             delay_m = mine["length_m"] - length_m
             undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
         encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
@@ -112,7 +118,8 @@ class HitPoints:
         rows["length_m"][sure] = length_m
         # Behind transparent surfaces a delay below the encoding's noise goes unnoticed.
         direct = rows["transparent_depth"][sure] == 0
-        rows["length_sigma_m"][sure[direct]] = _sigma_m(found_m, length_m)[direct]
+        sigma_m = np.spacing(length_m) * np.hypot(_STRAIGHT, slanted[hit])
+        rows["length_sigma_m"][sure[direct]] = sigma_m[direct]
         rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
 
     def _refine_later(
@@ -163,7 +170,7 @@ class HitPoints:
             # how the length changes as the last vertex moves
             slope = norms(between_m / far_m[:, None] + back_m / near_m[:, None])
             sigma_m = np.where(
-                exact, _sigma_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
+                exact, _rounding_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
             )
             # What a pane between the vertices delays, geometry cannot see.
             agrees_m = 2 * coloured_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
@@ -186,28 +193,36 @@ class HitPoints:
         if not known.size:
             return found, normals
         shape = self._bodies.shape[bodies[known] - 1]
+        # Foot of each point on its ray: from there on all numbers are small, and what rounding a
+        # pose's inverse does to the place of all points alike has no arm to act on.
+        origins_m, rays = _of(origins_m, known), directions[known]
+        away_m = near_m[known] - origins_m
+        ahead = dots(away_m, rays) / dots(rays, rays)
+        offset_m = ahead[:, None] * rays - away_m
         for number in np.unique(shape).tolist():
             mesh = self._mesh(number)
             if mesh is None:
                 continue
-            mine = known[shape == number]
-            poses, part = np.unique(bodies[mine] - 1, return_inverse=True)
+            here = np.flatnonzero(shape == number)
+            poses, part = np.unique(bodies[known[here]] - 1, return_inverse=True)
             inverses, flat = self._inverses(poses)
-            mine, part = mine[~flat[part]], part[~flat[part]]  # nothing is seen of the flat ones
-            if not mine.size:
+            here, part = here[~flat[part]], part[~flat[part]]  # nothing is seen of the flat ones
+            if not here.size:
                 continue
+            mine = known[here]
             stretch = np.linalg.norm(inverses[:, :3, :3], ord=2, axis=(1, 2))
             if np.all(part == part[0]):
                 part = part[0]  # one pose for all is much faster
             # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
-            inverse = inverses[part]
-            turn, move = inverse[..., :3, :3], inverse[..., :3, 3]
-            found[mine], normal = mesh.hit(
-                np.einsum("...ij,...j->...i", turn, _of(origins_m, mine)) + move,
-                np.einsum("...ij,...j->...i", turn, directions[mine]),
-                np.einsum("...ij,...j->...i", turn, near_m[mine]) + move,
+            turn, place_m = inverses[part][..., :3, :3], self._bodies.pose[poses[part]][..., :3, 3]
+            own_m = np.einsum("...ij,...j->...i", turn, near_m[mine] - place_m)
+            further, normal = mesh.hit(
+                own_m + np.einsum("...ij,...j->...i", turn, offset_m[here]),
+                np.einsum("...ij,...j->...i", turn, rays[here]),
+                own_m,
                 reach_m[mine] * stretch[part],
             )
+            found[mine] = ahead[here] + further
             if np.mean(np.isnan(found[mine])) > _MOST_MISSED:
                 found[mine] = np.nan
             normals[mine] = np.einsum("...ij,...i->...j", turn, normal)
@@ -242,6 +257,6 @@ def _reach_m(points_m: Real, start_m: Real) -> Real:
     return _ROUNDINGS * _EPS32 * (norms(points_m) + distances(points_m, start_m))
 
 
-def _sigma_m(points_m: Real, length_m: Real) -> Real:
-    """Standard deviation of lengths that were computed in float64, (n,), within a factor of 2."""
+def _rounding_m(points_m: Real, length_m: Real) -> Real:
+    """Step of float64 at the largest number that lengths are computed of, (n,)."""
     return np.asarray(np.spacing(np.maximum(length_m, np.abs(points_m).max(axis=1))))
