@@ -13,7 +13,7 @@ from radarsim_addon.contract import LinkBudget
 from radarsim_addon.option_arguments import settings_table
 from radarsim_addon.options import declared
 from radarsim_addon.signal import Cfar, ProcessOptions, Receiver
-from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst
+from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 _HEAD = """# Settings
@@ -45,7 +45,8 @@ def page() -> str:
     add("Link budget", LinkBudget)
     for name, kind in PATTERNS.items():
         add(f"Antenna `{name}`", kind)
-    for title, kind in (("Processing", ProcessOptions), ("Receiver", Receiver), ("CFAR", Cfar)):
+    processing = {"Processing": ProcessOptions, "Receiver": Receiver, "Weather": Weather}
+    for title, kind in (processing | {"CFAR": Cfar}).items():
         add(f"{title} (`radarsim process`)", kind, declared(kind))
     return "\n".join(parts)
 

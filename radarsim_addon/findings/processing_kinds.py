@@ -46,6 +46,19 @@ PROCESSING = {
         "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
         "Shadow Catcher off. Check that no object is scaled to 0.",
     ),
+    "weather-attenuates": Kind(
+        "info",
+        "The air takes {attenuation_db_per_km:.3g} dB of each kilometre of path, one way.",
+        "Rain, fog or gases were asked for. Cross sections are those in clear air.",
+        "For clear air, leave the weather options out.",
+    ),
+    "rain-echo-left-out": Kind(
+        "caution",
+        "Rain of {rain_mm_per_h:g} mm/h attenuates the paths, but its own echo is left out.",
+        "Its drops would return {reflectivity_db:.1f} dB m^2/m^3: that much cross section from "
+        "each cubic metre of a resolution cell.",
+        "Compare the targets' cross sections with reflectivity times volume of the cell.",
+    ),
     "range-ambiguous-paths": Kind(
         "caution",
         "The frame has {count:#path} beyond the unambiguous range of {unambiguous_range_m:.6g} m, "

@@ -34,6 +34,8 @@ Spectra for any waveform
 Receiver
     apply_receiver -> ReceivedSignal; Receiver (noise figure, ADC bits, phase noise); PhaseNoise,
     load_phase_noise; range_noise_gain, map_noise_gain: the floor that noise makes
+Weather
+    Weather: what rain, fog and gases take of each path
 Compression
     range_process -> RangeProfiles; expected_power_profile -> PowerProfile; window_at,
     slow_time_window
@@ -129,6 +131,7 @@ from .radar import (
     Radar,
     SteppedWaveform,
     Waveform,
+    Weather,
     load_radar,
     matched_filter,
     replica,
@@ -197,6 +200,7 @@ __all__ = [
     "SteppedWaveform",
     "SynthesisReport",
     "Waveform",
+    "Weather",
     "amplitude",
     "apply_receiver",
     "cfar_threshold",

@@ -23,6 +23,7 @@ MODULES = (
     "detection",
     "energy",
     "motion",
+    "weather",
 )
 
 

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...contract import LinkBudget
 from ...findings import Finding, finding
 from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
@@ -15,7 +16,7 @@ from ..decoding import FrameInput
 from ..echoes import pulse_times_s
 from ..maps import coherent_samples, map_noise_gain, mti_response
 from ..paths import Paths
-from ..radar import FmcwWaveform, Radar, RadarSystem, make_system
+from ..radar import FmcwWaveform, Radar, RadarSystem, Weather, make_system
 from ..scattering import Link, antenna_motion
 from .objects import ObjectEcho, object_echoes
 
@@ -144,7 +145,9 @@ class FrameBudget:
     Parameters
     ----------
     frame_input
-        Radar frame. Without a link budget its paths stay as they are.
+        Radar frame. Without a link budget only the weather changes its paths.
+    weather
+        What the air takes of every path.
 
     Raises
     ------
@@ -152,22 +155,28 @@ class FrameBudget:
         The budget cannot be used.
     """
 
-    def __init__(self, frame_input: FrameInput) -> None:
+    def __init__(self, frame_input: FrameInput, weather: Weather | None = None) -> None:
         self._input, self._radar = frame_input, frame_input.radar
         self.system: RadarSystem | None = None
         self.link: Link | None = None
         scene = frame_input.table.motion if frame_input.tables else None
         #: Poses of the antennas, for the elements of an array.
         self.antennas = antenna_motion(frame_input.receiver, frame_input.transmitter, scene)
-        if frame_input.link_budget is not None:
-            wavelength_m = self._radar.waveform.wavelength_m
-            self.system = make_system(frame_input.link_budget, wavelength_m)
+        waveform, eirp_w = self._radar.waveform, frame_input.transmitter.eirp_w
+        air_db_per_km = (weather or Weather()).attenuation_db_per_km(waveform.carrier_hz)
+        record = frame_input.link_budget
+        if record is not None:
+            self.system = make_system(record, waveform.wavelength_m)
+        elif air_db_per_km > 0:  # isotropic antennas with the power of the renders change nothing
+            record = LinkBudget(transmit_power_w=eirp_w)
+        if record is not None:
             self.link = Link(
-                self.system,
+                self.system or make_system(record, waveform.wavelength_m),
                 frame_input.receiver,
                 frame_input.transmitter,
                 scene,
                 pulse_times_s(self._radar),
+                air_db_per_km,
             )
 
     def apply(self, paths: Paths) -> Paths:

@@ -141,7 +141,9 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
 
 
 def _differences(values: Real, between: Indices) -> Real:
-    return np.asarray(values[between[..., 1]] - values[between[..., 0]])
+    """Steps of values; none to or from what is not finite, which is refused where it is used."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(values[between[..., 1]] - values[between[..., 0]], posinf=0, neginf=0)
 
 
 def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:

@@ -34,7 +34,7 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
     if receiver.kind == "perspective":
         backwards = np.array(receiver.matrix_world, dtype=np.float64)[:3, 2]
         return np.asarray(rows["direction"] @ backwards < 0)
-    return largest(rows["direction"]) != 0
+    return np.asarray(largest(rows["direction"]) != 0)
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:

@@ -153,7 +153,7 @@ class TriangleMesh:
         with np.errstate(invalid="ignore"):
             hit = (outside == 0) & (off_plane <= _SURE * rays.reach[chosen])
         best.take(chosen[hit], way[hit], triangles[hit])
-        return ~hit
+        return np.asarray(~hit)
 
     def _search(self, rays: _Rays, best: _Best, chosen: Indices) -> None:
         """Find what the chosen rays hit among the triangles in the cells of their points."""
@@ -283,6 +283,8 @@ class _Level:
     """
 
     def __init__(self, cell: float, low: Real, high: Real, triangles: Indices) -> None:
+        from scipy.sparse import csr_array  # only here: opening a table needs no scipy
+
         self.cell = cell
         bits = max(int(triangles.size).bit_length() + 2, 6)
         self._mask = (1 << bits) - 1
@@ -296,8 +298,6 @@ class _Level:
             owners.append(triangles[touched])
         owner = np.concatenate(owners)
         place = np.concatenate(buckets), np.arange(owner.size)
-        from scipy.sparse import csr_array  # takes a while: only where rays are traced
-
         # A sparse matrix of a row for each bucket sorts by counting.
         sorter = csr_array((np.ones(owner.size, dtype=bool), place), (1 << bits, owner.size))
         self._triangles, self._starts = owner[sorter.indices], sorter.indptr

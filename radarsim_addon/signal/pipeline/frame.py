@@ -46,7 +46,7 @@ from ..maps import (
     range_process,
 )
 from ..paths import Paths
-from ..radar import find_suspicious_parameters
+from ..radar import Weather, find_suspicious_parameters
 from ..results import FrameResult
 from ..scattering import FrameSpeckle
 from .options import ResolvedOptions
@@ -141,7 +141,9 @@ def frame_steps(
         edges=find_edges(profile_sum.result(within=True)),
         moving_targets=_moving_targets(frame_input, options, received, first_map, recording, folds),
         budget=report,
-        findings=_findings(frame_input, statistics, report, speckle, expected, received),
+        findings=_findings(
+            frame_input, statistics, report, speckle, expected, received, options.weather
+        ),
         expected=expected,
         speckle=speckle.report(),
         detections=_detections(options, first_map, recording, folds),
@@ -155,7 +157,7 @@ class _EchoSum:
 
     def __init__(self, frame_input: FrameInput, options: ResolvedOptions) -> None:
         echo_options, receiver = options.echo_options, options.receiver
-        self.budget = FrameBudget(frame_input)
+        self.budget = FrameBudget(frame_input, options.weather)
         self.speckle = FrameSpeckle(
             frame_input, echo_options.speckle_seed, options.speckle_cell_size_m
         )
@@ -264,6 +266,7 @@ def _findings(
     speckle: FrameSpeckle,
     expected: ExpectedPower | None,
     received: ReceivedSignal,
+    weather: Weather,
 ) -> list[Finding]:
     """Find what to know before trusting the frame, from every stage."""
     scatterers, report = speckle.report(), received.echoes.report
@@ -275,6 +278,7 @@ def _findings(
     found = itertools.chain(
         rendered,
         (item for item in of_paths if item.code != "no-echo" or not explained),
+        weather.findings(frame_input.radar.waveform.carrier_hz),
         budget.findings,
         speckle.findings,
         [] if expected is None else expected.findings,

@@ -13,7 +13,7 @@ from ...options import check_settings, choices_from, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
 from ..echoes import EchoOptions, Receiver, check_window
-from ..radar import WINDOW_NAMES, Radar, read_system
+from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
 
@@ -40,6 +40,8 @@ class ProcessOptions:
         materials on the carrier.
     receiver
         Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
+    weather
+        Rain, fog and gases, see :class:`.radar.Weather`; clear air by default.
     cfar
         Detector, see :class:`.detection.Cfar`; None: no detections.
     """
@@ -100,6 +102,7 @@ class ProcessOptions:
     )  # fmt: skip
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)
+    weather: Weather = dataclasses.field(default_factory=Weather)
     thermal_noise: bool = setting(
         "Thermal noise", "Add the thermal noise of the link budget", False, old_flags=("--noise",)
     )
@@ -179,7 +182,7 @@ class ResolvedOptions(ProcessOptions):
         As in `ProcessOptions`, never None.
     limits_m
         One-way ranges (start, stop) of all frames [m].
-    receiver, cfar
+    receiver, weather, cfar
         As in `ProcessOptions`.
     """
 

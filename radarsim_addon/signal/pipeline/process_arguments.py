@@ -10,7 +10,7 @@ from ...option_arguments import add_arguments, add_share_arguments, given, share
 from ...options import declared
 from ..detection import Cfar
 from ..echoes import Receiver
-from ..radar import load_radar
+from ..radar import Weather, load_radar
 from ..runs import open_run
 from .console import Subcommands
 from .options import ProcessOptions
@@ -55,6 +55,8 @@ def add_process_parser(commands: Subcommands) -> None:
     group.add_argument("--radar", dest="waveform", metavar="FILE", help=argparse.SUPPRESS)
     add_arguments(group, options, *of_radar, defaults=True)
     add_arguments(group, receiver, defaults=True)
+    group = process.add_argument_group("weather (docs/weather.md)")
+    add_arguments(group, declared(Weather), defaults=True)
     group = process.add_argument_group("detection (docs/detection.md)")
     add_arguments(group, options, *detection, defaults=True)
     add_arguments(group, cfar, "kind")
@@ -88,6 +90,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     return ProcessOptions(
         radar=radar,
         receiver=Receiver(**given(chosen, declared(Receiver))),
+        weather=Weather(**given(chosen, declared(Weather))),
         cfar=Cfar(**cfar) if "kind" in cfar else None,
         **options,
     )

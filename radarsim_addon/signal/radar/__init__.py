@@ -29,6 +29,7 @@ from .radar_files import (
     waveform_to_dict,
 )
 from .waveform import AnyWaveform
+from .weather import Weather
 from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "RadarSystem",
     "SteppedWaveform",
     "Waveform",
+    "Weather",
     "band_window",
     "burst_from_dict",
     "cut_dbi",

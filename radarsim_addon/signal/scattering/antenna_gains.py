@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +109,8 @@ class Link:
     times_s
         Pulse times, over which the mean gains of `apply` and `mean_factor` are taken, (pulses,)
         [s]; None: gains of the frame's time.
+    attenuation_db_per_km
+        What the air takes of a kilometre of path, one way, over the whole band [dB/km].
 
     Raises
     ------
@@ -122,6 +125,7 @@ class Link:
         emitter: TransmitterRecord,
         scene: FrameMotion | None = None,
         times_s: Real | None = None,
+        attenuation_db_per_km: float = 0.0,
     ) -> None:
         if not emitter.eirp_w > 0:
             raise ConfigError(
@@ -130,6 +134,7 @@ class Link:
             )
         self.system, self._scene = system, scene
         self.antennas = antenna_motion(camera, emitter, scene)
+        self._neper_per_m = attenuation_db_per_km * math.log(10) / 1e4
         self._scale = system.record.transmit_power_w / (system.loss * emitter.eirp_w)
         self._mean_times_s = np.zeros(0)
         if times_s is not None and times_s.size > 1:
@@ -162,7 +167,7 @@ class Link:
         return self.system.receiver.gain(to_antenna_frame(self.antennas.receiver.pose, direction))
 
     def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
-        """P_t G_t G_r / (L EIRP) of each path at the frame's time, (n,).
+        """P_t G_t G_r / (L EIRP) of each path at the frame's time, less what the air takes, (n,).
 
         Where the last vertex is unknown it is taken to be where a single reflection of that length
         would lie.
@@ -171,7 +176,11 @@ class Link:
             return np.ones(0)
         last_scatterer_m = self._last_vertices(length_m, direction, last_scatterer_m)
         gain = self.transmit_gain(last_scatterer_m) * self.receive_gain(direction)
-        return np.asarray(self._scale * gain, dtype=np.float64)
+        return np.asarray(self._scale * gain * self._air_gain(length_m), dtype=np.float64)
+
+    def _air_gain(self, length_m: Real) -> Real:
+        """What the air leaves of the power of paths of these total lengths, (n,)."""
+        return np.exp(-self._neper_per_m * length_m)
 
     def ends_factor(self, ends: PathEnds) -> Real:
         """As `factor`, of path ends, (n,)."""
@@ -201,7 +210,7 @@ class Link:
             own = ends.select(rows)
             gain = self._end_gain(own, times_s, 1, channel.tx, self.system.transmitter)
             gain = gain * self._end_gain(own, times_s, 0, channel.rx, self.system.receiver)
-            result[rows] = self._scale * gain
+            result[rows] = self._scale * gain * self._air_gain(own.length_m)[:, None]
         return result
 
     def start_factor(self, ends: PathEnds, channel: Channel) -> Real:

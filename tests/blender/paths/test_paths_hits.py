@@ -15,6 +15,7 @@ from radarsim_addon.signal import PathFlag
 bpy = pytest.importorskip("bpy")
 from mathutils import Euler, Vector
 
+from radarsim_addon.blender.paths import view_tracer
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -284,6 +285,26 @@ def test_mirror_in_closed_form(tmp_path: Path) -> None:
     assert np.abs(rows["last_scatterer_m"] - ends).max() < 1e-9
     assert np.abs(rows["length_m"] - exact_m).max() < 1e-6 * WAVELENGTH_M
     assert rows["length_sigma_m"].max() < 1e-6 * WAVELENGTH_M
+
+
+def test_opaque_scenes_need_fewer_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing lets power through, two renders hold what others do: the same table."""
+    tables, renders, limits = [], [], view_tracer.TraceLimits
+    for told in (True, False):
+        rs.new_scene()
+        ph.quad("Floor", [(-9, 5, -2), (9, 5, -2), (9, 40, -2), (-9, 40, -2)], ph.rough_metal())
+        ph.plate_at(20.0, 6.0, ph.rough_metal(), tilt_deg=20.0)
+        ph.field_of_view(30)
+        if not told:
+            monkeypatch.setattr(
+                view_tracer, "TraceLimits", lambda **each: limits(**each | {"all_opaque": False})
+            )
+        run = measure(tmp_path / str(told), max_reflections=2)
+        tables.append(run.table().tobytes())
+        renders.append(run.record().renders)
+    assert tables[0] == tables[1]
+    assert renders[0] < renders[1]
+    assert np.sum(run.table()["order"] == 2) > 50
 
 
 @pytest.mark.parametrize("range_m", [10.0, 1e4])

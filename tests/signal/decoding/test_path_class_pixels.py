@@ -64,7 +64,7 @@ def path_class(length_m: np.ndarray, view: PixelRays, **changes: Any) -> PathCla
 def rows_of(pixels: PathClassPixels, view: PixelRays, emitter_m: Any) -> PathRows:
     transmitter_m = np.asarray(emitter_m, dtype=np.float64)
     shared = TileReplicate(view, transmitter_m, K_M, CLIP_M, 0.5, 0.25, 3, 2)
-    return assemble_rows(pixels, every_pixel(), shared)
+    return assemble_rows(pixels, np.arange(SIZE * SIZE), shared)
 
 
 def plate_points(view: PixelRays, distance_m: float, origin: Any = (0, 0, 0)) -> np.ndarray:
@@ -177,9 +177,8 @@ def test_a_thin_delay_far_away_comes_from_the_code() -> None:
     pixels = path_class(geometric + 0.03, view, position_m=points, depth=2)
     encoded = geometric + 0.03 - CLIP_M / view.near_cosine[every_pixel()]
     pixels = PathClassPixels(**{**vars(pixels), "log_ratio": -encoded / 500.0})
-    rows = assemble_rows(
-        pixels, every_pixel(), TileReplicate(view, np.zeros(3), 500.0, CLIP_M, 0.5, 1.0, 0, 0)
-    )
+    shared = TileReplicate(view, np.zeros(3), 500.0, CLIP_M, 0.5, 1.0, 0, 0)
+    rows = assemble_rows(pixels, np.arange(SIZE * SIZE), shared)
     np.testing.assert_allclose(rows["length_m"], geometric + 0.03, rtol=1e-12)
     assert np.all(rows["flags"] == PathFlag.ENCODED_LENGTH)
 

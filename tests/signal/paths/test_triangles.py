@@ -166,6 +166,28 @@ def test_triangles_of_all_sizes_in_one_mesh() -> None:
     np.testing.assert_allclose(found, under, rtol=1e-14)
 
 
+def test_neighbours_change_nothing() -> None:
+    """Rays in the order of an image, whose neighbours hit the same triangle, and in any order."""
+    vertices, triangles = sphere(16)
+    back = vertices @ np.diag([3.0, 3.0, 0.1]) - [0.0, 0.0, 2.0]
+    both = np.concatenate([vertices, back]), np.concatenate([triangles, triangles + len(vertices)])
+    mesh = TriangleMesh(*both)
+    origin = np.array([0.3, -0.2, 30.0])
+    u, v = np.meshgrid(*2 * [np.linspace(-2.5, 2.5, 120)])
+    aims = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=1)
+    directions = (aims - origin) / np.linalg.norm(aims - origin, axis=1, keepdims=True)
+    exact = first_hits(*both, origin, directions)
+    met = np.isfinite(exact)
+    directions, exact = directions[met], exact[met].astype(float)
+    points = seen(origin, directions, exact, 1e-6)
+    way, normal = mesh.hit(origin, directions, points, 7e-6)
+    np.testing.assert_allclose(way, exact, rtol=1e-13)
+    order = np.random.default_rng(6).permutation(len(points))
+    shuffled, normals = mesh.hit(origin, directions[order], points[order], 7e-6)
+    np.testing.assert_array_equal(way[order], shuffled)
+    np.testing.assert_array_equal(normal[order], normals)
+
+
 def test_points_off_the_mesh_and_empty_meshes() -> None:
     """Nothing is invented: NaN."""
     origin, directions = np.zeros(3), np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
