@@ -155,22 +155,17 @@ def animate(target: Any) -> None:
         start.z,
     )
     target.keyframe_insert("location", frame=1 + ANIMATION_S * FRAMES_PER_SECOND)
-    for curve in _curves(target.animation_data.action):
-        for point in curve.keyframe_points:
-            point.interpolation = "LINEAR"
+    make_linear(target)
     bpy.context.scene.frame_set(1)
 
 
-def _curves(action: Any) -> Any:
-    if hasattr(action, "fcurves"):  # up to 4.5
-        return list(action.fcurves)
-    return [
-        curve
-        for layer in action.layers
-        for strip in layer.strips
-        for bag in strip.channelbags
-        for curve in bag.fcurves
-    ]
+def make_linear(item: Any) -> None:
+    """Interpolate between the keys of an object on straight lines."""
+    from radarsim_addon.blender.scene import animation_curves
+
+    for curve in animation_curves(item.animation_data):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
 
 
 def main(argv: list[str] | None = None) -> int:

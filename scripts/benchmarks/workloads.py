@@ -15,6 +15,7 @@ import bpy
 from radarsim_addon import blender as radarsim
 from radarsim_addon.blender.nodes import make_material
 from scripts.make_canyon import CONCRETE, GROUND, add_box, add_mesh
+from scripts.make_paper_scene import make_linear
 
 FRAMES = 100
 INSTANCES = 10**5
@@ -45,10 +46,10 @@ def car() -> None:
     metal = make_material("Metal", 1e4, 1e4, specularity=0.0, penetrable=False)
     radarsim.assign_material(body, metal)
     scene.frame_start, scene.frame_end, scene.render.fps = 1, FRAMES, 25
-    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
     for frame in (1, FRAMES + 25):
         body.location = (1.0, 15.0 + CAR_MPS * (frame - 1) / 25, 0.0)
         body.keyframe_insert("location", frame=frame)
+    make_linear(body)
     radarsim.add_radar(
         (0.0, 0.0, 0.7),
         (0.0, 50.0, 0.7),

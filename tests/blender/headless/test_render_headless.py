@@ -65,7 +65,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> 
         return Done(words, end.value.code, *capfd.readouterr())
 
     before = {number: signals.getsignal(number) for number in (signals.SIGINT, signals.SIGTERM)}
-    monkeypatch.setattr(render, "_leave_blender", sys.exit)
+    monkeypatch.setattr(render, "leave_blender", sys.exit)
     yield run
     for number, handler in before.items():
         signals.signal(number, handler)
