@@ -146,6 +146,19 @@ def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], va
     assert re.search(r"Row \d of the paths has length .*; expected a fin", capsys.readouterr().err)
 
 
+def test_motion_beyond_sense(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Speeds of 1e21 m/s asked for as many nodes within a pulse."""
+    frame = run / contract.frame_dir(1)
+    with np.load(frame / contract.DEFORMING_SURFACES_FILE) as archive:
+        arrays = dict(archive)
+    arrays["series_1"][0, 1, 2, 2] = 2.0**64
+    np.savez(frame / contract.DEFORMING_SURFACES_FILE, **arrays)
+    for _ in range(2):  # of the surfaces, then of the record that names them
+        correct_hashes(run)
+    assert main(["process", str(run), "--no-plots"]) == 2
+    assert "rad within a pulse; at most" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("count", [2**33, 2**62])
 def test_headers_that_claim_more_than_the_file_holds(
     inputs: Path, tmp_path: Path, count: int
