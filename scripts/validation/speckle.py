@@ -14,11 +14,20 @@ from radarsim_addon.array_types import Real
 from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.maps import range_process
-from radarsim_addon.signal.paths.paths import path_power_w
+from radarsim_addon.signal.paths.paths import make_paths, path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check
-from .scenes import acquire, add_plate, facing_plate, lambert, new_scene, wavelength
+from .scenes import (
+    EIRP_W,
+    acquire,
+    add_box,
+    add_plate,
+    facing_plate,
+    lambert,
+    new_scene,
+    wavelength,
+)
 
 RMS_HEIGHT_M = 0.05
 #: Where speckle is asked to be fully developed, and no better than that: k h and pixels a side
@@ -32,6 +41,8 @@ RANGE_M, PLATE_M, TILT_DEG = 1000.0, 100.0, 70.0
 #: scatterers, which must be the same from everywhere.
 BASELINES = (0.25, 0.5, 0.75, 1.0)
 BASELINE_PLATE_M, BASELINE_CELL_M, BASELINE_SEEDS = 24.0, 1.0, 200
+#: Level ground: the radar's height, where it begins and ends, and the view, half of it below.
+GROUND_HEIGHT_M, GROUND_M, GROUND_FOV_DEG = 0.5, (10.0, 300.0), 12.0
 #: Beyond the patch's edges by this the range cells are not full [m].
 MARGIN_M = 12.0
 
@@ -280,18 +291,59 @@ def _fields(
     return np.array(found), float(power_w.sum())
 
 
+def grazing(bench: Bench) -> list[Check]:
+    """Mean power of the echoes of level ground in bins of a metre, against the ring integral.
+
+    A ring of ground dr wide at the slant range r has the solid angle h dr dphi / r^2; radiance of
+    a Lambert surface is albedo E cos / (4 pi^2 r^2), cos = h / r.
+    """
+    new_scene(GROUND_FOV_DEG)
+    # thin: its front faces the radar
+    low_m = (-60.0, GROUND_M[0], -1e-4 - GROUND_HEIGHT_M)
+    add_box("Ground", low_m, (60.0, GROUND_M[1], -GROUND_HEIGHT_M), lambert(0.6))
+    run = open_run(acquire(bench, 256, 2, bandwidth_hz=150e6, sampling_rate_hz=180e6).folder)
+    frame_input = open_frame(run.frame(1))
+    paths = FrameSpeckle(frame_input, 0).apply(frame_paths(frame_input))
+    range_m = np.arange(GROUND_M[0], GROUND_M[1], 0.05) + 0.025
+    solid_sr = GROUND_HEIGHT_M * 0.05 * math.radians(GROUND_FOV_DEG) / range_m**2
+    radiance = 0.6 * EIRP_W * GROUND_HEIGHT_M / (4 * math.pi**2 * range_m**3)
+
+    def metres(radiance: Real, length_m: Real, solid_sr: Real) -> Real:
+        profile = expected_power_profile(
+            make_paths(radiance, length_m, solid_angle_sr=solid_sr),
+            run.radar,
+            range_limits_m=(20.0, 120.0),
+        )
+        return np.histogram(profile.range_m, np.arange(50.0, 101.0), weights=profile.power)[0]
+
+    found = metres(paths.radiance, paths.length_m, paths.solid_angle_sr)
+    ratio = found / metres(radiance, 2 * range_m, solid_sr)
+    return [
+        absolute_check(
+            "rms error of the mean power of echoes, level ground at 0.3 to 0.6 degrees, bins of "
+            "1 m, 50 to 100 m",
+            0.0,
+            float(np.sqrt(np.mean((ratio - 1) ** 2))),
+            0.05,
+            "integral over rings of ground; rows of pixels are up to 16 m apart",
+        )
+    ]
+
+
 GROUP = Group(
     "speckle",
     "Speckle",
     "A Lambert plate of 100 m at 1 km, tilted by 70 degrees, rms height 50 mm or, for "
     "the least that is asked for, kh = 1.5: matched-filter output of one pulse over the expected "
     "power, many range cells and seeds. Correlation between radars side by side: a plate of "
-    f"{BASELINE_PLATE_M:g} m square on, {BASELINE_SEEDS} seeds.",
+    f"{BASELINE_PLATE_M:g} m square on, {BASELINE_SEEDS} seeds. Level ground {GROUND_HEIGHT_M:g} m "
+    "below the radar.",
     (
         Case("rough patch", statistics, 40.0, quick=True),
         Case("least roughness and paths", least, 40.0),
         Case("smooth surface", smooth, 40.0),
         Case("too few scatterers", too_few, 10.0),
         Case("radar shifted sideways", decorrelation, 40.0),
+        Case("ground at grazing incidence", grazing, 40.0, quick=True),
     ),
 )
