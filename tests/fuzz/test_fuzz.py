@@ -20,7 +20,7 @@ resource = pytest.importorskip("resource", reason="processes of POSIX")
 from radarsim_addon import contract
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.signal import open_run
-from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.pipeline import cli, main
 from radarsim_addon.signal.radar import load_radar
 from tests.fuzz import cases
 from tests.fuzz.cases import run_case
@@ -144,6 +144,32 @@ def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], va
     correct_hashes(run)
     assert main(["process", str(run), "--no-plots"]) == 1
     assert re.search(r"Row \d of the paths has length .*; expected a fin", capsys.readouterr().err)
+
+
+def test_motion_beyond_sense(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Speeds of 1e21 m/s asked for as many nodes within a pulse."""
+    frame = run / contract.frame_dir(1)
+    with np.load(frame / contract.DEFORMING_SURFACES_FILE) as archive:
+        arrays = dict(archive)
+    arrays["series_1"][0, 1, 2, 2] = 2.0**64
+    np.savez(frame / contract.DEFORMING_SURFACES_FILE, **arrays)
+    for _ in range(2):  # of the surfaces, then of the record that names them
+        correct_hashes(run)
+    assert main(["process", str(run), "--no-plots"]) == 2
+    assert "rad within a pulse; at most" in capsys.readouterr().err
+
+
+def test_a_full_memory_is_said(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """80 000 pulses of a changed radar file took 500 MiB for each array of the map."""
+
+    def full(*_: Any, **__: Any) -> Any:
+        return np.empty(2**55, dtype=np.complex128)
+
+    monkeypatch.setattr(cli, "process_run", full)
+    assert main(["process", str(run), "--no-plots"]) == 1
+    assert re.search(r"Unable to allocate .*\. Take fewer pulses", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("count", [2**33, 2**62])

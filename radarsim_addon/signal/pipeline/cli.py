@@ -93,6 +93,13 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
     except RadarSimError as error:
         print(f"radarsim: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
+    except MemoryError as error:
+        print(
+            f"radarsim: MemoryError: {error or 'memory is full'}. Take fewer pulses or narrower "
+            "range limits (--range-limits), or a machine with more memory.",
+            file=sys.stderr,
+        )
+        return 1
     except BrokenPipeError:
         # Whoever read our output has seen enough (| head): no word more, not at exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

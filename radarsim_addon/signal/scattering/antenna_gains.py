@@ -180,7 +180,8 @@ class Link:
 
     def _air_gain(self, length_m: Real) -> Real:
         """What the air leaves of the power of paths of these total lengths, (n,)."""
-        return np.exp(-self._neper_per_m * length_m)
+        # a length that is not finite is refused where it is used, and not for its power
+        return np.exp(-self._neper_per_m * np.where(np.isfinite(length_m), length_m, 0.0))
 
     def ends_factor(self, ends: PathEnds) -> Real:
         """As `factor`, of path ends, (n,)."""

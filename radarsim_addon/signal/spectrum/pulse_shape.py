@@ -10,12 +10,15 @@ import math
 import numpy as np
 
 from ...array_types import Complex, Real
+from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 
 Weights = Real | Complex
 
 #: Fraction of the tolerance for the interpolation between nodes; a digit costs one.
 NODES_SHARE = 0.01
+#: At 77 GHz and 10 us that is 1200 km/s; each two radians cost a transform.
+_MOST_BEND_RAD = 1e4
 
 
 class PulseShape:
@@ -142,6 +145,12 @@ def _places(nodes: int) -> Real:
 
 def nodes_for(bend_rad: float, tolerance: float) -> int:
     """Nodes for exp(j L p), |p| <= 1, L = `bend_rad`, to be within the tolerance."""
+    if not bend_rad <= _MOST_BEND_RAD:
+        raise ConfigError(
+            f"Motion turns the phase of an echo by {2 * bend_rad:.3g} rad within a pulse; at most "
+            f"{2 * _MOST_BEND_RAD:g} can be followed. Look for an object that jumps or is faster "
+            "than any can be, or render the frame again if its files are damaged."
+        )
     nodes, left = 1, 4 * (bend_rad / 2)
     while left > tolerance or nodes < bend_rad / 2:
         nodes += 1

@@ -23,7 +23,7 @@ from radarsim_addon.blender.nodes.build import TreeBuilder
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 SHADERS = Path(__file__).parents[3] / "shaders"
 

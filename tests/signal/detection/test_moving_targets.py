@@ -20,6 +20,8 @@ from radarsim_addon.signal.maps import Recording, point_response
 from tests.signal.pointscenes import BURST, PAIRS, WAVEFORMS, WINDOWS, clutter, scene, speeds
 from tests.signal.synthetic import Setup, points, write_run
 
+pytestmark = pytest.mark.slow
+
 SETUP = Setup(rings=4, radar=Radar(WAVEFORMS["chirp"], BURST))
 ECHOES = [(5, 6, 600.0, 5.0, 1e-6), *((2, c, 300.0, 0.0, 1e-5) for c in range(10))]
 SLOWEST_MPS = 3 * SETUP.radar.velocity_resolution_mps
