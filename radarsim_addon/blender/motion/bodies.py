@@ -18,7 +18,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
-from scipy.spatial import cKDTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
@@ -169,6 +168,8 @@ class Bodies:
 
     def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
+        from scipy.spatial import cKDTree  # only here: most scenes need no scipy
+
         half = (self.box[parts, 1] - self.box[parts, 0]) / 2
         pose = self.pose[parts]
         centre = np.einsum("nij,nj->ni", pose[:, :3, :3], self.box[parts].mean(axis=1))
