@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .errors import MissingDependencyError, RadarSimError
+from .findings import exit_code
 from .option_arguments import Share, share_of
 
 
@@ -63,7 +64,9 @@ def render_command(
 def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
     """Coordinate workers; without Blender, unless this runs in its program."""
     from .signal.distributed import run_frames
+    from .signal.pipeline import frame_findings
     from .signal.pipeline import main as process_main
+    from .signal.runs import open_run
 
     command = None
     if "bpy" in sys.modules:  # the program, with a file open: its workers are such programs
@@ -80,7 +83,10 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         print("radarsim: Interrupted; the same command resumes the run.", file=sys.stderr)
         return getattr(stop, "exit_code", 130)
     print(f"radarsim: wrote {about['folder']}", flush=True)
-    return process_main(["process", about["folder"], *share.words]) if process else 0
+    processed = process_main(["process", about["folder"], *share.words]) if process else 0
+    run = open_run(about["folder"])
+    found = [*run.record.findings, *frame_findings(run.path, about["frames"])]
+    return max(processed, exit_code(found, about["frames"]))
 
 
 def selfcheck_command(words: list[str]) -> int:

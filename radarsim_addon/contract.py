@@ -246,11 +246,12 @@ class PathsRecord:
 
     objects names the numbers in the table's object columns, from 1. Fractions are of total_power_w:
     truncated_reflections in orders above max_reflections (probed by few rays: see its standard
-    error), truncated_transparency in gates that were not rendered, mixed_power in rows whose pixel
-    held several paths even so, unranged_power in rows without a usable range. relative_error is
-    over error_scope: "both", "ranges" or "objects". small_objects are in view before refinement
-    and have few pixels; small_objects_tiled of them got tiles of their own. column_groups describes
-    the table (none: that of radarsim 0.1), flags gives the values that its column flags sums up.
+    error, and its upper bound at 95 % confidence; None in tables of earlier versions),
+    truncated_transparency in gates that were not rendered, mixed_power in rows whose pixel held
+    several paths even so, unranged_power in rows without a usable range. relative_error is over
+    error_scope: "both", "ranges" or "objects". small_objects are in view before refinement and have
+    few pixels; small_objects_tiled of them got tiles of their own. column_groups describes the
+    table (none: that of radarsim 0.1), flags gives the values that its column flags sums up.
     """
 
     frame: int
@@ -289,6 +290,7 @@ class PathsRecord:
     table_file: str
     table_sha256: str
     truncated_reflections_stderr: float = 0.0
+    truncated_reflections_upper: float | None = None
     error_scope: str = "both"
     small_objects: int = 0
     small_objects_tiled: int = 0

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import bpy
 
+from ..processes import own_folder, remove_abandoned_folders
 from . import rig_settings
+from .headless.session import session_folder
 from .ui import asset_library, material_names, material_panel, operators, panels
 from .ui import link_budget_panel as system_panel
 
@@ -22,8 +24,15 @@ CLASSES: tuple[type, ...] = (
 
 
 def register() -> None:
-    """Register settings, operators and panels. A second call changes nothing."""
+    """Register settings, operators and panels; a second call changes nothing.
+
+    Temporary folders of sessions that have crashed are removed.
+    """
     rig_settings.register()
+    own = session_folder()
+    if own is not None:
+        own_folder(own)
+    remove_abandoned_folders()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)

@@ -8,7 +8,7 @@ library only.
 """
 
 from .catalogue import NO_ECHO_CODES
-from .merging import finding_lines, merge
+from .merging import exit_code, finding_lines, merge
 from .records import Finding, Value, finding, from_json, to_json
 from .texts import frames_text, frequency_text, length_text
 
@@ -16,6 +16,7 @@ __all__ = [
     "NO_ECHO_CODES",
     "Finding",
     "Value",
+    "exit_code",
     "finding",
     "finding_lines",
     "frames_text",

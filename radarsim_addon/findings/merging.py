@@ -13,6 +13,9 @@ from .kinds import Severity
 from .records import Finding, Value, written
 from .texts import frames_text
 
+#: Exit code where all is done, and findings of severity error concern all of it.
+UNUSABLE = 3
+
 
 def merge(findings: Iterable[Finding]) -> list[Finding]:
     """Make one finding of all those of a code, over frames and objects.
@@ -57,6 +60,27 @@ def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> li
             place = f"{frames_text(item.frames, frames)}: "
         lines.append(printable(f"{item.severity}: {place}{item.message} [{item.code}]"))
     return lines
+
+
+def exit_code(findings: Iterable[Finding], frames: Sequence[int]) -> int:
+    """Return the exit code of a command that did all its work.
+
+    Parameters
+    ----------
+    findings
+        Of the run and of its frames.
+    frames
+        All frames that were looked at.
+
+    Returns
+    -------
+    int
+        `UNUSABLE` if findings of severity error concern the whole run, or all frames; else 0.
+    """
+    errors = [item for item in findings if item.severity == "error"]
+    spoilt = {frame for item in errors for frame in item.frames}
+    whole = any(not item.frames for item in errors)
+    return UNUSABLE if whole or (spoilt and spoilt.issuperset(frames)) else 0
 
 
 def _group(item: Finding) -> tuple[str, ...]:

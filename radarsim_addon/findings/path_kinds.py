@@ -8,9 +8,11 @@ from .kinds import Kind
 PATHS = {
     "reflections-truncated": Kind(
         "caution",
-        "{fraction:percent} of the received power (standard error {fraction_stderr:percent}) has "
-        "more reflections than radarsim followed.",
-        "This power is missing from the path table.",
+        "{fraction:percent} of the received power (standard error {fraction_stderr:percent}, at "
+        "most {fraction_upper:percent} with 95 % confidence) has more reflections than radarsim "
+        "followed.",
+        "This power is missing from the path table. The bound takes rare paths that no ray met to "
+        "be at most as strong as the strongest one found.",
         "Raise Max reflections.",
     ),
     "transparency-truncated": Kind(

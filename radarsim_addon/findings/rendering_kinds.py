@@ -80,6 +80,15 @@ SCENE = {
         "do.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
     ),
+    "interior-rounded": Kind(
+        "caution",
+        "Cycles rounds the depths of waves inside {subjects}, because they are far from the "
+        "antennas or from the world's origin.",
+        "Echoes through them have random errors of {power_db:.2g} dB and {length_wavelengths:.2g} "
+        "wavelengths (two ways, standard deviation).",
+        "Plane-parallel walls of one physical material, with nothing inside them, have no such "
+        "error. Or move the scene near the world origin, and the radar nearer.",
+    ),
     "opaque-without-volume": Kind(
         "info",
         "Volume is not connected in {subjects}.",
@@ -109,10 +118,12 @@ SCENE = {
     ),
     "walls-averaged-separately": Kind(
         "info",
-        "{subjects} let waves through in the mean of both polarisations, each by itself.",
-        "Behind two walls at 60 degrees the power is about 1 dB too low: rings, and scenes with "
-        "other than Radar Materials, cannot carry the polarisations through all walls.",
-        "Choose the polarisation of your radar, or Paths with Radar Materials alone.",
+        "{subjects} let waves through in the mean of both polarisations, each by itself, for "
+        "{paths}.",
+        "Behind two such walls the power is up to {loss_60_db:.2g} dB too low at 60 degrees of "
+        "incidence, {loss_30_db:.2g} dB at 30 (two ways; more walls, more).",
+        "Choose the polarisation of your radar. Only Paths of one reflection, with Radar Materials "
+        "alone, carry both polarisations through all walls.",
     ),
     "device-unfit": Kind(
         "caution",

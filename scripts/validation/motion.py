@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 import bpy
 import numpy as np
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.array_types import Real
-from radarsim_addon.blender.scene import animation_curves
-from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.scene import active_radar, animation_curves
+from radarsim_addon.signal.decoding import frame_paths, pixel_rays
 
 from .case import Bench, Case, Check, Group, absolute_check
 from .scenes import Acquired, acquire, add_plate, facing_plate, lambert, new_scene, wavelength
@@ -106,6 +109,47 @@ def rigid_body(bench: Bench) -> list[Check]:
     return checks
 
 
+def snapshots(bench: Bench) -> list[Check]:
+    """Rings, two snapshots 10 ms apart, at frames whose float32 holds times ever more coarsely."""
+    checks, speed_mps = [], 10.0
+    for frame in (1, 32, 250, 10_000, -7):
+        new_scene(30.0)
+        ground = nodes.make_material("Ground", 3.0, 0.0, 0.0, 0.5)
+        plate = add_plate("Plate", facing_plate((0.0, 0.0, 0.0), 60.0), ground)
+        far = 10 * speed_mps / FPS
+        _keyed(plate, [(frame - 10, 50.0 - far), (frame + 10, 50.0 + far)])
+        run = radarsim.measure(
+            active_radar(bpy.context.scene),
+            bench.fresh(),
+            frames=[frame],
+            sampling_mode="rings",
+            width_px=16,
+            height_px=16,
+            samples=1,
+            snapshots=2,
+            snapshot_interval_s=0.01,
+            rings=1,
+            ring_step_m=100.0,
+        )
+        paths = frame_paths(run.frame(frame))
+        # Along a fixed ray the range of a plane grows as v over the cosine to its normal.
+        cosine = pixel_rays(run.frame(frame).image(0, 0)[0].receiver, 16, 16).direction[
+            paths.row, paths.col, 1
+        ]
+        rates_mps = paths.range_rate_mps * cosine
+        worst = float(rates_mps[np.argmax(np.abs(rates_mps - speed_mps))])
+        row = absolute_check(
+            f"rings, frame {frame}: range rate",
+            speed_mps,
+            worst,
+            2e-3,
+            "speed of the plate",
+            unit="m/s",
+        )
+        checks.append(dataclasses.replace(row, points=len(rates_mps)))
+    return checks
+
+
 GROUP = Group(
     "motion",
     "Motion",
@@ -115,5 +159,6 @@ GROUP = Group(
     (
         Case("keyframes", keyframes, 20.0),
         Case("rigid bodies", rigid_body, 10.0),
+        Case("snapshots of rings", snapshots, 20.0),
     ),
 )

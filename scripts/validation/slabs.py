@@ -162,6 +162,52 @@ def several(bench: Bench) -> list[Check]:
     return checks
 
 
+def far(bench: Bench) -> list[Check]:
+    """A wall 5 m from the target or from the radar, from 10 m to 20 km; and a thin one at 5 km."""
+    checks, index, angle_deg = [], 2.3 + 0.05j, 30.0
+    cases = [
+        (distance_m, 0.2, from_m) for distance_m in (10.0, 1e3, 5e3, 20e3) for from_m in (-5, 5)
+    ]
+    for distance_m, thickness_m, from_m in (*cases[1:], (5e3, 0.005, -5)):
+        found = []
+        for used in (False, True):
+            new_scene(max(1.0 / distance_m, 1e-3))
+            add_plate("Plate", facing_plate((0.0, distance_m, 0.0), 4.0), _metal())
+            if used:
+                wall = make_physical_material(
+                    "Wall", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
+                )
+                # Off its middle: rays along the diagonal of a face may meet both triangles.
+                place_m = (3.3, (distance_m if from_m < 0 else 0.0) + from_m, 1.1)
+                normal = add_wall("Wall", place_m, thickness_m, angle_deg, wall, 20.0)
+            rows = acquire(bench, 8, 1, carrier_hz=5.3e9).of("Plate")
+            found.append(rows[rows["order"] == 1])
+        bare, behind = found
+        near = "target" if from_m < 0 else "radar"
+        label = f"{distance_m:g} m, {1e3 * thickness_m:g} mm 5 m from the {near}"
+        cosine = np.abs(behind["direction"] @ normal)
+        s, p, longer_m = passage(index, thickness_m, wavelength_of(5.3e9), cosine)
+        power = behind["power_w"] / bare["power_w"]
+        want = ((s + p) / 2) ** 2
+        worst = int(np.argmax(np.abs(np.log(power / want))))
+        row = power_check(
+            f"{label}: power, two ways",
+            float(want[worst]),
+            float(power[worst]),
+            POWER_DB,
+            SOURCE,
+            unit="dB",
+        )
+        checks.append(dataclasses.replace(row, points=power.size))
+        sigma_m = float(np.mean(behind["length_sigma_m"]))
+        off_m = behind["length_m"] - bare["length_m"] - 2 * longer_m
+        got = float(np.sqrt(np.mean(off_m**2))) / sigma_m
+        source = f"d (Re q - cos), the rms error over length_sigma_m ({1e3 * sigma_m:.2g} mm)"
+        row = absolute_check(f"{label}: length, in its sigma", 0.0, got, 2.0, source)
+        checks.append(dataclasses.replace(row, points=power.size))
+    return checks
+
+
 def hollow(bench: Bench) -> list[Check]:
     """A room that Solidify makes hollow: a plate in it, and behind it."""
     checks, index, thickness_m = [], complex(np.sqrt(4.2 + 0.1j)), 0.2
@@ -313,6 +359,7 @@ GROUP = Group(
         Case("lossy wall", lossy, 60.0, True),
         Case("several walls", several, 60.0),
         Case("hollow room", hollow, 40.0),
+        Case("far away", far, 60.0),
         Case("behind concrete", concrete, 20.0),
         Case("100 dB", hundred_db, 10.0, True),
         Case("limits of float32", limits, 10.0),

@@ -69,7 +69,7 @@ def _fault(case: Case) -> str:
         return f"ended by {signal.Signals(-case.code).name}"
     if "Traceback (most recent call last)" in case.output:
         return "traceback"
-    if case.code not in (0, 1, 2):
+    if case.code not in (0, 1, 2, 3):
         return f"exit code {case.code}"
     if case.cpu_s > CPU_S:
         return f"{case.cpu_s:.1f} s of processor"

@@ -65,6 +65,21 @@ def test_paths_are_measured_and_processed(scenes: Chroot):
     assert (out / "products" / "frame_0001_map.npz").is_file()
 
 
+def test_workers_are_blender_programs(scenes: Chroot):
+    words = ["--frames", "1:3", "--rings", "2", "--ring-step", "5"]
+    done = batch(scenes, "plate é.blend", "--out", "by workers", *words, "--workers", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3/3 frames, 100 %" in done.stdout
+    out = scenes.outside / "by workers"
+    assert len(list(out.rglob("*.exr"))) == 3 * 2 * 2
+    assert not list(out.rglob("*.lease"))
+    part = batch(scenes, "plate é.blend", "--out", "shard", *words, "--shard", "2/2")
+    assert part.returncode == 0, part.stdout + part.stderr
+    assert {path.parent.name for path in (scenes.outside / "shard").rglob("*.exr")} == {
+        "frame_0002"
+    }
+
+
 def test_a_scene_without_radar_fails_and_says_so(scenes: Chroot):
     done = batch(scenes, "no radar.blend", "--out", "nothing")
     assert done.returncode == 1, done.stdout + done.stderr

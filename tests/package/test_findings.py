@@ -17,6 +17,7 @@ from radarsim_addon.contract import RunRecord
 from radarsim_addon.errors import FrameFileError
 from radarsim_addon.findings import (
     Finding,
+    exit_code,
     finding,
     finding_lines,
     frames_text,
@@ -134,8 +135,12 @@ def test_objects_are_joined_and_order_is_kept() -> None:
 
 
 def test_the_worst_severity_of_a_code_stays() -> None:
-    slight = finding("reflections-truncated", fraction=0.01, fraction_stderr=0.001)
-    grave = finding("reflections-truncated", fraction=0.2, fraction_stderr=0.001)
+    slight = finding(
+        "reflections-truncated", fraction=0.01, fraction_stderr=0.001, fraction_upper=0.3
+    )
+    grave = finding(
+        "reflections-truncated", fraction=0.2, fraction_stderr=0.001, fraction_upper=0.3
+    )
     assert (slight.as_information().severity, grave.severity) == ("info", "caution")
     for group in ([slight.as_information(), grave], [grave, slight.as_information()]):
         (both,) = merge(group)
@@ -346,3 +351,24 @@ def test_process_shows_each_finding_once(
         (stored,) = json.loads(path.read_text())["findings"]
         assert (stored["code"], stored["frames"]) == ("doppler-ambiguous-paths", [frame])
         assert from_json(stored, path.name).numbers["count"] == 1
+
+
+@pytest.mark.parametrize(
+    ("errors", "frames", "code"),
+    [
+        ([], (1, 2), 0),
+        ([1], (1, 2), 0),
+        ([1, 2], (1, 2), 3),
+        ([None], (1, 2), 3),
+        ([], (), 0),
+    ],
+)
+def test_exit_code_tells_scripts_of_errors_that_concern_everything(
+    errors: list[int | None], frames: tuple[int, ...], code: int
+) -> None:
+    """Errors of some frames are no failure of an animation; cautions never are."""
+    found = [
+        finding("mesh-open", "A") if n is None else finding("no-echo").in_frame(n) for n in errors
+    ]
+    caution = finding("mixed-paths", fraction=0.5).in_frame(1)
+    assert exit_code([caution, *found], frames) == code

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...errors import RadarSimError
-from ...findings import Finding, finding_lines
+from ...findings import Finding, exit_code, finding_lines
 from ...option_arguments import share_of
 from ...progress import ProgressLine
-from ...signal.pipeline import FrameResult, ProcessOptions, process_run
+from ...signal.pipeline import FrameResult, ProcessOptions, frame_findings, process_run
 from ...signal.runs import open_run
 from ..run import MeasurementJob
 from .console import quiet_blender
@@ -57,16 +57,18 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
 def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     """Render, and process if asked for. Return the exit code."""
     try:
-        measure(arguments, stop)
+        return measure(arguments, stop)
     except RadarSimError as error:
         return _fail(f"{type(error).__name__}: {error}", error.exit_code)
     except KeyboardInterrupt:
         return _fail("Interrupted; the same command resumes the run.", stop.code)
-    return 0
 
 
-def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
-    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step."""
+def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
+    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step.
+
+    Return the exit code.
+    """
     with quiet_blender() as stream:
         job, share = open_job(arguments), share_of(arguments)
         job.own_frames = () if arguments.plan_only else share.part(job.frames)
@@ -76,7 +78,7 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         with job:
             _print_findings(job.run_findings, job.frames, stream)
             if arguments.plan_only:
-                return
+                return 0
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             try:
@@ -93,12 +95,17 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> None:
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {job.folder}", file=stream, flush=True)
+        done = 0
         held = any(item.code == "frames-left-to-others" for item in job.frame_findings)
         if arguments.process and held and not share.shard and open_run(job.folder).missing():
             text = "not processed: other processes still measure frames; the last one processes all"
             print(f"radarsim: {text}", file=stream, flush=True)
         elif arguments.process and job.own_frames:
-            process(job, stream, stop, ProcessOptions(animate=False if share.shard else None))
+            done = process(
+                job, stream, stop, ProcessOptions(animate=False if share.shard else None)
+            )
+        found = [*job.run_findings, *frame_findings(job.folder, job.own_frames)]
+        return max(done, exit_code(found, job.own_frames))
 
 
 def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
@@ -107,8 +114,11 @@ def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any)
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: ProcessOptions) -> None:
-    """Process the job's frames; print findings whose codes were not printed at the render."""
+def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: ProcessOptions) -> int:
+    """Process the job's frames; print findings whose codes were not printed at the render.
+
+    Return the exit code.
+    """
     printed = {item.code for item in job.findings}
     findings: list[Finding] = []
     frames: list[int] = []
@@ -118,11 +128,12 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: Proce
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
                 print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
-                findings += [item for item in event.findings if item.code not in printed]
+                findings += event.findings
                 frames.append(event.frame)
     finally:
-        _print_findings(findings, frames, stream)
+        _print_findings([i for i in findings if i.code not in printed], frames, stream)
     print(f"radarsim: processed into {job.folder / 'products'}", file=stream, flush=True)
+    return exit_code(findings, frames)
 
 
 def _fail(message: str, code: int) -> int:

@@ -28,9 +28,9 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
-    session_folder = _session_folder()
-    if session_folder is not None:
-        own_folder(session_folder)
+    own = session_folder()
+    if own is not None:
+        own_folder(own)
     remove_abandoned_folders()
     if arguments.blend is not None:
         _open_file(arguments.blend)
@@ -100,7 +100,7 @@ def _find_radar(scene: Any, name: str) -> Any:
     return found[name]
 
 
-def _session_folder() -> Path | None:
+def session_folder() -> Path | None:
     """Blender's temporary folder of this session; None where it has none of its own."""
     folder = Path(bpy.app.tempdir)
     return folder if folder.name.startswith("blender_") else None
@@ -120,9 +120,9 @@ def leave_blender(code: int) -> None:
     would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
     registered or a driver that was refused.
     """
-    session_folder = _session_folder()
-    if session_folder is not None:
-        shutil.rmtree(session_folder, ignore_errors=True)
+    own = session_folder()
+    if own is not None:
+        shutil.rmtree(own, ignore_errors=True)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

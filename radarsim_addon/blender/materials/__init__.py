@@ -5,8 +5,10 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .averaging import averaging_objects, separate_averages
+from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
-from .layers import beyond_float32, is_entered, passes_by_polarisation, set_layer_normals
+from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
@@ -22,20 +24,24 @@ from .total_reflection import total_reflections
 __all__ = [
     "EXACT_FACETS",
     "SURFACE_TYPES",
+    "Interiors",
     "MaterialAssignment",
     "assigned_materials",
+    "averaging_objects",
     "beyond_float32",
     "has_rough_facets",
+    "interior_losses_db",
     "is_entered",
     "is_physical",
     "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
-    "passes_by_polarisation",
     "refresh_materials",
     "roughness_of",
+    "separate_averages",
     "set_layer_normals",
     "settle_interiors",
+    "settle_interiors_far_away",
     "slot_materials",
     "total_reflections",
     "update_materials",

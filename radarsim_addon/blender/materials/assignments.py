@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..state import evaluated_objects
+from ..state import take_snapshot
 
 #: Object types whose surface Cycles shades by material slots.
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
@@ -46,14 +46,11 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     list of MaterialAssignment
         One per object, in the order of the depsgraph.
     """
-    found: dict[int, MaterialAssignment] = {}
-    for one in evaluated_objects(depsgraph):
-        original = one.original
-        if original.type not in SURFACE_TYPES or original.hide_render:
-            continue
-        if original.as_pointer() not in found:
-            assignment = MaterialAssignment(original, slot_materials(one.evaluated))
-            found[original.as_pointer()] = assignment
+    found: dict[Any, MaterialAssignment] = {}
+    for shape in take_snapshot(depsgraph).shapes:
+        original = shape.original
+        if original not in found and original.type in SURFACE_TYPES and not original.hide_render:
+            found[original] = MaterialAssignment(original, shape.materials)
     return list(found.values())
 
 

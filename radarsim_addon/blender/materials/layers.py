@@ -9,6 +9,7 @@ faces inside an object, so the object has their normal as a custom property.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import bpy
@@ -35,8 +36,13 @@ _PARALLEL = 0.02
 #: to 4.5 returns zero from 122 dB.
 MAX_LOSS_DB = 350.0
 MAX_LOSS_DB_4_5 = 120.0
+#: Two-way absorption that the two faces of a wall can hold in place of its volume [dB]: Cycles
+#: drops what passes a face with less than 1e-5.
+FACES_LOSS_DB = 100.0
 #: Minimum fraction of a layer's faces in its two outermost planes for a single plate.
 MIN_PLATE_FRACTION = 0.9
+#: The same where nothing but the rim may be elsewhere.
+_ALL = 1 - 1e-6
 #: Tolerance of these planes, relative to their distance.
 _IN_PLANE = 1e-3
 #: Number of directions, by area, that are tried.
@@ -109,6 +115,17 @@ def object_layer_normal(item: Any, depsgraph: Any) -> Real | None:
 
 def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | None:
     """Return the distance of a layer's two faces in the object's units; None with more faces."""
+    planes = two_planes(item, depsgraph, normal, MIN_PLATE_FRACTION)
+    return None if planes is None else planes[1] - planes[0]
+
+
+def two_planes(
+    item: Any, depsgraph: Any, normal: Real, least_fraction: float = _ALL
+) -> tuple[float, float] | None:
+    """Return the places of a layer's outermost faces along its normal, in the object's units.
+
+    None unless this fraction of the faces across the normal lies in these two planes.
+    """
     faces = _faces(item, depsgraph, normal=3, center=3, area=1)
     if faces is None:
         return None
@@ -118,11 +135,11 @@ def object_layer_thickness(item: Any, depsgraph: Any, normal: Real) -> float | N
     area = faces["area"][along, 0]
     if not area.sum() > 0:
         return None
-    low, thickness = float(height.min()), float(np.ptp(height))
-    if not thickness > 0:
+    low, high = float(height.min()), float(height.max())
+    if not high > low:
         return None
-    outer = np.abs(2 * (height - low) / thickness - 1) > 1 - 2 * _IN_PLANE
-    return thickness if area[outer].sum() >= MIN_PLATE_FRACTION * area.sum() else None
+    outer = np.abs(2 * (height - low) / (high - low) - 1) > 1 - 2 * _IN_PLANE
+    return (low, high) if area[outer].sum() >= least_fraction * area.sum() else None
 
 
 def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
@@ -146,8 +163,9 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
         Names the objects that are no layers.
     """
     others = []
+    entered = cache(is_entered)
     for item, materials in assigned_materials(depsgraph):
-        if not any(is_entered(material) for material in materials):
+        if not any(map(entered, materials)):
             continue
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
         normal = None if given is None else np.array(given, dtype=np.float64)
@@ -278,8 +296,8 @@ def shell_thickness(item: Any, depsgraph: Any) -> float | None:
     return float(thickness / scales.mean())
 
 
-def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
-    """Find objects whose absorption leaves nothing that a render can hold.
+def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
+    """Return the two-way absorption of objects of physical materials, across where they are thin.
 
     Parameters
     ----------
@@ -290,24 +308,43 @@ def beyond_float32(wavelength: float, depsgraph: Any) -> list[Finding]:
 
     Returns
     -------
+    dict of str to float
+        Absorption [dB] by object's name.
+    """
+    is_inside = cache(is_entered)
+    losses = {}
+    for item, materials in assigned_materials(depsgraph):
+        entered = [material for material in materials if is_inside(material)]
+        if item.type != "MESH" or not entered:
+            continue
+        sockets = [group_input(material, EXTINCTION) for material in entered]
+        kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
+        if kappa > 0:
+            depth = thinnest(item, depsgraph)
+            losses[item.name] = 2 * 4 * math.pi * kappa / wavelength * depth * 10 / math.log(10)
+    return losses
+
+
+def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
+    """Find objects whose absorption leaves nothing that a render can hold.
+
+    Parameters
+    ----------
+    losses_db
+        From `interior_losses_db`.
+
+    Returns
+    -------
     list of Finding
         One ``absorption-below-float32`` per object, with its loss and the limit [dB].
     """
-    limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
-    deep = {}
-    for item, materials in assigned_materials(depsgraph):
-        entered = [material for material in materials if is_entered(material)]
-        if item.type != "MESH" or not entered:
-            continue
-        thickness = thinnest(item, depsgraph)
-        sockets = [group_input(material, EXTINCTION) for material in entered]
-        kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
-        loss_db = 2 * 4 * math.pi * kappa / wavelength * thickness * 10 / math.log(10)
+    found = []
+    for name, loss_db in losses_db.items():
+        limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
+        if attributes.OBJECT_SHELL_THICKNESS in bpy.data.objects[name]:
+            limit_db = FACES_LOSS_DB
         if loss_db > limit_db:
-            deep[item.name] = loss_db
-    found = (
-        (finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db), loss_db)
-        for name, loss_db in deep.items()
-    )
-    # no radar receives what is behind so much
-    return [item.as_information() if loss_db > MAX_LOSS_DB else item for item, loss_db in found]
+            said = finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
+            # no radar receives what is behind so much
+            found.append(said.as_information() if loss_db > MAX_LOSS_DB else said)
+    return found

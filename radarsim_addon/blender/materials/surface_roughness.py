@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from ..nodes.group_search import group_input
@@ -11,20 +12,20 @@ from .assignments import slot_materials
 from .physical_materials import CORRELATION_LENGTH, RMS_HEIGHT
 
 
-def roughness_of(item: Any) -> tuple[float | None, float | None]:
-    """Return the roughness of the first material of an object that has an RMS height.
+def roughness_of(materials: Iterable[Any]) -> tuple[float | None, float | None]:
+    """Return the roughness of the first of some materials that has an RMS height.
 
     Parameters
     ----------
-    item : bpy.types.Object
-        Evaluated, so that materials from Geometry Nodes are included.
+    materials : iterable of bpy.types.Material or None
+        Of an object, by slot.
 
     Returns
     -------
     rms_height_m, correlation_length_m : float or None
         [m]; None if unknown.
     """
-    for material in slot_materials(item):
+    for material in materials:
         if material is None:
             continue
         height_m = float(material.get(RMS_HEIGHT, 0.0))

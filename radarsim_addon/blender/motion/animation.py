@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..scene import animation_curves, is_simulated_body
+from ..scene import action_curves, animation_curves, has_simulation_zone, is_simulated_body
 
 #: Animated properties that move a surface.
 _MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offset\w*|strength)$")
@@ -36,23 +36,13 @@ def key_frames(first: float, last: float) -> list[float]:
     """
     found: set[float] = set()
     for action in bpy.data.actions:
-        for curve in _curves_of(action):
+        for curve in action_curves(action):
             found.update(_key_frames(curve, first, last))
     for strip in _strips():
-        for curve in _curves_of(strip.action):
+        for curve in action_curves(strip.action):
             frames = (float(key.co[0]) for key in curve.keyframe_points)
             found.update(_in_scene(strip, np.unique([*frames]), first, last))
     return sorted(found)
-
-
-def _curves_of(action: Any) -> Iterator[Any]:
-    if not hasattr(action, "layers"):
-        yield from action.fcurves
-        return
-    for layer in action.layers:
-        for strip in layer.strips:
-            for bag in strip.channelbags:
-                yield from bag.fcurves
 
 
 def _key_frames(curve: Any, first: float, last: float) -> Iterator[float]:
@@ -132,6 +122,18 @@ def is_linear_between_frames(scene: Any, item: Any) -> bool:
         is_simulated_body(scene, one)
         or any(constraint.type == "TRANSFORM_CACHE" for constraint in one.constraints)
         for one in driving_objects(item)
+    )
+
+
+#: Modifiers that deform a mesh on straight lines between the whole frames of a cache.
+_CACHED = {"CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY"}
+
+
+def deforms_linearly_between_frames(item: Any) -> bool:
+    """Return whether a mesh deforms by a cache or simulation that has whole frames only."""
+    return has_simulation_zone(item) or any(
+        modifier.type in _CACHED and getattr(modifier, "interpolation", "LINEAR") == "LINEAR"
+        for modifier in item.modifiers
     )
 
 

@@ -14,33 +14,49 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
+from scipy.spatial import cKDTree
 
 from ...array_types import Indices, Real
 from ...signal.paths import PathRows
 from ...vectors import are_finite
 from ..scene import InstancePose, Poses, distance_from_box
-from ..state import Key
+from ..state import Key, Layout
 
 #: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
 #: transmitter's colours are known to 1e-6 of the scene's size.
 _ON_SURFACE_WITHIN = 2e-5
+#: Boxes up to which each is compared with each point; and pairs that are compared at once.
+_FEW = 32
+_PAIRS = 1 << 18
 
 
 @dataclass(frozen=True)
 class Part:
-    """One object or instance: number and name of the object, key and pose of the instance."""
+    """One object or instance: number and name of the object, key and pose of the instance.
+
+    `row` is its row in the snapshot.
+    """
 
     number: int
     name: str
     key: Key
     instance: InstancePose
+    row: int
 
 
 class Bodies:
     """Surfaces of a scene at one moment.
+
+    Attributes
+    ----------
+    number, pose, box
+        By body: number of the object (n,), pose (n, 4, 4) and box (n, 2, 3) as `Poses` has them.
+    snapshot, shape
+        The snapshot that they are from, and the number of each one's shape (n,).
 
     Parameters
     ----------
@@ -48,39 +64,50 @@ class Bodies:
         Objects in the order of their numbers, from 1.
     poses
         Poses of the objects.
-    depsgraph : bpy.types.Depsgraph
-        At that moment; it must not change while rows are labelled.
     metres_per_unit
         Length of a Blender unit [m].
     """
 
-    def __init__(
-        self, names: Sequence[str], poses: Poses, depsgraph: Any, metres_per_unit: float
-    ) -> None:
+    def __init__(self, names: Sequence[str], poses: Poses, metres_per_unit: float) -> None:
+        assert poses.snapshot is not None
         self._metres_per_unit = metres_per_unit
-        self._depsgraph = depsgraph
+        self._names, self._poses = names, poses
+        self.snapshot = poses.snapshot
         numbers = {name: number for number, name in enumerate(names, start=1)}
         #: Original objects that are rendered, by number.
         self.originals: dict[int, Any] = {
             numbers[name]: item for name, item in poses.rendered.items() if name in numbers
         }
         self._surfaces: dict[int, Any] = {}
-        parts = [
-            Part(numbers[name], name, key, instance)
-            for name, instances in poses.objects.items()
-            if numbers.get(name) in self.originals
-            for key, instance in instances.items()
-        ]
-        #: Body number n is parts[n - 1].
-        self.parts = sorted(parts, key=lambda part: (part.number, str(part.key)))
-        self._of_number: dict[int, list[int]] = {}
-        for index, part in enumerate(self.parts):
-            self._of_number.setdefault(part.number, []).append(index)
+        number = poses.numbered(names)
+        number[~np.isin(number, list(self.originals))] = 0
+        self._order = _body_order(poses, number)
+        self.number = number[self._order]
+        self.pose, self.box = poses.pose[self._order], poses.box[self._order]
+        self.shape = self.snapshot.layout.shape[poses.rows[self._order]]
         #: Body of each object that is a single one, by the object's number; 0: none, or several.
         self._lone_body = np.zeros(len(names) + 1, dtype=np.int32)
-        for number, indices in self._of_number.items():
-            if len(indices) == 1:
-                self._lone_body[number] = indices[0] + 1
+        once, first, count = np.unique(self.number, return_index=True, return_counts=True)
+        self._lone_body[once[count == 1]] = first[count == 1] + 1
+
+    def __len__(self) -> int:
+        return int(self.number.size)
+
+    def __getitem__(self, index: int) -> Part:
+        """Return body number `index` + 1."""
+        number = int(self.number[index])
+        at = int(self._order[index])
+        instance = InstancePose(self.pose[index], self.box[index])
+        row = int(self._poses.rows[at])
+        return Part(number, self._names[number - 1], self._poses.key(at), instance, row)
+
+    def __iter__(self) -> Iterator[Part]:
+        return (self[index] for index in range(len(self)))
+
+    def of_number(self, number: int) -> Indices:
+        """Return the indices of the bodies of an object."""
+        first, stop = np.searchsorted(self.number, [number, number + 1])
+        return np.arange(first, stop)
 
     def label(self, rows: PathRows) -> None:
         """Fill in bodies, and objects that are unknown though the scatterer is known."""
@@ -105,76 +132,81 @@ class Bodies:
             mine = wanted[numbers == number]
             position = np.array(rows[points][mine])
             allowed = _ON_SURFACE_WITHIN * np.maximum(rows["length_m"][mine], 1e-9)
-            if number == 0:
-                found = self._find(position, allowed, range(len(self.parts)))
-            else:
-                parts = self._of_number.get(number, [])
-                if not parts:
-                    continue
-                found = np.full(mine.size, parts[0])
-                if len(parts) > 1:
-                    found = self._find(position, allowed, parts)
-                    lost = np.flatnonzero(found < 0)
-                    found[lost] = self._nearest_box(position[lost], parts)
+            parts = np.arange(len(self)) if number == 0 else self.of_number(number)
+            if number and not parts.size:
+                continue
+            found = self._find(position, allowed, parts)
+            if number:
+                lost = np.flatnonzero(found < 0)
+                found[lost] = [self._nearest_box(point, parts) for point in position[lost]]
             met = found >= 0
             rows[bodies][mine[met]] = found[met] + 1
-            rows[objects][mine[met]] = [self.parts[index].number for index in found[met]]
+            rows[objects][mine[met]] = self.number[found[met]]
 
-    def _find(self, points: Real, allowed: Real, parts: Sequence[int]) -> Indices:
+    def _find(self, points: Real, allowed: Real, parts: Indices) -> Indices:
         """Return the index of the part on which each point lies; -1 for none."""
-        candidates: list[tuple[int, Indices]] = []
-        count = np.zeros(len(points), dtype=np.intp)
         found = np.full(len(points), -1)
-        for index, near in self._near(points, allowed, parts):
-            outside = np.linalg.norm(
-                distance_from_box(self.parts[index].instance, points[near])[1], axis=-1
-            )
-            inside = near[outside <= allowed[near]]
-            if inside.size:
-                candidates.append((index, inside))
-                count[inside] += 1
-                found[inside] = index
-        least = np.where(count > 1, allowed, -1.0)
-        found[count > 1] = -1
-        for index, inside in candidates:
-            for row in inside[count[inside] > 1]:
-                distance = self._distance_m(self.parts[index], points[row])
-                if distance <= least[row]:
-                    found[row], least[row] = index, distance
+        if not (len(points) and parts.size):
+            return found
+        row, index = self._near(points, float(allowed.max()), parts)
+        inside = np.zeros(row.size, dtype=bool)
+        for start in range(0, row.size, _PAIRS):
+            some = slice(start, start + _PAIRS)
+            outside = self._outside(points[row[some]], index[some])
+            inside[some] = np.linalg.norm(outside, axis=-1) <= allowed[row[some]]
+        row, index = row[inside], index[inside]
+        order = np.lexsort((index, row))
+        row, index = row[order], index[order]
+        count = np.bincount(row, minlength=len(points))
+        only = count[row] == 1
+        found[row[only]] = index[only]
+        least = np.array(allowed)
+        for at, body in zip(row[~only].tolist(), index[~only].tolist(), strict=True):
+            distance = self._distance_m(self[body], points[at])
+            if distance <= least[at]:
+                found[at], least[at] = body, distance
         return found
 
-    def _near(
-        self, points: Real, allowed: Real, parts: Sequence[int]
-    ) -> Iterator[tuple[int, Indices]]:
-        """Yield points within the boxes of parts along the axis of the largest spread."""
-        if not len(points):
-            return
-        axis = int(np.argmax(np.ptp(points, axis=0)))
-        order = np.argsort(points[:, axis], kind="stable")
-        sorted_m = points[order, axis]
-        margin = float(allowed.max())
-        for index in parts:
-            instance = self.parts[index].instance
-            centre = instance.pose[:3, :3] @ instance.box.mean(axis=0) + instance.pose[:3, 3]
-            half = np.abs(instance.pose[:3, :3]) @ (instance.box[1] - instance.box[0]) / 2
-            low = np.searchsorted(sorted_m, centre[axis] - half[axis] - margin)
-            high = np.searchsorted(sorted_m, centre[axis] + half[axis] + margin)
-            if high > low:
-                yield index, order[low:high]
+    def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
+        """Return pairs of points and of parts around whose boxes are spheres with the point."""
+        half = (self.box[parts, 1] - self.box[parts, 0]) / 2
+        pose = self.pose[parts]
+        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], self.box[parts].mean(axis=1))
+        centre += pose[:, :3, 3]
+        # One tree for each power of two of the radius: boxes of similar size have few neighbours.
+        radius = np.linalg.norm(np.abs(pose[:, :3, :3]) @ half[:, :, None], axis=(1, 2)) + margin
+        size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
+        tree = cKDTree(points)
+        rows, indices = [], []
+        for here in (np.flatnonzero(size == one) for one in np.unique(size)):
+            if here.size < _FEW:
+                apart = np.linalg.norm(points - centre[here, None], axis=2)
+                part, row = np.nonzero(apart <= radius[here, None])
+            else:
+                pairs = tree.sparse_distance_matrix(
+                    cKDTree(centre[here]), float(radius[here].max()), output_type="ndarray"
+                )
+                row, part = pairs["i"], pairs["j"]
+            rows.append(row)
+            indices.append(parts[here[part]])
+        return np.concatenate(rows), np.concatenate(indices)
 
-    def _nearest_box(self, points: Real, parts: Sequence[int]) -> Indices:
-        """Return the index of the part whose box is nearest to each point."""
-        best = np.full(len(points), parts[0])
-        least = np.full(len(points), np.inf)
-        if not len(points):
-            return best
-        for index in parts:
-            distance = np.linalg.norm(
-                distance_from_box(self.parts[index].instance, points)[1], axis=-1
-            )
-            nearer = distance < least
-            best[nearer], least[nearer] = index, distance[nearer]
-        return best
+    def _outside(self, points: Real, index: Indices) -> Real:
+        """Return vectors from the box of one part each to points, in the world, (n, 3) [m]."""
+        bodies, each = np.unique(index, return_inverse=True)
+        pose = self.pose[bodies]
+        flat = np.linalg.det(pose) == 0  # no point lies on it
+        inverse = np.linalg.inv(np.where(flat[:, None, None], np.eye(4), pose))[each]
+        local = np.einsum("nij,nj->ni", inverse[:, :3, :3], points) + inverse[:, :3, 3]
+        low, high = self.box[index, 0], self.box[index, 1]
+        off = np.maximum(np.maximum(low - local, local - high), 0.0)
+        off[flat[each]] = np.inf
+        return np.asarray(np.einsum("nij,nj->ni", pose[each][:, :3, :3], off))
+
+    def _nearest_box(self, point: Real, parts: Indices) -> int:
+        """Return the index of the part whose box is nearest to a point."""
+        points = np.broadcast_to(point, (parts.size, 3))
+        return int(parts[np.linalg.norm(self._outside(points, parts), axis=-1).argmin()])
 
     def _distance_m(self, part: Part, point: Real) -> float:
         """Return the distance of a point from the mesh of an object [m].
@@ -196,5 +228,25 @@ class Bodies:
             original = self.originals[number]
             self._surfaces[number] = None
             if original.type == "MESH":
-                self._surfaces[number] = BVHTree.FromObject(original, self._depsgraph)
+                self._surfaces[number] = BVHTree.FromObject(original, self.snapshot.depsgraph)
         return self._surfaces[number]
+
+
+#: Order of the bodies by their layout, for the numbers of their objects.
+_orders: WeakKeyDictionary[Layout, tuple[Indices, Indices]] = WeakKeyDictionary()
+
+
+def _body_order(poses: Poses, number: Indices) -> Indices:
+    """Return the indices of numbered poses, by number, and instances by the text of their key."""
+    assert poses.snapshot is not None
+    layout = poses.snapshot.layout
+    known = _orders.get(layout)
+    if known is not None and np.array_equal(known[0], number):
+        return known[1]
+    kept = np.flatnonzero(number)
+    repeated = np.bincount(number)[number[kept]] > 1
+    pairs = zip(kept.tolist(), repeated, strict=True)
+    text = [str(poses.key(index)) if many else "" for index, many in pairs]
+    order = kept[np.lexsort((np.array(text, dtype=str), number[kept]))]
+    _orders[layout] = number, order
+    return order

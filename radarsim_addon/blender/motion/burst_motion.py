@@ -31,7 +31,11 @@ from ...signal.motion import (
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
 from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
-from .animation import is_linear_between_frames, moves_in_steps
+from .animation import (
+    deforms_linearly_between_frames,
+    is_linear_between_frames,
+    moves_in_steps,
+)
 from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
@@ -115,7 +119,7 @@ class BurstMotion:
             name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
-        self.bodies = Bodies(self._names, self.poses, depsgraph, self._units)
+        self.bodies = Bodies(self._names, self.poses, self._units)
         return depsgraph
 
     def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
@@ -150,7 +154,7 @@ class BurstMotion:
         self._seen.update(bodies)
         if self._deformations.any:
             for rows in chunks:
-                self._deformations.attach(rows, self.bodies.parts)
+                self._deformations.attach(rows, self.bodies)
 
     def complete(self, rows: PathRows) -> PathRows:
         """Fill in range rates and surface points, and number the bodies as in the file.
@@ -158,7 +162,7 @@ class BurstMotion:
         Call it after `sample`, for the same rows in the same order as `collect`.
         """
         if self._deformations.any:
-            self._deformations.number(rows, self.bodies.parts)
+            self._deformations.number(rows, self.bodies)
         for column in ("last_body", "first_body"):
             rows[column] = self._file_number[rows[column]]
         motion: KinematicMotion = motion_of_rows(rows, self._scene)
@@ -174,8 +178,8 @@ class BurstMotion:
     def sample(self) -> FrameMotion:
         """Sample and fit the collected bodies; the scene is at the frame's time afterwards."""
         plan = self._plan
-        self._touched = [self.bodies.parts[n - 1] for n in sorted(self._seen - {0})]
-        self._file_number = np.zeros(len(self.bodies.parts) + 1, dtype=np.int32)
+        self._touched = [self.bodies[n - 1] for n in sorted(self._seen - {0})]
+        self._file_number = np.zeros(len(self.bodies) + 1, dtype=np.int32)
         for number, body in enumerate(sorted(self._seen - {0}), start=1):
             self._file_number[body] = number
         if self._frozen:
@@ -190,10 +194,11 @@ class BurstMotion:
         grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
         count = min(_FIRST_SAMPLES, plan.max_samples)
         smooth = self._smooth_rows()
-        if smooth:
+        smooth_surfaces = self._smooth_surfaces()
+        if smooth or smooth_surfaces:
             for moment in plan.whole_frames:
                 sampler.take(*moment)
-        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth)
+        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
         moments = plan.grid(count, *plan.window)
         while True:
             for moment in moments:
@@ -250,6 +255,13 @@ class BurstMotion:
             for row, items in enumerate(self._moving_items())
             if any(is_linear_between_frames(scene, item) for item in items)
         }
+
+    def _smooth_surfaces(self) -> set[str]:
+        """Return the deforming surfaces to be a cubic through whole frames."""
+        if self._motion == "linear":
+            return set()
+        surfaces = self._deformations.surfaces
+        return {name for name, one in surfaces.items() if deforms_linearly_between_frames(one.item)}
 
     def _tracks(self, fits: Fits) -> Tracks:
         return Tracks(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ...signal.paths import PathRows
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box
 from ..state import evaluated_mesh, read_numbers, read_triangles
-from .bodies import Part
+from .bodies import Bodies, Part
 
 #: Types of parents that deform their children.
 _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
@@ -114,7 +114,7 @@ class Deformations:
         """Whether a surface deforms."""
         return bool(self.surfaces)
 
-    def attach(self, rows: PathRows, bodies: Sequence[Part]) -> None:
+    def attach(self, rows: PathRows, bodies: Bodies) -> None:
         """Assign scatterers to faces; call it for all rows before `number`."""
         for points, mine, part in self._ends(rows, bodies):
             local, _ = distance_from_box(part.instance, np.array(rows[points][mine]))
@@ -123,7 +123,7 @@ class Deformations:
             self.vertices.append(vertices)
             self.weights.append(weights)
 
-    def number(self, rows: PathRows, bodies: Sequence[Part]) -> None:
+    def number(self, rows: PathRows, bodies: Bodies) -> None:
         """Fill in the numbers of surface points, for the same rows and order as `attach`."""
         for points, mine, _ in self._ends(rows, bodies):
             rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
@@ -131,9 +131,7 @@ class Deformations:
         one = rows["order"] == 1
         rows["first_surface_point"][one] = rows["last_surface_point"][one]
 
-    def _ends(
-        self, rows: PathRows, bodies: Sequence[Part]
-    ) -> Iterator[tuple[str, NDArray[np.intp], Part]]:
+    def _ends(self, rows: PathRows, bodies: Bodies) -> Iterator[tuple[str, NDArray[np.intp], Part]]:
         """Yield rows on deforming surfaces, by end of the path and body."""
         for points, (column, _) in _COLUMNS.items():
             wanted = np.arange(rows.size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from functools import cache
 
 import numpy as np
 
@@ -36,13 +37,20 @@ class Fits:
     """Fits of all bodies to the samples so far."""
 
     def __init__(
-        self, plan: SamplingPlan, sampler: Sampler, checks_s: list[float], smooth: set[int]
+        self,
+        plan: SamplingPlan,
+        sampler: Sampler,
+        checks_s: list[float],
+        smooth: set[int],
+        smooth_surfaces: set[str],
     ) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
         #: Rows of poses that move on straight lines between whole frames, to be a cubic.
         self._smooth = smooth
+        #: The same of deforming surfaces.
+        self._smooth_surfaces = smooth_surfaces
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
-        self._reaches_m = [0.0, 0.0, *(_reach(part) for part in sampler.parts)]
+        self._reach_m = cache(lambda index: _reach(sampler.parts[index - 2]) if index > 1 else 0.0)
         self.motions: list[BodyMotion] = []
         self._missed: dict[int, float] = {}
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
@@ -63,6 +71,9 @@ class Fits:
         times = np.array(times_s)
         poses = np.stack([sampler.poses[at_s] for at_s in times_s])
         in_burst = (times >= 0) & (times <= plan.duration_s)
+        rendered = sampler.poses[plan.rendered[0]]
+        checked = np.stack([sampler.poses[at_s] for at_s in self._checks_s])
+        still = (poses == rendered).all(axis=(0, 2, 3)) & (checked == rendered).all(axis=(0, 2, 3))
         motions = []
         for index in range(poses.shape[1]):
             if self.motions and self._is_accurate(index):
@@ -72,6 +83,9 @@ class Fits:
                 motions.append(self._smooth_motion(index))
                 continue
             self._missed.pop(index, None)
+            if still[index]:
+                motions.append(BodyMotion(rendered[index], epoch_offset_s=plan.rendered[0]))
+                continue
             present = np.isfinite(poses[:, index, 0, 0])
             motion = self._fit_body(index, times[present], poses[present, index])
             follows = index not in self._missed and not self._is_noisy(index, motion)
@@ -96,6 +110,12 @@ class Fits:
             if name in self._vertices and self._vertices[name][2] <= self._vertex_target_m(name):
                 continue
             sampled = sampler.vertices[name]
+            if name in self._smooth_surfaces:
+                if all(sampled[at_s] is not None for at_s, _ in plan.whole_frames):
+                    if name not in self._vertices:
+                        self._vertices[name] = self._smooth_series(name)
+                    continue
+                self._smooth_surfaces.discard(name)
             have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
             keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
@@ -107,19 +127,38 @@ class Fits:
                 epoch_s=plan.rendered[0],
             )
 
+    def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
+        """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
+        from scipy.interpolate import CubicSpline
+
+        plan, sampled = self._plan, self._sampler.vertices[name]
+        whole_s = np.array([at_s for at_s, _ in plan.whole_frames])
+        spline = CubicSpline(whole_s, np.stack([sampled[at_s] for at_s in whole_s]).astype(float))
+        times_s = np.linspace(0, plan.duration_s, _BETWEEN_FRAMES * (whole_s.size - 3) + 1)
+        series, noise_m, bound_m = fit_vertices(
+            times_s,
+            spline(times_s),
+            plan.duration_s,
+            corners_s=whole_s.tolist(),
+            epoch_s=plan.rendered[0],
+        )
+        # The rounding of the vertices remains.
+        step_m = _rounding_step(sampled[plan.rendered[0]], plan.metres_per_unit)
+        return series, noise_m, bound_m + step_m
+
     def _fit_body(self, index: int, times_s: Real, poses: Real) -> BodyMotion:
         plan = self._plan
         motion = fit_body(
             times_s,
             poses,
             plan.duration_s,
-            self._reaches_m[index],
+            self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=plan.corners_s,
             pose=self._sampler.poses[plan.rendered[0]][index],
             epoch_s=plan.rendered[0],
         )
-        return self._checked(index, motion, self._reaches_m[index])
+        return self._checked(index, motion, self._reach_m(index))
 
     def _smooth_motion(self, index: int) -> BodyMotion:
         """Return a cubic through the poses at whole frames."""
@@ -136,7 +175,7 @@ class Fits:
             times_s,
             smooth_poses(whole_s, poses[present], times_s),
             plan.duration_s,
-            self._reaches_m[index],
+            self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=whole_s.tolist(),
             pose=self._sampler.poses[plan.rendered[0]][index],
@@ -153,7 +192,7 @@ class Fits:
     def _rounding_m(self, index: int) -> float:
         """Return the step of float32 at the body's farthest point [m]."""
         pose = self._sampler.poses[self._plan.rendered[0]][index]
-        turn_m = self._reaches_m[index] * float(np.spacing(np.float32(1.0)))
+        turn_m = self._reach_m(index) * float(np.spacing(np.float32(1.0)))
         return _rounding_step(pose[:3, 3], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
@@ -163,7 +202,7 @@ class Fits:
 
     def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
         """Return whether a fit leaves more than the rounding of poses."""
-        return motion.noise_m > self._rounding_m(index)
+        return motion.noise_m > 0 and motion.noise_m > self._rounding_m(index)
 
     def _is_accurate(self, index: int) -> bool:
         motion = self.motions[index]
@@ -209,7 +248,8 @@ class Fits:
     def accurate(self) -> bool:
         """Whether no fit needs more samples."""
         return all(self._is_accurate(index) for index in range(len(self.motions))) and all(
-            bound <= self._vertex_target_m(name) for name, (_, _, bound) in self._vertices.items()
+            name in self._smooth_surfaces or bound <= self._vertex_target_m(name)
+            for name, (_, _, bound) in self._vertices.items()
         )
 
     @property
@@ -248,8 +288,10 @@ class Fits:
         found = []
         parts = self._sampler.parts
         smooth = [i for i in sorted(self._smooth) if self.motions[i].moving]
-        if smooth:
+        surfaces = sorted(self._smooth_surfaces & self._vertices.keys())
+        if smooth or surfaces:
             moved = dict.fromkeys("antennas" if i < 2 else parts[i - 2].name for i in smooth)
+            moved |= dict.fromkeys(surfaces)
             found.append(finding("motion-between-frames", *moved))
         if self._missed:
             bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ..plan import Instant, instant_at
 from ..scene import Rig, check_poses, check_vertices
-from ..state import Key, evaluated_objects
+from ..state import Layout, Shape, take_snapshot
 from .bodies import Bodies, Part
 from .deforming import Deformations
 
@@ -179,9 +179,9 @@ class Sampler:
         self._antennas = (rig.camera, rig.emitter)
         self.parts = parts
         self._originals = bodies.originals
-        self._instances: dict[tuple[str, Key], int] = {
-            (part.name, part.key): index for index, part in enumerate(self.parts) if part.key
-        }
+        self._names = [rig.camera.name, rig.emitter.name, *(part.name for part in parts)]
+        self._layout = bodies.snapshot.layout
+        self._rows = np.array([part.row for part in parts], dtype=np.intp)
         used = {part.name for part in self.parts}
         self.surfaces = {
             name: surface
@@ -194,23 +194,43 @@ class Sampler:
         self.lost: set[int] = set()
         self.changed: set[str] = set()
 
-    def _matrices(self, depsgraph: Any) -> dict[int, tuple[str, Any]]:
-        """Return names and world matrices by row of the poses, of what exists."""
-        found = {
-            number: (item.name, item.evaluated_get(depsgraph).matrix_world)
-            for number, item in enumerate(self._antennas)
-        }
-        for row, part in enumerate(self.parts, start=2):
-            if not part.key:
-                item = self._originals[part.number].evaluated_get(depsgraph)
-                found[row] = (part.name, item.matrix_world)
-        if self._instances:
-            for one in evaluated_objects(depsgraph):
-                name = one.original.name
-                index = self._instances.get((name, one.key)) if one.key else None
-                if index is not None:  # Blender reuses the data of instances
-                    found[index + 2] = (name, one.matrix_world.copy())
-        return found
+    def _rows_in(self, layout: Layout, shapes: Sequence[Shape]) -> Indices:
+        """Return the row of each part in a snapshot, -1 for what it does not have."""
+        if layout is not self._layout:
+            wanted = {part.name for part in self.parts if part.key}
+            mine = [shape.original.name in wanted for shape in shapes]
+            there = np.flatnonzero(np.array(mine)[layout.shape] & (layout.instancer >= 0))
+            names = (shapes[index].original.name for index in layout.shape[there])
+            keys = (layout.key(row) for row in there.tolist())
+            row_of = dict(zip(zip(names, keys, strict=True), there.tolist(), strict=True))
+            itself = layout.row_of
+            rows = [
+                row_of.get((part.name, part.key), -1)
+                if part.key
+                else itself.get(self._originals[part.number], -1)
+                for part in self.parts
+            ]
+            self._layout, self._rows = layout, np.array(rows, dtype=np.intp)
+        return self._rows
+
+    def _matrices(self, depsgraph: Any, frame: float) -> Real:
+        """Return world matrices of antennas and parts, NaN for instances that do not exist."""
+        snapshot = take_snapshot(depsgraph)
+        rows = self._rows_in(snapshot.layout, snapshot.shapes)
+        matrices = np.full((len(self.parts) + 2, 4, 4), np.nan)
+        matrices[2:][rows >= 0] = snapshot.matrices[rows[rows >= 0]]
+        there = rows >= 0
+        for row in np.flatnonzero(~there).tolist():
+            if not self.parts[row].key:  # hidden
+                item = self._originals[self.parts[row].number]
+                matrices[2 + row] = item.evaluated_get(depsgraph).matrix_world
+                there[row] = True
+        for row, item in enumerate(self._antennas):
+            matrices[row] = item.evaluated_get(depsgraph).matrix_world
+        # NaN marks an instance that does not exist, so it must not come from Blender.
+        found = np.concatenate([[0, 1], 2 + np.flatnonzero(there)])
+        check_poses([self._names[row] for row in found], matrices[found], frame)
+        return matrices
 
     def take(self, at_s: float, instant: Instant) -> None:
         """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
@@ -218,13 +238,8 @@ class Sampler:
             return
         depsgraph = self._show(instant)
         frame = instant.frame + instant.subframe
-        poses = np.full((len(self.parts) + 2, 4, 4), np.nan)
-        matrices = self._matrices(depsgraph)
-        found = np.array([matrix for _, matrix in matrices.values()], dtype=np.float64)
-        # NaN marks an instance that does not exist, so it must not come from Blender.
-        check_poses([name for name, _ in matrices.values()], found, frame)
-        found[:, :3, 3] *= self._units
-        poses[list(matrices)] = found
+        poses = self._matrices(depsgraph, frame)
+        poses[:, :3, 3] *= self._units
         inside = 0 <= at_s <= self.plan.duration_s
         if inside:
             self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())

@@ -34,10 +34,15 @@ OBJECT_LAYER_THICKNESS = "radarsim_layer_thickness"
 """Custom property of an object: distance between these faces, in the object's own units. Shaders
 use it to find rays that began inside, so that echoes between the faces keep their polarisation."""
 
+OBJECT_LAYER_AT_FACES = "radarsim_layer_at_faces"
+"""Custom property of an object with layer normal and thickness, three numbers: 1, the place of the
+layer's middle along the normal in the object's own units, 0. Its faces absorb and delay, each for
+half of the layer, in place of the volume, whose depths Cycles rounds. Absent: the volume does."""
+
 OBJECT_SHELL_THICKNESS = "radarsim_shell_thickness"
 """Custom property of an object whose walls are all of one thickness, in any directions: this
-thickness, in the object's own units. Each face that a ray meets from inside absorbs and delays for
-the wall that it crossed, at its own angle, in place of the volume. 0 or absent: none."""
+thickness, in the object's own units. Each face absorbs and delays for half of the wall behind it,
+at its own angle, in place of the volume. 0 or absent: none."""
 
 # Path class of a render in the sampling mode "paths" (absent: all paths). Half-integers, so that no
 # comparison in a shader depends on rounding.

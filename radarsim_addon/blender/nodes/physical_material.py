@@ -23,8 +23,8 @@ q = sqrt(epsilon - 1 + c^2)::
 
 A ray crosses a layer of thickness d over the length d/c, which gives the refracted wave's
 absorption exp(-2 k0 Im(q) d) and optical delay d (Re q - c). Without a layer normal c is 1, which
-gives 4 pi kappa / wavelength and n - 1. In an object with a shell thickness d the volume does
-nothing, and each face that is met from inside has the factors of the wall that the ray crossed.
+gives 4 pi kappa / wavelength and n - 1. In a shell, and in a layer that has its interior at its
+faces, the volume does nothing, and each face has the factors of half of the wall behind it.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from ...physics.rough_transmission import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .fresnel import cos_incidence
-from .interface import InterfacePower, Wave, excess, interface_power, wave_inside
-from .layer import internal_echoes, layer_cosine, shell_thickness
+from .interface import InterfacePower, excess, interface_power, wave_inside
+from .layer import interior_at_faces, internal_echoes, layer_cosine, wall_at_face
 from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior, wavelength
 from .radar_material import (
     EXTINCTION,
@@ -73,7 +73,7 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     power = interface_power(build, n, kappa, wave, internal_echoes(build))
     code = range_code(build, ray_length(build), inverse_k)
     with build.prefixed("Shell: "):
-        code, crossed, in_shell = _wall_crossed(build, wave, code, inverse_k)
+        code, crossed, in_shell = _wall_crossed(build, n, kappa, cosine, code, inverse_k)
     reflects, transmits = camera_lobes(build)
     is_rough = math("GREATER_THAN", "rough", roughness, SMOOTH_BELOW)
     is_smooth = math("SUBTRACT", "smooth", 1.0, is_rough)
@@ -95,24 +95,34 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
 
 
 def _wall_crossed(
-    build: TreeBuilder, wave: Wave, code: Any, inverse_k: Any
+    build: TreeBuilder, n: Any, kappa: Any, face_cosine: Any, code: Any, inverse_k: Any
 ) -> tuple[Any, Any, Any]:
-    """Add nodes for a wall of a shell that the ray crossed: code and colour with it, and 0 or 1."""
+    """Add nodes for the wall that a face stands for: code and colour with it, and 0 or 1.
+
+    The code is for what turns back at the face, the colour for what passes it.
+    """
     math = build.math
-    back = build.node("ShaderNodeNewGeometry", "Side (shell)").outputs["Backfacing"]
-    thickness = math(
-        "MULTIPLY", "d of the wall crossed", shell_thickness(build, at_face=True), back
-    )
-    waves = math("DIVIDE", "d / wavelength", thickness, wavelength(build))
-    minus = math("MULTIPLY", "-4 pi d / wavelength", waves, -4.0 * _math.pi)
-    loss = math("MULTIPLY", "-4 pi Im(q) d / wavelength", minus, wave.v)
-    longer = math("MULTIPLY", "d (Re q - c)", thickness, excess(build, wave))
+    wall = wall_at_face(build, face_cosine)
+    wave = wave_inside(build, n, kappa, wall.cosine)
+    any_inverse_k = any_inverse_code_length(build, inverse_k)
+    length = wavelength(build)
     # Absorption cannot encode a negative delay (n < 1).
-    longer = math("MAXIMUM", "d (Re q - c), from 0 up", longer, 0.0)
-    delay = range_code(build, longer, any_inverse_code_length(build, inverse_k))
-    crossed = build.scale("Wall crossed", delay, math("EXPONENT", "absorbed", loss))
-    coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: crossed})
-    return coded, crossed, math("GREATER_THAN", "in a shell", thickness, 0.0)
+    rate = math("MAXIMUM", "Re q - c, from 0 up", excess(build, wave), 0.0)
+
+    def factor(label: str, depth: Any) -> Any:
+        waves = math("DIVIDE", f"d / wavelength, {label}", depth, length)
+        minus = math("MULTIPLY", f"-4 pi d / wavelength, {label}", waves, -4.0 * _math.pi)
+        loss = math("MULTIPLY", f"-4 pi Im(q) d / wavelength, {label}", minus, wave.v)
+        longer = math("MULTIPLY", f"d (Re q - c), {label}", depth, rate)
+        absorbed = math("EXPONENT", f"absorbed, {label}", loss)
+        with build.prefixed(f"Shell, {label}: "):
+            delay = range_code(build, longer, any_inverse_k)
+        return build.scale(f"Wall crossed, {label}", delay, absorbed)
+
+    turned = factor("turned", wall.turned)
+    coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: turned})
+    inside = math("GREATER_THAN", "in a wall", wall.turned, 0.0)
+    return coded, factor("passed", wall.passed), inside
 
 
 def _transmission(build: TreeBuilder, cosine: Any) -> Any:
@@ -199,15 +209,15 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
-        solid = math("LESS_THAN", "no shell", shell_thickness(build, at_face=False), 1e-30)
+        solid = math("SUBTRACT", "interior in the volume", 1.0, interior_at_faces(build))
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
     rate = math("MULTIPLY", "4 pi Im(q) c", normal_rate, cosine)
-    rate = math("MULTIPLY", "4 pi Im(q) c, or 0 in a shell", rate, solid)
+    rate = math("MULTIPLY", "4 pi Im(q) c, or 0 with faces", rate, solid)
     alpha = math("DIVIDE", "alpha = 4 pi Im(q) c / wavelength", rate, length)
     any_inverse_k = any_inverse_code_length(build, inverse_k)
-    any_inverse_k = math("MULTIPLY", "1/k, or 0 in a shell", any_inverse_k, solid)
+    any_inverse_k = math("MULTIPLY", "1/k, or 0 with faces", any_inverse_k, solid)
     longer = math("MULTIPLY", "c (Re q - c)", cosine, excess(build, wave))
     # Absorption cannot encode a negative delay (n < 1).
     delay = math(
@@ -219,7 +229,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=6,
+    version=7,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"

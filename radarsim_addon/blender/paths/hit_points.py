@@ -8,15 +8,15 @@ space; the hit point tells which triangle was met.
 
 from __future__ import annotations
 
-from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Mask, Real
 from ...signal.paths import PathFlag, PathRows, TriangleMesh
 from ...vectors import are_finite, crosses, distances, dots, norms
 from ..motion import Bodies
-from ..state import evaluated_mesh, evaluated_objects, read_triangles
+from ..state import Shape, read_triangles
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Largest error of a hit point, in roundings of its distances from the origin and from the ray's
@@ -44,33 +44,29 @@ class HitPoints:
     Parameters
     ----------
     bodies
-        Those whose numbers the rows have.
-    depsgraph : bpy.types.Depsgraph
-        At that moment. It must not change while rows are refined.
+        Those whose numbers the rows have. Blender must evaluate nothing else while rows are
+        refined.
     metres_per_unit
         Length of a Blender unit [m].
     wavelength_m
         Of the carrier.
     opaque
         Whether nothing in the scene lets power through, so that no path is delayed.
+    meshes
+        Meshes that Blender has not evaluated since they were read; more are added.
     """
 
     def __init__(
         self,
         bodies: Bodies,
-        depsgraph: Any,
         metres_per_unit: float,
         wavelength_m: float,
         opaque: bool,
+        meshes: WeakKeyDictionary[Shape, TriangleMesh | None],
     ) -> None:
-        self._bodies, self._depsgraph, self._units = bodies, depsgraph, metres_per_unit
+        self._bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
         self._opaque = opaque
-        #: Mesh of each body, by the address of its data; 0: none.
-        self._data: Indices = np.zeros(0, dtype=np.intp)
-        self._meshes: dict[int, TriangleMesh | None] = {0: None}
-        self._inverse: Real = np.zeros((0, 4, 4))
-        self._stretch: Real = np.zeros(0)
 
     def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
         """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
@@ -189,63 +185,51 @@ class HitPoints:
         known = np.flatnonzero((bodies > 0) & are_finite(near_m))
         if not known.size:
             return found, normals
-        if not self._data.size:
-            self._survey()
-        data = self._data[bodies[known] - 1]
-        for address in np.unique(data).tolist():
-            mesh = self._mesh(address, int(bodies[known[data == address][0]]))
+        shape = self._bodies.shape[bodies[known] - 1]
+        for number in np.unique(shape).tolist():
+            mesh = self._mesh(number)
             if mesh is None:
                 continue
-            mine = known[data == address]
-            part = bodies[mine] - 1
+            mine = known[shape == number]
+            poses, part = np.unique(bodies[mine] - 1, return_inverse=True)
+            inverses, flat = self._inverses(poses)
+            mine, part = mine[~flat[part]], part[~flat[part]]  # nothing is seen of the flat ones
+            if not mine.size:
+                continue
+            stretch = np.linalg.norm(inverses[:, :3, :3], ord=2, axis=(1, 2))
             if np.all(part == part[0]):
                 part = part[0]  # one pose for all is much faster
             # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
-            inverse = self._inverse[part]
+            inverse = inverses[part]
             turn, move = inverse[..., :3, :3], inverse[..., :3, 3]
             found[mine], normal = mesh.hit(
                 np.einsum("...ij,...j->...i", turn, _of(origins_m, mine)) + move,
                 np.einsum("...ij,...j->...i", turn, directions[mine]),
                 np.einsum("...ij,...j->...i", turn, near_m[mine]) + move,
-                reach_m[mine] * self._stretch[part],
+                reach_m[mine] * stretch[part],
             )
             if np.mean(np.isnan(found[mine])) > _MOST_MISSED:
                 found[mine] = np.nan
             normals[mine] = np.einsum("...ij,...i->...j", turn, normal)
         return found, normals
 
-    def _survey(self) -> None:
-        """Find which mesh each body has; read those that geometry nodes made for instances."""
-        place = {(part.name, part.key): index for index, part in enumerate(self._bodies.parts)}
-        self._data = np.zeros(len(self._bodies.parts), dtype=np.intp)
-        for one in evaluated_objects(self._depsgraph):
-            index = place.get((one.original.name, one.key))
-            if index is None or one.evaluated.data is None:
-                continue
-            address = one.evaluated.data.as_pointer()
-            self._data[index] = address
-            own = one.original.evaluated_get(self._depsgraph).data
-            if address not in self._meshes and (own is None or own.as_pointer() != address):
-                self._meshes[address] = self._read(one.evaluated)
-        poses = np.stack([part.instance.pose for part in self._bodies.parts])
+    def _inverses(self, bodies: Indices) -> tuple[Real, Mask]:
+        """Ways into the spaces of bodies, (n, 4, 4), and which of them have no volume, (n,)."""
+        poses = self._bodies.pose[bodies]
         flat = np.abs(np.linalg.det(poses)) < np.finfo(np.float64).tiny
-        poses[flat] = np.eye(4)  # nothing is seen of it
-        self._inverse = np.linalg.inv(poses)
-        self._stretch = np.linalg.norm(self._inverse[:, :3, :3], ord=2, axis=(1, 2))
-        self._data[flat] = 0
+        return np.linalg.inv(np.where(flat[:, None, None], np.eye(4), poses)), flat
 
-    def _mesh(self, address: int, body: int) -> TriangleMesh | None:
-        if address not in self._meshes:
-            original = self._bodies.originals[self._bodies.parts[body - 1].number]
-            self._meshes[address] = self._read(original.evaluated_get(self._depsgraph))
-        return self._meshes[address]
-
-    def _read(self, evaluated: Any) -> TriangleMesh | None:
-        with evaluated_mesh(evaluated) as mesh:
-            if mesh is None:
-                return None
-            vertices, triangles = read_triangles(mesh)
-        return TriangleMesh(vertices.astype(np.float64) * self._units, triangles)
+    def _mesh(self, number: int) -> TriangleMesh | None:
+        snapshot = self._bodies.snapshot
+        shape = snapshot.shapes[number]
+        if shape not in self._meshes:
+            self._meshes[shape] = None
+            with snapshot.mesh(shape) as mesh:
+                if mesh is not None:
+                    vertices, triangles = read_triangles(mesh)
+                    vertices_m = vertices.astype(np.float64) * self._units
+                    self._meshes[shape] = TriangleMesh(vertices_m, triangles)
+        return self._meshes[shape]
 
 
 def _of(origins_m: Real, rows: Indices) -> Real:

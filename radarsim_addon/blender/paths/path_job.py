@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 
@@ -20,13 +21,14 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import SURFACE_TYPES, assigned_materials, has_rough_facets
+from ...signal.paths import TriangleMesh
+from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_rough_facets
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import no_echo_findings
-from ..state import evaluated_depsgraph
+from ..state import Shape, evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
 from .hit_points import HitPoints
@@ -73,6 +75,7 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
+        self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
         foreign = _holds_foreign_materials(view_layer)
         choice = options.range_encoding
         by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
@@ -85,6 +88,11 @@ class PathJob(MeasurementJob):
     def _config_findings(self) -> list[Finding]:
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
+
+    def _averaged_paths(self) -> str:
+        if not self.deterministic:
+            return "all paths, because other than Radar Materials leave them to chance"
+        return "paths of several reflections" if self.options.max_reflections > 1 else ""
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
         # what flies away in the burst stays in the window
@@ -138,6 +146,7 @@ class PathJob(MeasurementJob):
             self.code_world,
             self.deterministic,
             bool(self._settings is not None and self._settings.averaging),
+            self._settings.interiors if self._settings is not None else Interiors(),
             self.versions,
         )
 
@@ -275,10 +284,10 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter)
         hits = HitPoints(
             motion.bodies,
-            depsgraph,
             units,
             self._measurement.waveform.wavelength_m,
             self.path_scene.all_opaque,
+            self._meshes,
         )
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
@@ -314,29 +323,20 @@ class PathJob(MeasurementJob):
         self._done_before += count * earlier
 
 
+def _assigned(view_layer: Any) -> set[Any]:
+    """Materials of evaluated objects: what geometry nodes set shows in these alone."""
+    assigned = assigned_materials(evaluated_depsgraph(view_layer))
+    return {m for one in assigned for m in one.materials if m is not None}
+
+
 def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    for item in bpy.data.objects:
-        if item.type not in SURFACE_TYPES or item.hide_render:
-            continue
-        if not item.material_slots:
-            return True
-        if any(
-            s.material is None or not is_radar_material(s.material) for s in item.material_slots
-        ):
-            return True
-    # What geometry nodes set shows in the evaluated object alone.
-    return any(
-        material is not None and not is_radar_material(material)
-        for assigned in assigned_materials(evaluated_depsgraph(view_layer))
-        for material in assigned.materials
-    )
+    shown = [o for o in bpy.data.objects if o.type in SURFACE_TYPES and not o.hide_render]
+    slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
+    materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
+    return not all(is_radar_material(material) for material in materials)
 
 
 def _holds_rough_facets(view_layer: Any) -> bool:
     """Whether something that can echo has facets that round by channel if materials encode."""
-    return any(
-        has_rough_facets(material)
-        for assigned in assigned_materials(evaluated_depsgraph(view_layer))
-        for material in assigned.materials
-    )
+    return any(has_rough_facets(material) for material in _assigned(view_layer))

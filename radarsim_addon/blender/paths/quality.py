@@ -19,6 +19,9 @@ from ..views import TracedReplicate
 #: Fraction of the power that may be in flawed rows before the run says so, and the relative error
 #: that nobody minds if none was asked for: 0.2 dB.
 _WARN_SHARE, _USUAL_ERROR = 1e-3, 0.05
+#: Standard deviations of a normal distribution, and expectation of a Poisson distribution without a
+#: single event, at a one-sided confidence of 95 %.
+_SIGMAS_95, _UNSEEN_95 = 1.645, 2.996
 #: A length error above this fraction of a wavelength spoils coherent sums: 2 pi / 20 of phase.
 _WARN_WAVELENGTHS = 0.05
 
@@ -28,7 +31,7 @@ class QualitySums:
 
     def __init__(self) -> None:
         self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0
-        self.truncated_reflections_variance_w2 = 0.0
+        self.truncated_reflections_variance_w2 = self.strongest_ray_w = 0.0
         self.mixed_w = self.unranged_w = self._row_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
@@ -51,6 +54,7 @@ class QualitySums:
         self.total_w += beyond_w
         self.truncated_reflections_w += beyond_w
         self.truncated_reflections_variance_w2 += traced.beyond_variance * watts_per_unit**2
+        self.strongest_ray_w = max(self.strongest_ray_w, traced.strongest_ray * watts_per_unit)
 
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
@@ -92,6 +96,8 @@ class QualitySums:
             for name, value in vars(part).items():
                 if isinstance(value, set):
                     getattr(total, name).update(value)
+                elif name == "strongest_ray_w":
+                    total.strongest_ray_w = max(total.strongest_ray_w, value)
                 else:
                     setattr(total, name, getattr(total, name) + value)
         total.coloured = bool(total.coloured)
@@ -105,6 +111,19 @@ class QualitySums:
     def truncated_reflections_stderr(self) -> float:
         """Standard error of the fraction of the power in reflections that were not followed."""
         return self.share(float(np.sqrt(self.truncated_reflections_variance_w2)))
+
+    @property
+    def truncated_reflections_upper(self) -> float:
+        """Upper bound of the same fraction at 95 % confidence.
+
+        What the rays found has a normal error. Paths so rare that no ray met them have the bound of
+        the rule of three: their expected number is below 3, each at most as strong as the
+        strongest that was found (Hanley and Lippman-Hand 1983).
+        """
+        stderr_w = float(np.sqrt(self.truncated_reflections_variance_w2))
+        more_w = _SIGMAS_95 * stderr_w + _UNSEEN_95 * self.strongest_ray_w
+        upper_w = self.truncated_reflections_w + more_w
+        return upper_w / (self.total_w + more_w) if upper_w > 0 else 0.0
 
     @property
     def length_sigma_m(self) -> float:
@@ -123,6 +142,7 @@ class QualitySums:
             "total_power_w": self.total_w,
             "truncated_reflections_fraction": self.share(self.truncated_reflections_w),
             "truncated_reflections_stderr": self.truncated_reflections_stderr,
+            "truncated_reflections_upper": self.truncated_reflections_upper,
             "truncated_transparency_fraction": self.share(self.truncated_transparency_w),
             "mixed_power_fraction": self.share(self.mixed_w),
             "unranged_power_fraction": self.share(self.unranged_w),
@@ -145,8 +165,14 @@ class QualitySums:
             return item if fraction > (tolerated or _USUAL_ERROR) else item.as_information()
 
         left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
-        if max(left, stderr) > _WARN_SHARE:
-            lost = finding("reflections-truncated", fraction=left, fraction_stderr=stderr)
+        upper = self.truncated_reflections_upper
+        if max(left, stderr) > _WARN_SHARE or upper > (tolerated or _USUAL_ERROR):
+            lost = finding(
+                "reflections-truncated",
+                fraction=left,
+                fraction_stderr=stderr,
+                fraction_upper=upper,
+            )
             # a fraction within its own standard error is no news
             found.append(told(lost, left - stderr))
         behind = self.share(self.truncated_transparency_w)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...array_types import Indices, Real
-from ..scene import InstancePose, Poses
+from ..scene import Poses
 from ..views import ViewWindow
 from .tiles import Area
 
@@ -84,25 +84,23 @@ def projected_bounds(
     Left out, too, is what is around the receiver or partly behind a perspective one: near or not
     small. `names` are those of the object numbers, from 1.
     """
-    found = [
-        (number, shown)
-        for number, name in enumerate(names, start=1)
-        if number not in left_out
-        for shown in poses.objects.get(name, {}).values()
-    ]
-    starts = range(0, len(found), _CHUNK) or (0,)
-    parts = [_boxes_in_view(found[start : start + _CHUNK], receiver) for start in starts]
+    numbers = poses.numbered(names)
+    shown = np.argsort(numbers, kind="stable")
+    shown = shown[~np.isin(numbers[shown], [0, *left_out])]
+    starts = range(0, len(shown), _CHUNK) or (0,)
+    chunks = (shown[start : start + _CHUNK] for start in starts)
+    parts = [_boxes_in_view(numbers[some], poses, some, receiver) for some in chunks]
     return ViewBoxes(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(ViewBoxes)}
     )
 
 
 def _boxes_in_view(
-    found: Sequence[tuple[int, InstancePose]], receiver: contract.ReceiverRecord
+    number: Indices, poses: Poses, chosen: Indices, receiver: contract.ReceiverRecord
 ) -> ViewBoxes:
-    count = len(found)
-    number = np.fromiter((number for number, _ in found), dtype=np.intp, count=count)
-    local = _corners(found, np.array(receiver.matrix_world, dtype=np.float64))
+    count = len(number)
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
+    local = _corners(poses.box[chosen], poses.pose[chosen], pose)
     depth = -local[..., 2]
     centre = (local.min(axis=1) + local.max(axis=1)) / 2
     distance = np.linalg.norm(centre, axis=1)
@@ -130,10 +128,8 @@ def _boxes_in_view(
     return boxes.take(known)
 
 
-def _corners(found: Sequence[tuple[int, InstancePose]], pose: Real) -> Real:
-    """Corners of the boxes in the camera's axes, (n, 8, 3) [m]."""
-    box = np.array([shown.box for _, shown in found]).reshape(-1, 2, 3)
-    own = np.array([shown.pose for _, shown in found]).reshape(-1, 4, 4)
+def _corners(box: Real, own: Real, pose: Real) -> Real:
+    """Corners of boxes (n, 2, 3) of poses (n, 4, 4) in the camera's axes, (n, 8, 3) [m]."""
     which = np.array(list(itertools.product((0, 1), repeat=3)))
     corners = box[:, which, np.arange(3)]
     world = corners @ own[:, :3, :3].transpose(0, 2, 1) + own[:, None, :3, 3]

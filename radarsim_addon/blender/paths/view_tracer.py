@@ -19,6 +19,7 @@ from ...array_types import Real
 from ...physics.radar_equation import effective_area_m2
 from ...signal.decoding import TileReplicate, pixel_rays
 from ...signal.paths import COLUMN_GROUPS, PATH_FLAGS, PathRows, replicate_offset_px
+from ..materials import Interiors
 from ..plan import Instant, Measurement, PathOptions, Plan
 from ..views import (
     PathClass,
@@ -45,8 +46,8 @@ class PathRun:
 
     `world_encoding` says whether a world volume carries the range encoding instead of the
     materials; `deterministic` whether Radar Materials choose their lobes by the path class;
-    `polarising` whether waves pass materials in the mean of two polarisations; `versions` are those
-    of the programs.
+    `polarising` whether waves pass materials in the mean of two polarisations; `interiors` how
+    those of objects are computed; `versions` are those of the programs.
     """
 
     scene: PathScene
@@ -56,6 +57,7 @@ class PathRun:
     world_encoding: bool
     deterministic: bool
     polarising: bool
+    interiors: Interiors
     versions: dict[str, str]
 
     @cached_property
@@ -197,6 +199,9 @@ class ViewTracer:
             1 / run.options.replicates,
             number,
             replicate,
+            run.interiors.delay,
+            run.interiors.sigma,
+            run.interiors.absorption_sigma * run.plan.metres_per_unit,
         )
         rows = rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map)
         return rows, ray_origins(traced, rays.origin_m), traced

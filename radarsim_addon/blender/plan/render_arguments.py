@@ -31,7 +31,8 @@ What is not given comes from the settings of the file's radar. The same command 
 that was stopped. Scripts inside the .blend file are not run (under blender -b give
 --disable-autoexec, -Y, if your preferences allow them).
 
-exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C"""
+exit codes: 0 done, 1 failed, 2 bad arguments, 3 done but a finding of severity error concerns all
+frames (no echo, open meshes), 130 stopped by Ctrl-C"""
 
 
 def render_settings() -> dict[str, Declared]:

@@ -53,7 +53,9 @@ def write_scene(
     units = plan.metres_per_unit
     later, interval_s = None, 0.0
     if len(instants) > 1:
-        later = ground_truth.origin_ranges(show(instants[1]), rig, units)
+        depsgraph = show(instants[1])
+        receiver, _ = ground_truth.antenna_positions(depsgraph, rig)
+        later = ground_truth.rendered_surfaces(depsgraph), receiver
         interval_s = instants[1].time_s - instants[0].time_s
     objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
     write_record(path, contract.GroundTruthRecord(frame, instants[0].time_s, objects))

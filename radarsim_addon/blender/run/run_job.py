@@ -27,7 +27,7 @@ from ... import __version__, contract
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
 from ...signal.runs import shared_plan
-from ..materials import is_physical
+from ..materials import is_physical, separate_averages
 from ..nodes import refresh_groups
 from ..plan import (
     Extent,
@@ -43,10 +43,12 @@ from ..plan import (
     shortest_decimal,
 )
 from ..scene import (
+    VELOCITY_FRAMES,
     ClosingSpeeds,
     Rig,
     disabled_drivers,
     find_rig,
+    hiding_is_animated,
     receiver_record,
     show_as_rendered,
     show_what_renders,
@@ -90,8 +92,6 @@ class MeasurementJob:
     pausing = False
     #: Whether objects of any material echo.
     code_world = False
-    #: Whether paths pass Radar Materials with certainty, so that renders can be compared.
-    deterministic = False
 
     def __init__(
         self,
@@ -115,6 +115,7 @@ class MeasurementJob:
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
         self._simulated_to = -math.inf
         self._shown: Instant | None = None
+        self._hiding_moves = True
         self._started_s = 0.0
         self._rendered = 0
         self.total = self.done = 0
@@ -249,19 +250,28 @@ class MeasurementJob:
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent, units = Extent(), self._metres_per_unit()
-        self._speeds = ClosingSpeeds(units)
+        burst = self._measurement.burst
+        self._speeds = ClosingSpeeds(units, burst.pulses / burst.prf_hz)
+        seen: tuple[Any, ...] = ()
         for frame in self._measurement.frames:
-            before = None
+            first = None
             for at in self._surveyed(frame):
                 instant = instant_at(at, self._fps())
                 depsgraph = self._refuse_what_is_no_number(instant)
                 boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
                 antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-                extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
-                if before is not None:
-                    interval_s = instant.time_s - before[0].time_s
-                    self._speeds.add(before[1], (boxes, antennas), interval_s)
-                before = instant, (boxes, antennas)
+                # Where Blender has evaluated nothing since, all is as before.
+                now = boxes.snapshot, *(place.tobytes() for place in antennas)
+                if now != seen:
+                    extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
+                seen = now
+                first = first or (instant, (boxes, antennas))
+            assert first is not None
+            soon = instant_at(frame + VELOCITY_FRAMES, self._fps())
+            depsgraph = self._show(soon)
+            boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
+            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+            self._speeds.add(first[1], (boxes, antennas), soon.time_s - first[0].time_s)
         digests = [ground_truth.animation_digest()]
         self._simulated_to = math.inf  # the digest is worth no simulation of the whole scene
         for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
@@ -292,9 +302,14 @@ class MeasurementJob:
             self._speeds.by_object,
         )
         assert self._settings is not None
-        if len(self._settings.averaging) > 1 and not self.deterministic:
-            found.append(finding("walls-averaged-separately", *self._settings.averaging))
+        averaging = self._settings.averaging
+        if len(averaging) > 1 and self._averaged_paths():
+            found.append(separate_averages(averaging, self._averaged_paths()))
         return found
+
+    def _averaged_paths(self) -> str:
+        """Paths that take the mean of both polarisations at each wall, in words; "" for none."""
+        return "all paths, because rings mix them"
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -344,7 +359,9 @@ class MeasurementJob:
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
             show_as_rendered(self._shown_for_run, self._scene)
-        if self._shown is None or self._shown.frame != instant.frame:
+        if self._shown is None:
+            self._hiding_moves = hiding_is_animated()
+        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
             show_what_renders(self._shown_for_run, self._view_layer)
         needed = instant.frame + (instant.subframe > 0)
         if needed > self._simulated_to:

@@ -17,12 +17,15 @@ from ...errors import SceneError
 from ...findings import Finding, finding
 from ..materials import (
     EXACT_FACETS,
+    Interiors,
     assigned_materials,
+    averaging_objects,
     beyond_float32,
+    interior_losses_db,
     media_beyond_their_band,
-    passes_by_polarisation,
     set_layer_normals,
     settle_interiors,
+    settle_interiors_far_away,
     total_reflections,
     update_materials,
 )
@@ -68,8 +71,10 @@ class MeasurementSettings:
         self._any_material = any_material
         self._recorder = SettingsRestorer()
         self.findings: list[Finding] = []
-        #: Objects that waves pass in the mean of two polarisations.
-        self.averaging: tuple[str, ...] = ()
+        #: Objects that waves pass in the mean of two polarisations, and their index.
+        self.averaging: dict[str, complex] = {}
+        #: How the interiors of objects are computed.
+        self.interiors = Interiors()
         self.device_kind = "CPU"
 
     def __enter__(self) -> MeasurementSettings:
@@ -288,22 +293,32 @@ class MeasurementSettings:
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         if measurement.polarisation == "average":
-            self.averaging = tuple(
-                one.item.name
-                for one in assigned_materials(depsgraph)
-                if any(passes_by_polarisation(material) for material in one.materials)
-            )
+            self.averaging = averaging_objects(depsgraph)
         no_layers = set_layer_normals(self._recorder, depsgraph)
-        wavelength = self._plan.measurement.waveform.wavelength_m / self._plan.metres_per_unit
+        units, extent = self._plan.metres_per_unit, self._plan.extent
+        wavelength = measurement.waveform.wavelength_m / units
         antennas = [
             item.evaluated_get(depsgraph).matrix_world.translation
             for item in (self._rig.camera, self._rig.emitter)
         ]
+        reach = max(extent.from_emitter_m, extent.from_receiver_m) / units
+        losses_db = interior_losses_db(wavelength, depsgraph)
+        self.interiors = settle_interiors_far_away(
+            self._recorder,
+            depsgraph,
+            antennas,
+            reach,
+            wavelength,
+            self._plan.extinction_length_m / units,
+            self._plan.range_encoding_length_m / units,
+            losses_db,
+        )
         return [
             *failures,
             *check_meshes(depsgraph),
             *no_layers,
-            *beyond_float32(wavelength, depsgraph),
+            *self.interiors.findings,
+            *beyond_float32(losses_db),
             *total_reflections(depsgraph, antennas),
         ]
 

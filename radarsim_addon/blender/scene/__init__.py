@@ -4,10 +4,10 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .closing_speeds import ClosingSpeeds
+from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_speeds
 from .driver_checks import disabled_drivers
 from .finite_checks import check_poses, check_vertices
-from .ground_truth import scene_extent
+from .ground_truth import echoing_boxes, scene_extent
 from .instance_poses import (
     InstancePose,
     Poses,
@@ -16,7 +16,7 @@ from .instance_poses import (
     instance_name,
     pose_in_metres,
 )
-from .isolation import animation_curves, echoes, isolate
+from .isolation import action_curves, animation_curves, echoes, isolate
 from .mesh_checks import check_meshes
 from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
@@ -34,17 +34,19 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .simulations import is_simulated_body, simulation_frames
-from .visibility import show_as_rendered, show_what_renders
+from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
+from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
+    "VELOCITY_FRAMES",
     "ClosingSpeeds",
     "InstancePose",
     "Poses",
     "Rig",
+    "action_curves",
     "active_radar",
     "aim",
     "animation_curves",
@@ -57,12 +59,16 @@ __all__ = [
     "distance_from_box",
     "draw_patterns",
     "echoes",
+    "echoing_boxes",
     "evaluated_poses",
     "find_rig",
+    "has_simulation_zone",
+    "hiding_is_animated",
     "instance_name",
     "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "keyed_speeds",
     "no_echo_findings",
     "pose_in_metres",
     "radar_of",

@@ -1,15 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Largest range rates of objects between moments of the animation, before anything is rendered."""
+"""Largest range rates of the points of objects, before anything is rendered."""
 
 from __future__ import annotations
+
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...array_types import Real
+from ..state import Shape, Snapshot, read_numbers
 from .ground_truth import Boxes
 
 #: Corners of a bounding box, in Blender's order, whose mean is the centre of a face.
 _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 4, 5), (2, 3, 6, 7), (0, 3, 4, 7), (1, 2, 5, 6))
+#: Directions in which the outermost vertex of a mesh is taken, and moments of a burst.
+_DIRECTIONS, _MOMENTS = 64, 33
+#: Frames between two moments that tell the velocity at the first one: wheels turn little in it,
+#: and it is long against the 1e-4 frames around a key in which Blender gives the key's value.
+VELOCITY_FRAMES = 0.04
 
 
 def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float) -> Real:
@@ -21,19 +30,21 @@ def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float
 
 
 class ClosingSpeeds:
-    """Largest |range rate| of every object over the moments of a run.
+    """Largest |range rate| of every object over the bursts of a run.
 
-    It is that of the centres of the faces of its bounding box, a mean between two moments: exact
-    for what moves steadily without turning, and that of the rim for a wheel that turns little.
+    That of the outermost vertices of a mesh as a rigid body that goes on as it moves and turns
+    between two moments; of a mesh that deforms, that of the faces of its bounding box.
 
     Parameters
     ----------
     metres_per_unit
         Metres per Blender unit.
+    span_s
+        Duration of a burst [s].
     """
 
-    def __init__(self, metres_per_unit: float) -> None:
-        self._units = metres_per_unit
+    def __init__(self, metres_per_unit: float, span_s: float = 0.0) -> None:
+        self._units, self._span_s = metres_per_unit, span_s
         #: Largest |range rate| by the label of the object [m/s].
         self.by_object: dict[str, float] = {}
 
@@ -44,14 +55,206 @@ class ClosingSpeeds:
         interval_s: float,
     ) -> None:
         """Add two moments, each with its boxes and the places of the antennas."""
-        first, last = dict(before[0]), dict(after[0])
-        common = [key for key in first if key in last]
-        if not common or not interval_s > 0:
+        first, last = before[0].snapshot, after[0].snapshot
+        here, there = before[0].pairs(after[0])
+        antennas = np.stack([before[1], after[1]])
+        if not here.size or not interval_s > 0:
             return
-        first_m, last_m = (
-            _ranges_m(np.stack([boxes[key] for key in common]), antennas, self._units)
-            for boxes, antennas in ((first, before[1]), (last, after[1]))
-        )
-        rates_mps = np.abs(last_m - first_m).max(axis=1) / interval_s
-        for (label, _), rate_mps in zip(common, rates_mps.tolist(), strict=True):
+        if np.array_equal(antennas[0], antennas[1]):  # then only what moves has a rate
+            moving = (first.corners[here] != last.corners[there]).any(axis=(1, 2))
+            here, there = here[moving], there[moving]
+        ranges_m = [
+            _ranges_m(snapshot.corners[rows], tuple(places), self._units)
+            for snapshot, rows, places in ((first, here, antennas[0]), (last, there, antennas[1]))
+        ]
+        means_mps = np.abs(ranges_m[1] - ranges_m[0]).max(axis=1) / interval_s
+        for row, later, mean_mps in zip(here.tolist(), there.tolist(), means_mps, strict=True):
+            shape = first.shapes[first.layout.shape[row]]
+            rate_mps = float(mean_mps)
+            if shape is last.shapes[last.layout.shape[later]]:
+                poses = np.stack([first.matrices[row], last.matrices[later]])
+                points = outermost_points(first, shape)
+                rate_mps = self._units * largest_rate(
+                    points, poses, antennas, interval_s, self._span_s
+                )
+            label = first.label(row)
             self.by_object[label] = max(rate_mps, self.by_object.get(label, 0.0))
+
+
+def largest_rate(
+    points: Real, poses: Real, antennas: Real, interval_s: float, span_s: float
+) -> float:
+    """Return the largest |range rate| of points of a rigid body during a burst [units/s].
+
+    `points` (n, 3) in its own axes; its `poses` (2, 4, 4) and the places of both `antennas`
+    (2, 2, 3) at two moments. Body and antennas go on as between them.
+    """
+    place = points @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
+    centre = place.mean(axis=1)
+    velocity = (centre[1] - centre[0]) / interval_s
+    spin = _turn(poses) / interval_s
+    arms = place[0] - centre[0]
+    times_s = np.linspace(0.0, span_s, _MOMENTS if spin.any() and span_s > 0 else 1)
+    turned = np.stack([_rotation(spin * at_s) for at_s in times_s])
+    arms = np.einsum("tij,nj->tni", turned, arms)
+    moving = (turned @ velocity)[:, None] + np.cross(spin, arms)
+    now = centre[0] + velocity * times_s[:, None, None] + arms
+    rates = np.zeros(arms.shape[:2])
+    for start, end in antennas.transpose(1, 0, 2):
+        own = (end - start) / interval_s
+        away = now - (start + own * times_s[:, None, None])
+        distance = np.maximum(np.linalg.norm(away, axis=2), np.finfo(np.float64).tiny)
+        rates += np.einsum("tni,tni->tn", moving - own, away) / distance / 2
+    return float(np.abs(rates).max())
+
+
+def _turn(poses: Real) -> Real:
+    """Return the rotation vector from one of two poses to the other; scales are left out."""
+    axes = poses[:, :3, :3]
+    left, _, right = np.linalg.svd(axes[1] @ np.linalg.pinv(axes[0]))
+    turn = left @ right
+    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = float(np.linalg.norm(vector)) / 2
+    angle = float(np.arctan2(sine, (np.trace(turn) - 1) / 2))
+    # float32 axes turn by as much without any motion
+    return vector * (angle / (2 * sine)) if sine > 1e-6 else np.zeros(3)
+
+
+def _rotation(vector: Real) -> Real:
+    """Return the matrix of a rotation vector (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+
+
+#: Outermost vertices of meshes that Blender has not evaluated since.
+_outermost: WeakKeyDictionary[Shape, Real] = WeakKeyDictionary()
+
+
+def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
+    """Return the outermost vertices of a mesh and centres of its box's faces, own axes, (n, 3).
+
+    Without a mesh, the corners of its box.
+    """
+    if shape not in _outermost:
+        points = shape.box
+        with snapshot.mesh(shape) as mesh:
+            if mesh is not None and len(mesh.vertices):
+                vertices = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
+                index = np.arange(_DIRECTIONS) + 0.5  # Fibonacci's sphere, and along the axes
+                z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
+                around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
+                directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
+                size = np.maximum(np.ptp(vertices, axis=0), np.finfo(np.float64).tiny)
+                points = vertices[np.unique((vertices / size @ directions.T).argmax(axis=0))]
+                # What is ahead of the radar closes in faster than edges do.
+                points = np.concatenate([points, shape.box[np.array(_FACES)].mean(axis=1)])
+        _outermost[shape] = points
+    return _outermost[shape]
+
+
+def keyed_world(item: Any, frame: float) -> Real | None:
+    """Return the world matrix of an object at a frame by its F-curves, shape (4, 4).
+
+    None where constraints, drivers, simulations or strips may move it or its parents.
+    """
+    from mathutils import Euler, Matrix, Quaternion, Vector
+
+    from .isolation import action_curves
+
+    animation, body = item.animation_data, item.rigid_body
+    if item.constraints or body is not None or item.rotation_mode == "AXIS_ANGLE":
+        return None
+    if item.parent is not None and item.parent_type != "OBJECT":
+        return None
+    values = {name: list(getattr(item, name)) for name in _CHANNELS}
+    if animation is not None:
+        if animation.drivers or animation.nla_tracks:
+            return None
+        action = animation.action
+        slot = getattr(animation, "action_slot", None)
+        for curve in action_curves(action, slot) if action is not None else ():
+            if curve.data_path in values and not curve.mute:
+                values[curve.data_path][curve.array_index] = curve.evaluate(frame)
+            elif curve.data_path.startswith("delta_"):
+                return None
+    turn = (
+        Quaternion(values["rotation_quaternion"]).normalized()
+        if item.rotation_mode == "QUATERNION"
+        else Euler(values["rotation_euler"], item.rotation_mode)
+    )
+    own = Matrix.LocRotScale(Vector(values["location"]), turn, Vector(values["scale"]))
+    matrix = np.array(item.matrix_parent_inverse @ own, dtype=np.float64)
+    if item.parent is None:
+        return np.array(own, dtype=np.float64)
+    above = keyed_world(item.parent, frame)
+    return None if above is None else above @ matrix
+
+
+#: Properties of an object that F-curves move it by.
+_CHANNELS = ("location", "rotation_euler", "rotation_quaternion", "scale")
+
+
+def keyed_speeds(
+    found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
+) -> dict[str, float]:
+    """Return the largest |range rate| of objects that F-curves move.
+
+    Nothing is evaluated, so what other animation moves is left out.
+
+    Parameters
+    ----------
+    found
+        Surfaces, at `frame`.
+    antennas : tuple of bpy.types.Object
+        Receiver and transmitter.
+    frame
+        Blender frame at which a burst begins.
+    fps
+        Blender frames per second.
+    span_s
+        Duration of the burst [s].
+
+    Returns
+    -------
+    dict
+        By label [Blender units per second].
+    """
+    snapshot, layout = found.snapshot, found.snapshot.layout
+
+    def poses_of(item: Any, now: Real) -> Real | None:
+        worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
+        if worlds[0] is None or worlds[1] is None:
+            return None
+        # In float32 both are rounded alike by Blender; what F-curves add is the difference.
+        return np.stack([now, worlds[1] @ np.linalg.pinv(worlds[0]) @ now])
+
+    def is_keyed(item: Any) -> bool:
+        while item is not None:
+            if item.animation_data is not None and item.animation_data.action is not None:
+                return True
+            item = item.parent
+        return False
+
+    places = []
+    for item in antennas:
+        now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
+        poses = poses_of(item, now) if is_keyed(item) else None
+        places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
+    both = np.array(places).transpose(1, 0, 2)
+    still = np.array_equal(both[0], both[1])
+    speeds: dict[str, float] = {}
+    for row in found.rows[layout.instancer[found.rows] < 0].tolist():
+        shape = snapshot.shapes[layout.shape[row]]
+        if still and not is_keyed(shape.original):
+            continue
+        now = snapshot.matrices[row]
+        poses = poses_of(shape.original, now) if is_keyed(shape.original) else np.stack([now, now])
+        if poses is not None:
+            points = outermost_points(snapshot, shape)
+            interval_s = VELOCITY_FRAMES / fps
+            speeds[snapshot.label(row)] = largest_rate(points, poses, both, interval_s, span_s)
+    return speeds

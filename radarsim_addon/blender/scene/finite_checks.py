@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ...errors import SceneError
-from ..state import EvaluatedObject, read_numbers
+from ..state import Shape, Snapshot, read_numbers
 
 #: Largest coordinate [Blender units]: its square still fits the float32 that Cycles computes in.
 #: Blender stores an infinite coordinate as the largest float32, which is larger.
@@ -89,30 +90,39 @@ def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:
         raise SceneError(_mesh_message(name, found + _at(frame), "vertices"))
 
 
-def check_meshes_finite(surfaces: Iterable[EvaluatedObject]) -> None:
-    """Check that the transforms and vertices of surfaces are finite; `SceneError` names the first.
+#: Shapes that Blender has not evaluated since they were found to be finite.
+_finite: WeakSet[Shape] = WeakSet()
+
+
+def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
+    """Check that transforms and vertices of rows of a snapshot are finite; `SceneError` if not.
 
     All vertices are read, once per mesh, because Blender's bounding boxes ignore NaN.
     """
-    seen: set[int] = set()
-    for one in surfaces:
-        check_pose(one.label, one.matrix_world)
-        data = one.evaluated.data
-        if data.as_pointer() in seen:
-            continue
-        seen.add(data.as_pointer())
-        if one.evaluated.type != "MESH":
-            if _out_of_bounds(one.box).any():
-                raise SceneError(_mesh_message(one.label, "its bounding box", "points"))
-            continue
-        vertices = read_numbers(data.vertices, "co", 3)
-        bad = _bad_rows(vertices)
-        if bad.size:
-            found = (
-                f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at "
-                f"({_coordinates(vertices[bad[0]])}))"
-            )
-            raise SceneError(_mesh_message(one.label, found, "vertices"))
+    for row in rows[_out_of_bounds(snapshot.matrices[rows]).any(axis=(1, 2))].tolist():
+        check_pose(snapshot.label(row), snapshot.matrices[row])
+    shapes, first = np.unique(snapshot.layout.shape[rows], return_index=True)
+    for number, row in zip(shapes.tolist(), rows[first].tolist(), strict=True):
+        shape = snapshot.shapes[number]
+        if shape not in _finite:
+            _check_shape(snapshot, shape, snapshot.label(row))
+            _finite.add(shape)
+
+
+def _check_shape(snapshot: Snapshot, shape: Shape, label: str) -> None:
+    if shape.kind != "MESH":
+        if _out_of_bounds(shape.box).any():
+            raise SceneError(_mesh_message(label, "its bounding box", "points"))
+        return
+    with snapshot.mesh(shape) as mesh:
+        vertices = read_numbers(mesh.vertices, "co", 3)
+    bad = _bad_rows(vertices)
+    if bad.size:
+        found = (
+            f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at "
+            f"({_coordinates(vertices[bad[0]])}))"
+        )
+        raise SceneError(_mesh_message(label, found, "vertices"))
 
 
 def _out_of_bounds(numbers: NDArray[Any]) -> NDArray[np.bool_]:

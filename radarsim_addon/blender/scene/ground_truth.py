@@ -5,44 +5,45 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ...sidecar import file_sha256
-from ..materials import SURFACE_TYPES, roughness_of, slot_materials
+from ..materials import SURFACE_TYPES, roughness_of
+from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
-from ..state import EvaluatedObject, Key, evaluated_mesh, evaluated_objects, read_triangles
+from ..state import Shape, Snapshot, read_triangles, take_snapshot
 from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
-from .nearest import nearest_distance
+from .nearest import nearest_distances
 from .rig import Rig
 from .visibility import rendered_objects
 
 
-def _rendered_surfaces(depsgraph: Any) -> Iterator[EvaluatedObject]:
-    rendered = rendered_objects(depsgraph.view_layer)
-    for one in evaluated_objects(depsgraph):
-        if one.evaluated.type not in SURFACE_TYPES or not one.visible or one.original.hide_render:
-            continue
-        if (one.instancer or one.original) in rendered:
-            yield one
-
-
-def _corners(one: EvaluatedObject) -> Real:
-    """Return the bounding box in world space, shape (8, 3), Blender units."""
-    return np.asarray(one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3])
+def _rendered_rows(snapshot: Snapshot) -> Indices:
+    """Return the rows of a snapshot that hold rendered surfaces."""
+    rendered = rendered_objects(snapshot.depsgraph.view_layer)
+    shapes, layout = snapshot.shapes, snapshot.layout
+    surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
+    itself = snapshot.of_shapes([shape.original in rendered for shape in shapes])
+    by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
+    there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
+    return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
 
 
 def check_surfaces(depsgraph: Any) -> None:
     """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
-    check_meshes_finite(_rendered_surfaces(depsgraph))
+    snapshot = take_snapshot(depsgraph)
+    check_meshes_finite(snapshot, _rendered_rows(snapshot))
 
 
 def scene_extent(
@@ -70,17 +71,55 @@ def scene_extent(
     return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
 
 
-#: Corners of bounding boxes in world space, (8, 3) [Blender units], by label and instance.
-Boxes = list[tuple[tuple[str, Key], Real]]
+@dataclass(frozen=True)
+class Boxes:
+    """Bounding boxes of surfaces: rows of a snapshot, and corners in the world, (n, 8, 3)."""
+
+    snapshot: Snapshot
+    rows: Indices
+
+    @property
+    def corners(self) -> Real:
+        """Corners in world space [Blender units]."""
+        return self.snapshot.corners[self.rows]
+
+    def pairs(self, later: Boxes) -> tuple[Indices, Indices]:
+        """Return the rows of what is in both, here and there."""
+        if self.snapshot.layout is later.snapshot.layout:
+            both = np.intersect1d(self.rows, later.rows, assume_unique=True)
+            return both, both
+        there = {(later.snapshot.label(r), later.snapshot.layout.key(r)): r for r in later.rows}
+        found = [
+            (row, there[key])
+            for row in self.rows
+            if (key := (self.snapshot.label(row), self.snapshot.layout.key(row))) in there
+        ]
+        first, second = np.array(found, dtype=np.intp).reshape(-1, 2).T
+        return first, second
 
 
 def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
-    """Return the boxes of the surfaces that can echo; of all surfaces with `any_material`."""
-    return [
-        ((one.label, one.key), _corners(one))
-        for one in _rendered_surfaces(depsgraph)
-        if any_material or echoes(one.original)
-    ]
+    """Return the bounding boxes of the surfaces that can echo, at the depsgraph's time.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    any_material
+        Include surfaces without a Radar Material.
+
+    Returns
+    -------
+    Boxes
+        Rows of the snapshot, and corners in Blender units.
+    """
+    snapshot = take_snapshot(depsgraph)
+    rows = _rendered_rows(snapshot)
+    if not any_material:
+        is_radar = cache(is_radar_material)
+        echoing = [echoes(shape.original, is_radar) for shape in snapshot.shapes]
+        rows = rows[snapshot.of_shapes(echoing)[rows]]
+    return Boxes(snapshot, rows)
 
 
 def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
@@ -92,12 +131,14 @@ def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: 
     """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
     receiver, transmitter = antennas
     baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
-    if not boxes:
+    if not boxes.rows.size:
         return Extent(baseline_m=baseline_m)
-    corners = np.concatenate([box for _, box in boxes])
+    corners = boxes.corners.reshape(-1, 3)
 
     def farthest_m(origin: Real) -> float:
-        return float(np.linalg.norm(corners - origin, axis=1).max()) * metres_per_unit
+        squared = np.einsum("ij,ij->i", corners - origin, corners - origin)
+        far = corners[squared >= squared.max() * (1 - 1e-12)]
+        return float(np.linalg.norm(far - origin, axis=1).max()) * metres_per_unit
 
     return Extent(
         from_emitter_m=farthest_m(transmitter),
@@ -114,72 +155,102 @@ def _origin(item: Any, depsgraph: Any) -> Real:
 # -- ground truth ----------------------------------------------------------------------------------
 
 
-#: Distances of the objects' origins from the receiver [m], by label and instance.
-_OriginRanges = dict[tuple[str, Key], float]
-
-
-def origin_ranges(depsgraph: Any, rig: Rig, metres_per_unit: float) -> _OriginRanges:
-    """Return the ranges of all origins at the depsgraph's time."""
-    receiver = _origin(rig.camera, depsgraph)
-    return {
-        (one.label, one.key): _origin_range(one, receiver) * metres_per_unit
-        for one in _rendered_surfaces(depsgraph)
-    }
+def rendered_surfaces(depsgraph: Any) -> Boxes:
+    """Return all rendered surfaces at the depsgraph's time."""
+    return echoing_boxes(depsgraph, any_material=True)
 
 
 def object_records(
     depsgraph: Any,
     rig: Rig,
     metres_per_unit: float,
-    later: _OriginRanges | None = None,
+    later: tuple[Boxes, Real] | None = None,
     interval_s: float = 0.0,
 ) -> list[contract.ObjectRecord]:
     """Return the ground truth of all rendered objects at the depsgraph's time, sorted by name.
 
     All instances of one object by one instancer have one record, that of the nearest instance, with
-    the name ``instancer/object``. `later` has the origins `interval_s` later [s], for range rates.
+    the name ``instancer/object``. `later` has the surfaces `interval_s` later [s], and the place of
+    the receiver, for range rates.
     """
-    receiver = _origin(rig.camera, depsgraph)
-    nearest: dict[str, tuple[float, contract.ObjectRecord]] = {}
+    found, receiver = rendered_surfaces(depsgraph), _origin(rig.camera, depsgraph)
+    snapshot = found.snapshot
     collections = _collections_of_objects()
-    for one in _rendered_surfaces(depsgraph):
-        known = nearest[one.label][0] if one.label in nearest else math.inf
-        corners = _corners(one) - receiver
-        centre = corners.mean(axis=0)
-        # No point of the box is nearer than this, so most instances need no exact distance.
-        lower_bound = np.linalg.norm(centre) - np.linalg.norm(corners - centre, axis=1).max()
-        if known <= lower_bound:
-            continue
-        distance = _surface_distance(one, receiver)
-        if distance is None or known <= distance:
-            continue
-        origin_m = _origin_range(one, receiver) * metres_per_unit
-        origin_later_m = None if later is None else later.get((one.label, one.key))
+    after: dict[int, int] = {}
+    if later is not None:
+        here, there = found.pairs(later[0])
+        after = dict(zip(here.tolist(), there.tolist(), strict=True))
+    records = []
+    for row, distance in _nearest_instances(found, receiver):
+        origin_m = _origin_range(snapshot, row, receiver) * metres_per_unit
         rate_mps = None
-        if origin_later_m is not None and interval_s > 0:
-            rate_mps = (origin_later_m - origin_m) / interval_s
-        held_by = collections.get(one.original.name_full, [])
-        record = _object_record(one, held_by, distance * metres_per_unit, origin_m, rate_mps)
-        nearest[one.label] = (distance, record)
-    return [record for _, (_, record) in sorted(nearest.items())]
+        if later is not None and row in after and interval_s > 0:
+            then_m = _origin_range(later[0].snapshot, after[row], later[1]) * metres_per_unit
+            rate_mps = (then_m - origin_m) / interval_s
+        shape = snapshot.shapes[snapshot.layout.shape[row]]
+        held_by = collections.get(shape.original.name_full, [])
+        nearest_m = distance * metres_per_unit
+        records.append(
+            _object_record(snapshot.label(row), shape, held_by, nearest_m, origin_m, rate_mps)
+        )
+    return sorted(records, key=lambda record: record.name)
+
+
+def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
+    """Row and distance of the nearest instance of each label, if it has faces."""
+    snapshot = found.snapshot
+    corners = found.corners - receiver
+    centre = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
+    # No point of a box is nearer than this, so most instances need no exact distance.
+    least = (np.linalg.norm(centre, axis=1) - radius) * (1 - 1e-12)
+    order = np.argsort(least, kind="stable")
+    label = _label_numbers(found)[order]
+    order = order[np.argsort(label, kind="stable")]
+    groups = np.split(order, np.flatnonzero(np.diff(np.sort(label))) + 1) if order.size else []
+    firsts = (int(found.rows[instances[0]]) for instances in groups)
+    exact = nearest_distances(_triangles_about(snapshot, row, receiver) for row in firsts)
+    nearest = []
+    for instances, distance in zip(groups, exact.tolist(), strict=True):
+        best = (distance, int(found.rows[instances[0]]))
+        for index in instances[1:]:
+            if least[index] > best[0]:
+                break
+            row = int(found.rows[index])
+            (other,) = nearest_distances([_triangles_about(snapshot, row, receiver)]).tolist()
+            best = min(best, (other, row))
+        if math.isfinite(best[0]):
+            nearest.append((best[1], best[0]))
+    return nearest
+
+
+def _label_numbers(found: Boxes) -> Indices:
+    """Return a number for the label of each surface, (n,)."""
+    layout = found.snapshot.layout
+    pairs = layout.shape[found.rows] * (len(layout.instancers) + 1) + layout.instancer[found.rows]
+    _, first, inverse = np.unique(pairs, return_index=True, return_inverse=True)
+    labels = [found.snapshot.label(row) for row in found.rows[first].tolist()]
+    numbers = {label: number for number, label in enumerate(dict.fromkeys(labels))}
+    return np.array([numbers[label] for label in labels], dtype=np.intp)[inverse]
 
 
 def _object_record(
-    one: EvaluatedObject,
+    label: str,
+    shape: Shape,
     collections: list[str],
     nearest_m: float,
     origin_m: float,
     rate_mps: float | None,
 ) -> contract.ObjectRecord:
-    rms_height_m, correlation_length_m = roughness_of(one.evaluated)
+    rms_height_m, correlation_length_m = roughness_of(shape.materials)
     return contract.ObjectRecord(
-        name=one.label,
+        name=label,
         nearest_range_m=nearest_m,
         origin_range_m=origin_m,
         range_rate_mps=rate_mps,
         materials=[
             material.name
-            for material in slot_materials(one.evaluated)
+            for material in shape.materials
             if material is not None and material.name != ABSORBER_NAME
         ],
         collections=collections,
@@ -188,8 +259,8 @@ def _object_record(
     )
 
 
-def _origin_range(one: EvaluatedObject, receiver: Real) -> float:
-    return float(np.linalg.norm(one.matrix[:3, 3] - receiver))
+def _origin_range(snapshot: Snapshot, row: int, receiver: Real) -> float:
+    return float(np.linalg.norm(snapshot.matrices[row, :3, 3] - receiver))
 
 
 def _collections_of_objects() -> dict[str, list[str]]:
@@ -204,16 +275,15 @@ def _collections_of_objects() -> dict[str, list[str]]:
     return {name: sorted(held) for name, held in holding.items()}
 
 
-def _surface_distance(one: EvaluatedObject, point: Real) -> float | None:
-    """Return the distance of a point from the surface, Blender units; None without faces."""
-    with evaluated_mesh(one.evaluated) as mesh:
+def _triangles_about(snapshot: Snapshot, row: int, point: Real) -> Real:
+    """Return corners of the triangles of a surface relative to a point, (m, 3, 3)."""
+    with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
         if mesh is None:
-            return None
+            return np.zeros((0, 3, 3))
         vertices, triangles = read_triangles(mesh)
-    if not len(triangles):
-        return None
-    world = vertices.astype(np.float64) @ one.matrix[:3, :3].T + (one.matrix[:3, 3] - point)
-    return nearest_distance(world, triangles)
+    matrix = snapshot.matrices[row]
+    world = vertices.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - point)
+    return np.asarray(world[triangles])
 
 
 # -- fingerprint -----------------------------------------------------------------------------------
@@ -260,25 +330,34 @@ def geometry_digest(depsgraph: Any, rig: Rig) -> str:
         repr((camera.lens, camera.sensor_fit, camera.sensor_width, camera.sensor_height)).encode()
     )
     digest.update(repr((camera.shift_x, camera.shift_y, light.energy)).encode())
-    hashed: dict[int, bytes] = {}
-    for one in _rendered_surfaces(depsgraph):
-        # Only the numbers of the instance: the label already has the instancer.
-        digest.update(repr((one.label, one.key[1:])).encode() + one.matrix.tobytes())
-        pointer = one.evaluated.data.as_pointer()
-        if pointer not in hashed:
-            hashed[pointer] = _mesh_digest(one.evaluated)
-        digest.update(hashed[pointer])
-        for material in slot_materials(one.evaluated):
-            digest.update(_material_text(material).encode())
+    found = rendered_surfaces(depsgraph)
+    snapshot, rows = found.snapshot, found.rows
+    layout = snapshot.layout
+    text = cache(_material_text)
+    shapes, order = np.unique(layout.shape[rows], return_inverse=True)
+    for shape in (snapshot.shapes[index] for index in shapes.tolist()):
+        digest.update(shape.original.name.encode() + _mesh_digest(snapshot, shape))
+        digest.update("\n".join(text(material) for material in shape.materials).encode())
+    digest.update(repr([item.name for item in layout.instancers]).encode())
+    for numbers in (order, layout.instancer[rows]):
+        digest.update(numbers.astype(np.int64).tobytes())
+    digest.update(layout.numbers[rows].tobytes() + snapshot.matrices[rows].tobytes())
     return "scene:" + digest.hexdigest()
 
 
-def _mesh_digest(evaluated: Any) -> bytes:
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None:
-            return b""
-        vertices, triangles = read_triangles(mesh)
-    return hashlib.sha256(vertices.astype(np.float64).tobytes() + triangles.tobytes()).digest()
+#: Hashes of meshes that Blender has not evaluated since.
+_mesh_digests: WeakKeyDictionary[Shape, bytes] = WeakKeyDictionary()
+
+
+def _mesh_digest(snapshot: Snapshot, shape: Shape) -> bytes:
+    if shape not in _mesh_digests:
+        _mesh_digests[shape] = b""
+        with snapshot.mesh(shape) as mesh:
+            if mesh is not None:
+                vertices, triangles = read_triangles(mesh)
+                digest = hashlib.sha256(vertices.tobytes() + triangles.tobytes())
+                _mesh_digests[shape] = digest.digest()
+    return _mesh_digests[shape]
 
 
 def _material_text(material: Any) -> str:

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ...array_types import Real
-from ..state import Key, evaluated_objects
+from ...array_types import Indices, Real
+from ..state import Key, Snapshot, take_snapshot
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,40 @@ class InstancePose:
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of objects and instances at one moment, by name of the object.
+    """Poses and boxes of n objects and instances at one moment.
 
     Attributes
     ----------
-    objects
-        Poses by instance.
+    names
+        Names of objects.
+    owner : ndarray, shape (n,)
+        Index of each one's name.
+    pose : ndarray, shape (n, 4, 4)
+        From its own axes to the world, in metres.
+    box : ndarray, shape (n, 2, 3)
+        Lowest and highest corner in its own axes [m].
     rendered
-        Original objects that are not hidden from renders.
+        Original objects that are not hidden from renders, by name.
+    snapshot, rows
+        The snapshot that they are from, and their rows in it, (n,).
     """
 
-    objects: Mapping[str, Mapping[Key, InstancePose]]
+    names: Sequence[str]
+    owner: Indices
+    pose: Real
+    box: Real
     rendered: Mapping[str, Any] = field(default_factory=dict)
+    snapshot: Snapshot | None = None
+    rows: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def numbered(self, names: Sequence[str]) -> Indices:
+        """Return the place of each one's name among other names, from 1, (n,); 0: not there."""
+        numbers = {name: number for number, name in enumerate(names, start=1)}
+        return np.array([numbers.get(name, 0) for name in self.names], dtype=np.intp)[self.owner]
+
+    def key(self, index: int) -> Key:
+        """Return the key of one of them."""
+        return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
 def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
@@ -97,17 +119,17 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     Poses
         In metres.
     """
-    objects: dict[str, dict[Key, InstancePose]] = {}
-    rendered: dict[str, Any] = {}
-    for one in evaluated_objects(depsgraph):
-        name = one.original.name
-        if not one.original.hide_render:
-            rendered[name] = one.original
-        if one.evaluated.type not in {"CAMERA", "LIGHT", "EMPTY"}:
-            box = np.stack([one.box.min(axis=0), one.box.max(axis=0)]) * metres_per_unit
-            pose = pose_in_metres(one.matrix_world, metres_per_unit)
-            objects.setdefault(name, {})[one.key] = InstancePose(pose, box)
-    return Poses(objects, rendered)
+    snapshot = take_snapshot(depsgraph)
+    shapes = snapshot.shapes
+    has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
+    rows = np.flatnonzero(snapshot.of_shapes(has_surface))
+    names = [shape.original.name for shape in shapes]
+    boxes = np.array([[s.box.min(axis=0), s.box.max(axis=0)] for s in shapes]).reshape(-1, 2, 3)
+    pose = snapshot.matrices[rows]
+    pose[:, :3, 3] *= metres_per_unit
+    owner = snapshot.layout.shape[rows]
+    rendered = {s.original.name: s.original for s in shapes if not s.original.hide_render}
+    return Poses(names, owner, pose, boxes[owner] * metres_per_unit, rendered, snapshot, rows)
 
 
 def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]:

@@ -9,7 +9,8 @@ without a Radar Material absorb, so they cast a radar shadow but return no echo.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import Any
 
 import bpy
@@ -56,9 +57,8 @@ def isolate(
     assigned = assigned_materials(depsgraph)
     if any_material:
         return [*_optical(assigned), *_isolate_any_material(recorder, scene, assigned)]
-    silent = [
-        one.item.name for one in assigned if not any(is_radar_material(m) for m in one.materials)
-    ]
+    is_radar = cache(is_radar_material)
+    silent = [one.item.name for one in assigned if not any(map(is_radar, one.materials))]
     rendered = _rendered(scene)
     unsupported = [
         item.name for item in rendered if item.type in _UNSUPPORTED_TYPES and not item.hide_render
@@ -78,10 +78,11 @@ def isolate(
 
 def _optical(assigned: Sequence[MaterialAssignment]) -> list[Finding]:
     """Name the objects whose echoes are those of an optical material."""
+    known = cache(lambda material: is_radar_material(material) or _is_fog(material))
     names = [
         one.item.name
         for one in assigned
-        if not (one.materials and all(is_radar_material(m) or _is_fog(m) for m in one.materials))
+        if not (one.materials and all(map(known, one.materials)))
         # Points that carry instances have no surface.
         and not (one.item.type == "MESH" and not one.item.data.polygons and not one.item.modifiers)
     ]
@@ -147,12 +148,14 @@ def _scatters_inside(material: Any) -> bool:
     return False
 
 
-def echoes(item: Any) -> bool:
+def echoes(item: Any, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
     """Return whether an object can echo: a Radar Material in a slot or from Geometry Nodes.
 
     Parameters
     ----------
     item : bpy.types.Object
+    is_radar
+        `is_radar_material`, or the same with a memory.
 
     Returns
     -------
@@ -161,7 +164,7 @@ def echoes(item: Any) -> bool:
     """
     if item.type not in SURFACE_TYPES:
         return False
-    if any(is_radar_material(material) for material in slot_materials(item)):
+    if any(is_radar(material) for material in slot_materials(item)):
         return True
     return any(modifier.type == "NODES" for modifier in item.modifiers)
 
@@ -216,16 +219,31 @@ def animation_curves(animation: Any) -> Iterator[Any]:
     if animation is None:
         return
     yield from animation.drivers
-    action = animation.action
-    if action is None:
-        return
+    if animation.action is not None:
+        yield from action_curves(animation.action, getattr(animation, "action_slot", None))
+
+
+def action_curves(action: Any, slot: Any = None) -> Iterator[Any]:
+    """Yield the F-curves of an action: a layered one (Blender 4.4) or an older one.
+
+    Parameters
+    ----------
+    action : bpy.types.Action
+    slot : bpy.types.ActionSlot, optional
+        Only the curves of this slot of a layered action.
+
+    Yields
+    ------
+    bpy.types.FCurve
+        One at a time.
+    """
     if not hasattr(action, "layers"):
         yield from action.fcurves
         return
     for layer in action.layers:
         for strip in layer.strips:
             for bag in strip.channelbags:
-                if bag.slot == animation.action_slot:
+                if slot is None or bag.slot == slot:
                     yield from bag.fcurves
 
 

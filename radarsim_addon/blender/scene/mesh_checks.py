@@ -9,7 +9,9 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ..nodes.materials import has_interior
-from ..state import evaluated_objects, read_numbers
+from ..state import Snapshot, read_numbers, take_snapshot
 
 #: Maximum number of volumes that Cycles tracks along a ray.
 _MOST_NESTED = 31
@@ -63,29 +65,62 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     list of Finding
         Empty if no object has an interior.
     """
-    found: list[Faces] = []
-    shapes: dict[tuple[int, bool], _Shape | None] = {}
-    for one in evaluated_objects(depsgraph):
-        item = one.evaluated
-        if item.type != "MESH" or item.hide_render:
-            continue
-        name = item.name if one.instancer is None else f"{item.name} (instance)"
-        entered = any(has_interior(slot.material) for slot in item.material_slots)
-        key = item.data.as_pointer(), entered
-        if key not in shapes:
-            shapes[key] = _shape(item.data, entered)
-        shape = shapes[key]
-        faces = None if shape is None else _faces(shape, one.matrix, name, entered)
+    snapshot = take_snapshot(depsgraph)
+    layout, shapes = snapshot.layout, snapshot.shapes
+    has = cache(has_interior)
+    meshes = [shape.kind == "MESH" and not shape.original.hide_render for shape in shapes]
+    rows = np.flatnonzero(snapshot.of_shapes(meshes))
+    entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
+    if not entered.any():
+        return []
+    count = int(snapshot.of_shapes(_face_counts(snapshot), np.intp)[rows].astype(bool).sum())
+    near = _near_an_interior(snapshot.corners[rows], entered)
+    read: dict[int, _Shape | None] = {}
+    found = []
+    for row, inside in zip(rows[near].tolist(), entered[near].tolist(), strict=True):
+        number = int(layout.shape[row])
+        if number not in read:
+            with snapshot.mesh(shapes[number]) as mesh:
+                read[number] = None if mesh is None else _shape(mesh, inside)
+        shape = read[number]
+        name = shapes[number].original.name + (" (instance)" if layout.instancer[row] >= 0 else "")
+        faces = None if shape is None else _faces(shape, snapshot.matrices[row], name, inside)
         if faces is not None:
             found.append(faces)
-    if not any(item.entered for item in found):
+    if not found:
         return []
     return [
         *_defects(found),
-        *_coincident_faces(found),
+        *_coincident_faces(found, float(np.abs(snapshot.corners[rows]).max())),
         *_nested_too_deep(found),
-        *_slow_for_cycles(found),
+        *_slow_for_cycles(found, count),
     ]
+
+
+def _face_counts(snapshot: Snapshot) -> list[int]:
+    """Return the number of faces of each shape; 0 for what is no mesh."""
+    counts = []
+    for shape in snapshot.shapes:
+        with snapshot.mesh(shape) if shape.kind == "MESH" else nullcontext() as mesh:
+            counts.append(0 if mesh is None else len(mesh.polygons))
+    return counts
+
+
+def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
+    """Return the indices of boxes (n, 8, 3) that touch that of an object with an interior."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = _COINCIDENT * float(np.abs(corners).max())
+    near = entered.copy()
+    others = np.flatnonzero(~entered)
+    axis = int(np.ptp(low[others], axis=0).argmax()) if others.size else 0
+    others = others[np.argsort(low[others, axis], kind="stable")]
+    widest = float((high - low)[others, axis].max(initial=0.0))
+    for index in np.flatnonzero(entered).tolist():
+        bounds = low[index, axis] - widest - margin, high[index, axis] + margin
+        some = others[slice(*np.searchsorted(low[others, axis], bounds))]
+        meets = np.all(low[some] <= high[index] + margin, axis=1)
+        near[some[meets & np.all(high[some] >= low[index] - margin, axis=1)]] = True
+    return np.flatnonzero(near)
 
 
 class _Shape(NamedTuple):
@@ -167,13 +202,13 @@ def _inside_out(at_corner: Real, start: Indices) -> str:
     return "inside out" if volume < 0 else ""
 
 
-def _slow_for_cycles(found: list[Faces]) -> list[Finding]:
+def _slow_for_cycles(found: list[Faces], total: int) -> list[Finding]:
     """Find whether Cycles, which tests each object against each interior, takes long to begin."""
     entered = [item.name for item in found if item.entered]
-    seconds = len(entered) * len(found) * _TEST_S
+    seconds = len(entered) * total * _TEST_S
     if seconds < _LONG_S:
         return []
-    numbers = {"count": len(entered), "total": len(found), "seconds": seconds}
+    numbers = {"count": len(entered), "total": total, "seconds": seconds}
     return [finding("many-interiors", *dict.fromkeys(entered), **numbers)]
 
 
@@ -192,11 +227,12 @@ def _defects(found: list[Faces]) -> list[Finding]:
     return findings
 
 
-def _coincident_faces(found: list[Faces]) -> list[Finding]:
-    """Find pairs of objects, one with an interior, that have a part of a plane in common."""
-    low = np.min([item.low.min(axis=0) for item in found], axis=0)
-    high = np.max([item.high.max(axis=0) for item in found], axis=0)
-    tolerance = _COINCIDENT * max(float(np.abs([low, high]).max()), 1e-30)
+def _coincident_faces(found: list[Faces], reach: float) -> list[Finding]:
+    """Find pairs of objects, one with an interior, that have a part of a plane in common.
+
+    `reach`: the largest coordinate of the scene.
+    """
+    tolerance = _COINCIDENT * max(reach, 1e-30)
     normal = np.concatenate([item.normal for item in found])
     offset = np.concatenate([item.offset for item in found])
     owner = np.repeat(np.arange(len(found)), [len(item.offset) for item in found])

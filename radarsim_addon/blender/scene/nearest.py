@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Real
 
@@ -12,16 +13,39 @@ from ...array_types import Real
 _BLOCK = 1 << 17
 
 
-def nearest_distance(vertices: Real, triangles: NDArray[np.int32]) -> float:
-    """Return the distance of the origin from triangles, (m, 3) indices of vertices (n, 3), m >= 1.
+def nearest_distances(surfaces: Iterable[Real]) -> Real:
+    """Return the distance of the origin from each of n surfaces, (n,); infinite without triangles.
 
-    Blender's BVH computes in float32, which has an error of 0.5 mm at 10 km.
+    A surface is the corners of its triangles, (m, 3, 3). Blender's BVH computes in float32, which
+    has an error of 0.5 mm at 10 km.
     """
-    best = np.inf
-    for start in range(0, len(triangles), _BLOCK):
-        a, b, c = (vertices[triangles[start : start + _BLOCK, i]] for i in range(3))
-        best = min(best, float(_triangle_distances(a, b, c).min()))
-    return best
+    found: list[float] = []
+    waiting: list[Real] = []
+    owners: list[int] = []
+    size = 0
+
+    def measure() -> None:
+        corners = np.concatenate(waiting)
+        starts = np.cumsum([0, *(len(part) for part in waiting)])[:-1]
+        least = np.minimum.reduceat(_triangle_distances(*corners.transpose(1, 0, 2)), starts)
+        for owner, distance in zip(owners, least.tolist(), strict=True):
+            found[owner] = min(found[owner], distance)
+        waiting.clear()
+        owners.clear()
+
+    for owner, corners in enumerate(surfaces):
+        found.append(np.inf)
+        for start in range(0, len(corners), _BLOCK):
+            part = corners[start : start + _BLOCK]
+            if size + len(part) > _BLOCK and waiting:
+                measure()
+                size = 0
+            waiting.append(part)
+            owners.append(owner)
+            size += len(part)
+    if waiting:
+        measure()
+    return np.array(found)
 
 
 def _triangle_distances(a: Real, b: Real, c: Real) -> Real:

@@ -113,7 +113,13 @@ def radars(scene: Any) -> list[Any]:
     list of bpy.types.Object
         In the order of the scene's objects.
     """
-    return list(dict.fromkeys(radar_of(item) for item in scene.objects if is_transmitter(item)))
+    return list(dict.fromkeys(map(radar_of, _transmitters(scene))))
+
+
+def _transmitters(scene: Any) -> list[Any]:
+    """Transmitters of a scene, in its order."""
+    lights = (item for item in scene.objects if item.type == "LIGHT")
+    return [item for item in lights if is_transmitter(item)]
 
 
 def active_radar(scene: Any) -> Any:
@@ -136,9 +142,7 @@ def active_radar(scene: Any) -> Any:
     chosen = getattr(scene, ACTIVE_RADAR_PROPERTY, None)
     if chosen is not None and chosen.name in scene.objects:
         return chosen
-    found = {
-        radar_of(item) for item in scene.objects if is_transmitter(item) if not item.hide_render
-    }
+    found = {radar_of(item) for item in _transmitters(scene) if not item.hide_render}
     return found.pop() if len(found) == 1 else radar_of(_only_emitter(scene))
 
 
@@ -163,7 +167,7 @@ def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
     """
     group = getattr(radar, "radarsim", None)
     camera, light = (getattr(group, name, None) for name in ("camera", "light"))
-    own = [item for item in scene.objects if is_transmitter(item) and radar_of(item) == radar]
+    own = [item for item in _transmitters(scene) if radar_of(item) == radar]
     if light is None and not own:
         raise SceneError(
             f"{radar.name!r} has no transmitter. Choose another radar in the Radar tab, or press "
@@ -266,13 +270,13 @@ def is_transmitter(item: Any) -> bool:
 
 
 def _only_emitter(scene: Any) -> Any:
-    found = [item for item in scene.objects if is_transmitter(item) and not item.hide_render]
+    transmitters = _transmitters(scene)
+    found = [item for item in transmitters if not item.hide_render]
     if not found:
-        hidden = [item.name for item in scene.objects if is_transmitter(item)]
-        if hidden:
+        if transmitters:
             raise SceneError(
-                f"The transmitter {hidden[0]!r} is hidden from renders, so there is no echo. "
-                "Enable it in the outliner (camera icon)."
+                f"The transmitter {transmitters[0].name!r} is hidden from renders, so there is no "
+                "echo. Enable it in the outliner (camera icon)."
             )
         raise SceneError(
             "The scene has no transmitter: no Point light has the Ring Emitter node group. "

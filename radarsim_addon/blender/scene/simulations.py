@@ -28,6 +28,8 @@ def simulation_frames(scene: Any, last: int) -> range:
         Empty if nothing is simulated, or all is baked.
     """
     starts = [cache.frame_start for cache in _caches(scene) if not cache.is_baked]
+    if any(map(has_simulation_zone, scene.objects)):  # a step through baked ones does no harm
+        starts.append(scene.frame_start)
     return range(min(starts), last + 1) if starts else range(0)
 
 
@@ -42,6 +44,32 @@ def _caches(scene: Any) -> Iterator[Any]:
                     yield modifier.particle_system.point_cache
             elif modifier.type in _CACHED_MODIFIERS:
                 yield modifier.point_cache
+
+
+def has_simulation_zone(item: Any) -> bool:
+    """Return whether an object has Geometry Nodes with a simulation zone.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True also where the zone is in a group of the node tree.
+    """
+    waiting = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
+    met = set()
+    while waiting:
+        tree = waiting.pop()
+        if tree is None or tree in met:
+            continue
+        met.add(tree)
+        for node in tree.nodes:
+            if node.bl_idname == "GeometryNodeSimulationOutput":
+                return True
+            waiting.append(getattr(node, "node_tree", None))
+    return False
 
 
 def is_simulated_body(scene: Any, item: Any) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..state import SettingsRestorer
+from .isolation import action_curves
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
@@ -41,6 +42,21 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
                 f"{item.name}: hidden",
                 lambda item=item: item.hide_set(True, view_layer=view_layer),
             )
+
+
+def hiding_is_animated() -> bool:
+    """Return whether animation hides or shows something in the open file.
+
+    Returns
+    -------
+    bool
+        True if an F-curve or driver acts on what objects or collections are visible.
+    """
+    owners = (*bpy.data.objects, *bpy.data.collections)  # older collections have no animation
+    animations = (getattr(item, "animation_data", None) for item in owners)
+    drivers = (curve for one in animations if one is not None for curve in one.drivers)
+    curves = (curve for action in bpy.data.actions for curve in action_curves(action))
+    return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
 def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:

@@ -14,14 +14,19 @@ from .evaluated import (
     read_triangles,
 )
 from .settings_restorer import SettingsRestorer
+from .snapshot import Layout, Shape, Snapshot, take_snapshot
 
 __all__ = [
     "EvaluatedObject",
     "Key",
+    "Layout",
     "SettingsRestorer",
+    "Shape",
+    "Snapshot",
     "evaluated_depsgraph",
     "evaluated_mesh",
     "evaluated_objects",
     "read_numbers",
     "read_triangles",
+    "take_snapshot",
 ]

@@ -113,6 +113,9 @@ def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
     bpy.types.Mesh or None
         None for an object without a surface.
     """
+    if evaluated.type == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
+        yield evaluated.data  # what Blender would copy
+        return
     mesh = evaluated.to_mesh()
     try:
         yield mesh

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 
@@ -36,16 +37,21 @@ from ..scene import (
     active_radar,
     antennas_of,
     echoes,
+    echoing_boxes,
     find_rig,
+    keyed_speeds,
     radars,
     scene_extent,
 )
+from ..state import Snapshot, take_snapshot
 from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
 from .material_names import draw_suggestions
 from .shown_findings import draw_findings, read_findings
 
-#: Instances looked at while drawing; larger scenes show their number of rings when rendering.
-_DRAWN_INSTANCES = 2000
+#: How far the scene reaches, by what has been evaluated: panels draw at every move of the mouse.
+_extents: WeakKeyDictionary[Snapshot, dict[Any, Extent]] = WeakKeyDictionary()
+#: The same of speeds.
+_keyed_speeds: WeakKeyDictionary[Snapshot, dict[Any, dict[str, float]]] = WeakKeyDictionary()
 
 
 class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
@@ -230,6 +236,7 @@ def _draw_findings(
         interval_s,
         settings(active_radar(scene)).sampling_mode,
         (scene.frame_end - scene.frame_start) * frame_s,
+        _speeds(context, measurement),
     )
     draw_findings(context, layout, found)
     return found
@@ -278,7 +285,7 @@ def _measurement(context: Any, layout: Any) -> Measurement | None:
 
 
 def _extent(context: Any) -> Extent | None:
-    """How far the scene reaches now; None without a radar, or in a scene too large to look at.
+    """How far the scene reaches now; None without a radar.
 
     With paths, where objects of any material may echo, all that is rendered counts.
 
@@ -294,9 +301,32 @@ def _extent(context: Any) -> Extent | None:
         return None
     scale = check_unit_scale(shortest_decimal(context.scene.unit_settings.scale_length))
     depsgraph = context.evaluated_depsgraph_get()
-    if len(depsgraph.object_instances) > _DRAWN_INSTANCES:
-        return None
-    return scene_extent(depsgraph, rig, scale, any_material=_by_paths(radar))
+    key = (radar, rig, scale, _by_paths(radar))
+    known = _extents.setdefault(take_snapshot(depsgraph), {})
+    if key not in known:
+        known[key] = scene_extent(depsgraph, rig, scale, any_material=key[-1])
+    return known[key]
+
+
+def _speeds(context: Any, measurement: Measurement) -> dict[str, float]:
+    """Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s]."""
+    scene, burst = context.scene, measurement.burst
+    try:
+        radar = active_radar(scene)
+        rig = _rig(scene, radar)
+        scale = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    except RadarSimError:
+        return {}
+    depsgraph = context.evaluated_depsgraph_get()
+    fps = scene.render.fps / shortest_decimal(scene.render.fps_base)
+    span_s, frame = burst.pulses / burst.prf_hz, scene.frame_current_final
+    key = (rig, scale, _by_paths(radar), fps, span_s, frame)
+    known = _keyed_speeds.setdefault(take_snapshot(depsgraph), {})
+    if key not in known:
+        found = echoing_boxes(depsgraph, any_material=_by_paths(radar))
+        speeds = keyed_speeds(found, (rig.camera, rig.emitter), frame, fps, span_s)
+        known[key] = {name: scale * speed for name, speed in speeds.items()}
+    return known[key]
 
 
 def _by_paths(radar: Any) -> bool:

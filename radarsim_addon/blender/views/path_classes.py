@@ -16,6 +16,7 @@ a closed form in tests.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -30,9 +31,9 @@ from .requests import PathClass, Region, RenderRequest, View, bounding_region, c
 _GREY_TOLERANCE = 1e-5
 #: Orders above the limit whose power is measured, without following their paths.
 _PROBED_ORDERS = 4
-#: Pixels per side of the blocks that have one such ray: five reflections cost several times
-#: as much as one.
-_PROBE_COARSE = 4
+#: Pixels per side of the blocks that have one such ray, at most, and rays that are enough: five
+#: reflections cost several times as much as one.
+_PROBE_COARSE, _PROBE_RAYS = 4, 4096
 #: Transparent surfaces after which it is asked whether anything worth following is left.
 _TAIL_EVERY = 4
 #: Differences of renders below this fraction of the minuend are float32 rounding.
@@ -76,6 +77,9 @@ class TracedReplicate:
     beyond, beyond_variance
         Power of the orders above the limit, and the square of its standard error; 0 unless asked
         for.
+    strongest_ray
+        Most power that one of the rays for `beyond` brought, or would bring if it met the strongest
+        path of the others.
     renders
         Number of renders.
     coloured
@@ -89,6 +93,7 @@ class TracedReplicate:
     truncated_transparency: float = 0.0
     beyond: float = 0.0
     beyond_variance: float = 0.0
+    strongest_ray: float = 0.0
     renders: int = 0
     coloured: bool = False
 
@@ -189,12 +194,18 @@ def trace_replicate(
     if limits.probe:
         path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
         view = yield RenderRequest(
-            path_class, encoded=not limits.world_encoding, coarse=_PROBE_COARSE, probe=True
+            path_class,
+            encoded=not limits.world_encoding,
+            coarse=min(max(math.isqrt(weight.size // _PROBE_RAYS), 1), _PROBE_COARSE),
+            probe=True,
         )
         found.renders += 1
         probed = tracer.amplitude(view) * weight
         found.beyond = float(np.sum(probed))
         found.beyond_variance = coarse_variance(probed, view.coarse)
+        seen = [layer.amplitude * weight for layer in found.layers]
+        strongest = max(float(np.max(power, initial=0.0)) for power in (probed, *seen))
+        found.strongest_ray = view.coarse**2 * strongest
     return found
 
 

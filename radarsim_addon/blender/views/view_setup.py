@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import bpy
@@ -30,11 +32,12 @@ def number_objects(
     """
     names = []
     opaque, hidden = set(), set()
+    opaque_material = cache(lets_nothing_through)
     for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
         if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
             names.append(item.name)
             recorder.set(item, "pass_index", len(names))
-            if _is_opaque(item):
+            if _is_opaque(item, opaque_material):
                 opaque.add(len(names))
             if item.hide_render:
                 hidden.add(len(names))
@@ -97,9 +100,9 @@ def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
     return volume
 
 
-def _is_opaque(item: Any) -> bool:
+def _is_opaque(item: Any, opaque_material: Callable[[Any], bool]) -> bool:
     """Whether an object is known to let nothing through; geometry nodes may set any material."""
     slots = item.material_slots
     if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
         return False
-    return all(lets_nothing_through(slot.material) for slot in slots)
+    return all(opaque_material(slot.material) for slot in slots)

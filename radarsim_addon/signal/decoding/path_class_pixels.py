@@ -87,6 +87,13 @@ class TileReplicate:
         One over the number of replicates of the tile, which share its solid angle.
     tile, replicate
         Their numbers.
+    interiors_delay
+        Whether paths may be delayed by what they pass.
+    interior_sigma
+        Standard deviation of lengths that passed the interior of an object, over the length: Cycles
+        rounds the depths inside.
+    interior_sigma_m
+        The same for the rounding of their absorption, which the range encoding shares [m].
     """
 
     rays: PixelRays
@@ -97,6 +104,9 @@ class TileReplicate:
     fraction: float
     tile: int
     replicate: int
+    interiors_delay: bool = False
+    interior_sigma: float = 0.0
+    interior_sigma_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,7 +190,7 @@ def assemble_rows(pixels: PathClassPixels, index: Indices, shared: TileReplicate
     solid_angle_sr = rays.solid_angle_sr.take(index) * shared.fraction
     encoded_m, sigma_m = _encoded_length(pixels, rays.near_cosine.take(index), shared)
     find = _one_reflection if pixels.order == 1 else _several_reflections
-    found = find(pixels, origin_m, direction, encoded_m, sigma_m, shared.transmitter_m)
+    found = find(pixels, origin_m, direction, encoded_m, sigma_m, shared)
     known = np.isfinite(pixels.log_ratio)
     flags = found.flags
     flags[~known] |= PathFlag.NO_RANGE
@@ -212,7 +222,11 @@ def _encoded_length(
     length_m = np.maximum(length_m, 0.0) + shared.near_clip_m / near_cosine
     # Each segment's exponential and each product rounds once: the sum of their relative errors.
     factors = 2.0 * (pixels.order + 1)
-    return length_m, scale_m * _EPS32 * np.sqrt(factors) + length_m * _EPS32
+    sigma_m = scale_m * _EPS32 * np.sqrt(factors) + length_m * _EPS32
+    if pixels.depth == 0 and pixels.order == 1:  # it entered none
+        return length_m, sigma_m
+    inside_m = np.hypot(shared.interior_sigma * length_m, shared.interior_sigma_m)
+    return length_m, np.hypot(sigma_m, inside_m)
 
 
 def _one_reflection(
@@ -221,9 +235,10 @@ def _one_reflection(
     direction: Real,
     encoded_m: Real,
     sigma_m: Real,
-    transmitter_m: Real,
+    shared: TileReplicate,
 ) -> _Vertices:
     """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
+    transmitter_m = shared.transmitter_m
     # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
     there_m = distances(pixels.position_m, origin_m)
     scale_m = np.maximum(largest(pixels.position_m), there_m)
@@ -244,6 +259,8 @@ def _one_reflection(
         with np.errstate(invalid="ignore"):
             off_m = np.abs(geometric_m - encoded_m)
             agrees = off_m <= _AGREES_WITHIN * (sigma_m + position_sigma_m)
+        # What was passed is known to delay, if only by less than that noise.
+        agrees &= pixels.depth == 0 or not shared.interiors_delay
         unencoded = ~np.isfinite(pixels.log_ratio) & (pixels.depth == 0)
         by_encoding = ~(seen & (agrees | unencoded))
     # Behind transparent surfaces a delay below the encoding's noise would go unnoticed.
@@ -263,14 +280,14 @@ def _several_reflections(
     direction: Real,
     encoded_m: Real,
     sigma_m: Real,
-    transmitter_m: Real,
+    shared: TileReplicate,
 ) -> _Vertices:
     """Orders above 1: the last scatterer is rendered, the first one seen or computed."""
     first_m = np.full(direction.shape, np.nan)
     if pixels.order == 2:
         origins_m = np.broadcast_to(origin_m, direction.shape)
         first_m, conditioning = first_vertex_order_2(
-            origins_m, direction, pixels.vertex_m, transmitter_m, encoded_m
+            origins_m, direction, pixels.vertex_m, shared.transmitter_m, encoded_m
         )
         first_m[~(conditioning > _LEAST_DENOMINATOR)] = np.nan
     if pixels.position_is_first:

@@ -32,8 +32,9 @@ def run_frames(
     stream: TextIO,
     show: Callable[[Reply], None] = lambda reply: None,
     command: Sequence[str] | None = None,
+    about: Reply | None = None,
 ) -> Reply:
-    """Do all frames of a command line by workers; return what the first one said of the run.
+    """Do all frames of a command line by workers; return what is known of the run.
 
     Parameters
     ----------
@@ -47,11 +48,14 @@ def run_frames(
         Called with each answer.
     command
         How a worker process of this machine is started; None: by Python.
+    about
+        What is known of the run: "frames", all that the command line names. None: the first worker
+        is asked before the others begin.
 
     Returns
     -------
     dict
-        With "frames", those of the whole run.
+        `about`, or what the first worker answered.
 
     Raises
     ------
@@ -68,7 +72,7 @@ def run_frames(
         else:
             workers = LocalWorkers(local, share.workers or 1)
         stack.enter_context(workers)
-        about = workers.open()
+        about = workers.open() if about is None else about
         if "error" in about:
             raise as_error(about)
         for line in about.get("lines", ()):

@@ -44,7 +44,7 @@ class _Child:
             start_new_session=True,  # Ctrl-C goes to the coordinator alone
         )
         self.frame: int | None = None
-        self.busy = False
+        self.busy = self.answered = False
         threading.Thread(target=self._read, args=(replies,), daemon=True).start()
 
     def _read(self, replies: queue.Queue[tuple[_Child, str]]) -> None:
@@ -96,22 +96,12 @@ class LocalWorkers:
     def open(self) -> Reply:
         """Start the first worker; return what it answers about the run."""
         for _ in range(_MAX_STARTS):
-            child = self._idle()
-            child.ask(None)
-            _, line = self._replies.get()
-            if line:
-                child.busy = False
-                reply: Reply = json.loads(line)
+            self._idle().ask(None)
+            child, reply = self._next()
+            child.busy = False
+            if reply is not None:
                 return reply
-            self._children.remove(child)
-            code, words = child.process.returncode, child.last_words()
-            child.close()
-            if code >= 0:  # it ended by itself
-                break
-        raise WorkerError(
-            f"A worker process ended with exit code {code} before it began. {words or ''}\n"
-            "Run the same command without --workers to see why."
-        )
+        raise WorkerError(f"{_MAX_STARTS} worker processes were killed before they answered.")
 
     def free(self) -> int:
         """Return how many frames more may be given out."""
@@ -123,15 +113,27 @@ class LocalWorkers:
 
     def wait(self) -> list[tuple[int, Reply | None]]:
         """Wait for an answer; None where the frame's worker was lost."""
+        child, reply = self._next()
+        busy, child.busy = child.busy, False
+        # else killed while it had nothing to do
+        return [(child.frame, reply)] if busy and child.frame is not None else []
+
+    def _next(self) -> tuple[_Child, Reply | None]:
+        """The next answer; None where its worker ended without one."""
         child, line = self._replies.get()
-        frame, busy = child.frame, child.busy
-        child.busy = False
-        if not line:
-            self._children.remove(child)
-            child.close()
-        if not busy or frame is None:  # killed while it had nothing to do
-            return []
-        return [(frame, json.loads(line) if line else None)]
+        if line:
+            child.answered = True
+            return child, json.loads(line)
+        self._children.remove(child)
+        words = child.last_words()
+        child.close()
+        code = child.process.returncode
+        if not child.answered and code >= 0:  # it ended by itself, as the next one would
+            raise WorkerError(
+                f"A worker process ended with exit code {code} before it began. {words}\n"
+                "Run the same command without --workers to see why."
+            )
+        return child, None
 
     def close(self, stop: bool) -> None:
         """End all workers after their frames; `stop`: after the step that they are doing."""

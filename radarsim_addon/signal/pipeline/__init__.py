@@ -8,6 +8,7 @@ from ..results import FrameResult
 from .cli import main
 from .frame import process_frame
 from .frame_processor import FrameProcessor
+from .measured_findings import frame_findings
 from .options import ProcessOptions, ResolvedOptions
 from .process import Progress, process_run
 from .process_arguments import parse_process_arguments
@@ -18,6 +19,7 @@ __all__ = [
     "ProcessOptions",
     "Progress",
     "ResolvedOptions",
+    "frame_findings",
     "main",
     "parse_process_arguments",
     "process_frame",

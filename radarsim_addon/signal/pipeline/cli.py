@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ``radarsim`` command: ``radarsim process DIR`` and ``radarsim info DIR``.
 
-Exit codes: 0 done, 1 failed, 2 bad arguments, 130 stopped by Ctrl-C; on stderr
-``radarsim: Name: message``.
+Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done but a finding of severity error concerns all
+frames, 130 stopped by Ctrl-C; on stderr ``radarsim: Name: message``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 
 from ... import __version__
 from ...errors import RadarSimError
-from ...findings import Finding, finding_lines
+from ...findings import Finding, exit_code, finding_lines
 from ...option_arguments import share_of
 from ...terminal_text import printable
 from ..results import FrameResult
@@ -67,7 +67,8 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
     Returns
     -------
     int
-        0, 130 after an interruption, or the exit code of the named error.
+        0, 3 if a finding of severity error concerns all frames, 130 after an interruption, or the
+        exit code of the named error.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["rcs"]:  # its name in 0.1
@@ -138,7 +139,7 @@ def _process(chosen: argparse.Namespace) -> int:
     finally:  # of the frames that are done, whatever ended the run
         for line in finding_lines(findings, seen):
             print(line)
-    return 0
+    return exit_code(findings, seen)
 
 
 def _show(progress: Progress) -> None:

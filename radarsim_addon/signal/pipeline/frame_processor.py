@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...findings import to_json
+from ...findings import Finding, exit_code, from_json, to_json
 from ...option_arguments import share_of
 from ..distributed import Reply, run_frames
 from ..pictures import MapFile, map_file
@@ -34,12 +34,11 @@ class FrameProcessor:
         options = process_options(chosen).for_run(run)
         # the coordinator has made the folder
         folder = products_folder(run, chosen.out).absolute()
-        self._frames = chosen.frames or run.record.frames
         self._products = Products(run, options, folder, chosen.allow_incomplete)
 
     def about(self) -> dict[str, Any]:
-        """Return all frames that were asked for."""
-        return {"frames": self._frames}
+        """Return all frames of the run."""
+        return {"frames": self._products.run.record.frames}
 
     def do(self, frame: int) -> dict[str, Any]:
         """Process a frame, and write its products."""
@@ -67,9 +66,11 @@ class FrameProcessor:
 def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     """Process a run by workers; return the exit code."""
     maps: dict[int, MapFile] = {}
+    findings: list[Finding] = []
 
     def show(reply: Reply) -> None:
         print("\n".join(reply.get("lines", ())))
+        findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
         if "map" in reply:
             path = Path(reply["map"]["path"])
             maps[reply["frame"]] = MapFile(**(reply["map"] | {"path": path}))
@@ -78,8 +79,9 @@ def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     options = process_options(chosen).for_run(run)
     with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
         products.draw_antennas()
-        run_frames(words, share_of(chosen), sys.stdout, show)
+        about = {"frames": chosen.frames or run.record.frames}
+        run_frames(words, share_of(chosen), sys.stdout, show, about=about)
         path = products.animate([maps[n] for n in chosen_frames(chosen) if n in maps])
     if path is not None:
         print(f"animation: {path}")
-    return 0
+    return exit_code(findings, chosen_frames(chosen) or run.record.frames)

@@ -117,10 +117,12 @@ def _print_quality(record: PathsRecord) -> None:
         f"  lengths known to {record.length_sigma_m:.2g} m, "
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
+    upper = record.truncated_reflections_upper
+    bound = "" if upper is None else f", at most {100 * upper:.2g} %"
     print(
         f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % in "
         "higher orders (standard "
-        f"error {100 * record.truncated_reflections_stderr:.1g} %), "
+        f"error {100 * record.truncated_reflections_stderr:.1g} %{bound}), "
         f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
     )
     print(

@@ -23,6 +23,7 @@ from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import render
 from radarsim_addon.blender.run.leases import Leases
 from radarsim_addon.sidecar import file_sha256, read_record
+from radarsim_addon.signal.pipeline import main
 from tests.blender import radar_scenes as rs
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
@@ -260,6 +261,21 @@ def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
     done = start(path, "--out", tmp_path / "run", "--resolution", "8x8")
     assert done.returncode == 0, done.stderr
     assert not flag.exists()
+
+
+@posix
+def test_a_run_without_any_echo_ends_with_3(tmp_path: Path) -> None:
+    """Also where the command finds it done already, and for its processing."""
+    rs.new_scene()
+    path = tmp_path / "empty.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    words = (path, "--out", tmp_path / "run", "--resolution", "8x8")
+    for more in ((), (), ("--process",)):
+        done = start(*words, *more)
+        assert done.returncode == 3, done.stdout + done.stderr
+        assert (tmp_path / "run" / "run.json").is_file()
+    assert "no-echo" in done.stdout
+    assert main(["process", str(tmp_path / "run")]) == 3
 
 
 @posix

@@ -20,7 +20,7 @@ from radarsim_addon.blender.headless import FrameRenderer
 from radarsim_addon.blender.plan import parse_render_arguments
 from radarsim_addon.blender.run import run_job
 from tests.blender import radar_scenes as rs
-from tests.worker_processes import children, finished, products, runs, start, survive
+from tests.worker_processes import children, dask_cluster, finished, products, runs, start, survive
 
 pytestmark = [
     pytest.mark.blender,
@@ -145,16 +145,10 @@ def test_shards_make_one_run(blend: Path, alone: Path, tmp_path: Path) -> None:
 
 
 def test_dask_workers_change_no_byte(blend: Path, alone: Path, tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
+    pytest.importorskip("distributed")
     folder = tmp_path / "run"
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address=None,
-        local_directory=str(tmp_path / "dask"),
-    ) as cluster:
-        words: list[Any] = ["--frames", f"1:{FRAMES}", *WORDS, "--dask", cluster.scheduler_address]
+    with dask_cluster(tmp_path) as address:
+        words: list[Any] = ["--frames", f"1:{FRAMES}", *WORDS, "--dask", address]
         finished("render", blend, "--out", folder, *words)
         finished("process", folder, "--no-plots", "--cfar", "ca", *words[-2:])
     assert_same(folder, alone)

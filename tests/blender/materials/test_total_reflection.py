@@ -75,7 +75,8 @@ def test_a_block_seen_at_a_slant(tmp_path: Path) -> None:
     assert "total-reflection" in {item.code for item in run.job.findings}
 
 
-def test_walls_spheres_and_thin_media_are_silent() -> None:
+def test_rims_and_facets_are_information_with_their_fraction() -> None:
+    """A rim of a hundredth of the width, at 40 degrees, and a sphere of flat facets."""
     rs.new_scene()
     for number, turn in enumerate((0.0, 0.7)):
         bpy.ops.mesh.primitive_cube_add(location=(20 * number, 2000, 0), rotation=(0, 0, turn))
@@ -85,6 +86,18 @@ def test_walls_spheres_and_thin_media_are_silent() -> None:
         if item.type == "MESH":
             item.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
-    assert found() == []
+    said = found()
+    assert [(item.severity, *item.subjects) for item in said] == [
+        ("info", "Cube.001"),
+        ("info", "Sphere"),
+    ]
+    index, width, depth = 2.3, 12.0, 0.1
+    # Waves through the front reach the far rim from the last tan(bent) of the depth; those through
+    # the near rim all meet a face, beyond the critical angle.
+    angle = 0.7 - math.atan2(20, 2000)
+    bent = math.asin(math.sin(angle) / index)
+    reached = math.cos(angle) * depth * math.tan(bent) + math.sin(angle) * depth
+    want = reached / (math.cos(angle) * width + math.sin(angle) * depth)
+    assert said[0].numbers["fraction"] == pytest.approx(want, rel=0.3)
     prism(44.0, 1.4)  # the critical angle of 1.4 is 45.6 degrees
     assert found() == []

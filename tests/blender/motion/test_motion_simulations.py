@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +146,62 @@ def test_baked_and_played_simulations_are_not_stepped(tmp_path: Path) -> None:
     rs.new_scene()
     ph.quad("Still", [(-1, 5, -1), (1, 5, -1), (1, 5, 1), (-1, 5, 1)], ph.lambert(0.5))
     assert len(simulation_frames(bpy.context.scene, 9)) == 0
+
+
+def write_point_cache(path: Path, item: Any, frames: int) -> None:
+    """Vertices at whole frames, in free fall along -Y from frame 1 on, as a PC2 file."""
+    corners = np.array([vertex.co[:] for vertex in item.data.vertices], dtype=np.float32)
+    with open(path, "wb") as stream:
+        stream.write(b"POINTCACHE2\0" + struct.pack("<iiffi", 1, len(corners), 1.0, 1.0, frames))
+        for number in range(frames):
+            moved = corners.copy()
+            moved[:, 1] -= np.float32(GRAVITY * (number / FPS) ** 2 / 2)
+            stream.write(moved.astype("<f4").tobytes())
+
+
+@pytest.mark.parametrize("motion", ["kinematic", "linear"])
+def test_a_mesh_cache_is_a_cubic_through_whole_frames(tmp_path: Path, motion: str) -> None:
+    """Straight lines between the frames of the file have the mean speed of a frame."""
+    mh.scene_at(20.0, 2.0)
+    item = mh.facets("Cached", [(0, 20.0, 0)], 1.2)
+    write_point_cache(tmp_path / "fall.pc2", item, 40)
+    cache = item.modifiers.new("Cache", "MESH_CACHE")
+    cache.cache_format, cache.filepath = "PC2", str(tmp_path / "fall.pc2")
+    cache.frame_start, cache.forward_axis, cache.up_axis = 1, "POS_Y", "POS_Z"
+    rows, _, record = measured(tmp_path / "run", 9, motion=motion)
+    speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    if motion == "kinematic":
+        assert np.abs(speed + GRAVITY * 8 / FPS).max() < 1e-4
+        assert [f.code for f in record.findings] == ["motion-between-frames"]
+    else:
+        assert np.abs(speed + GRAVITY * 8.5 / FPS).max() < 1e-3
+
+
+def test_a_simulation_zone_that_is_not_baked_is_played(tmp_path: Path) -> None:
+    """After a jump to frame 9 Blender shows the state after a single step."""
+    mh.scene_at(20.0, 2.0)
+    item = mh.facets("Simulated", [(0, 20.0, 0)], 1.2)
+    tree = bpy.data.node_groups.new("Zone", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput", "GeometryNodeSimulationInput", "GeometryNodeSetPosition",
+        "GeometryNodeSimulationOutput", "NodeGroupOutput", "ShaderNodeMath", "ShaderNodeCombineXYZ",
+    )  # fmt: skip
+    source, begin, move, end, target, speed, vector = (tree.nodes.new(kind) for kind in kinds)
+    begin.pair_with_output(end)
+    speed.operation = "MULTIPLY"
+    speed.inputs[1].default_value = -5.0
+    links = tree.links.new
+    links(source.outputs[0], begin.inputs["Geometry"])
+    links(begin.outputs["Geometry"], move.inputs["Geometry"])
+    links(begin.outputs["Delta Time"], speed.inputs[0])
+    links(speed.outputs[0], vector.inputs["Y"])
+    links(vector.outputs[0], move.inputs["Offset"])
+    links(move.outputs[0], end.inputs["Geometry"])
+    links(end.outputs["Geometry"], target.inputs[0])
+    item.modifiers.new("Zone", "NODES").node_group = tree
+    rows, _, record = measured(tmp_path, 9)
+    assert np.abs(rows["last_scatterer_m"][:, 1] - (20 - 5 * 8 / FPS)).max() < 1e-5
+    assert np.abs(rows["range_rate_mps"] / rows["direction"][:, 1] + 5.0).max() < 1e-3
+    assert [f.code for f in record.findings] == ["motion-between-frames"]

@@ -32,6 +32,16 @@ def sphere_camera(left: float = -math.pi, right: float = math.pi) -> contract.Re
     return contract.ReceiverRecord("equirectangular", IDENTITY, left, right, -half, half, 0.0)
 
 
+def poses_of(shown: dict[str, InstancePose]) -> Poses:
+    """Poses of objects without instances."""
+    return Poses(
+        list(shown),
+        np.arange(len(shown)),
+        np.array([one.pose for one in shown.values()]),
+        np.array([one.box for one in shown.values()]),
+    )
+
+
 def random_box(rng: np.random.Generator, reach: float) -> InstancePose:
     """A turned box of random sides somewhere around the receiver."""
     pose = np.eye(4)
@@ -46,7 +56,7 @@ def test_areas_on_a_sphere_are_those_of_the_whole_body() -> None:
     """Longitudes and latitudes of many points on boxes at random; edges bulge beyond corners."""
     rng = np.random.default_rng(3)
     shown = [random_box(rng, 1.0) for _ in range(400)]
-    poses = Poses({str(i): {(): box} for i, box in enumerate(shown)})
+    poses = poses_of({str(i): box for i, box in enumerate(shown)})
     boxes = projected_bounds(poses, [str(i) for i in range(len(shown))], sphere_camera())
     # points on all twelve edges and six faces
     t = np.linspace(0, 1, 41)
@@ -85,7 +95,7 @@ def test_an_area_across_the_seam_comes_twice() -> None:
     """Where longitudes begin anew, in frames that end there and in frames turned past it."""
     pose = np.eye(4)
     pose[:3, 3] = (0.0, 0.0, 10.0)  # behind
-    poses = Poses({"a": {(): InstancePose(pose, np.array([[-1.0, -1, 0], [1, 1, 0]]))}})
+    poses = poses_of({"a": InstancePose(pose, np.array([[-1.0, -1, 0], [1, 1, 0]]))})
     half = math.atan2(1.0, 10.0)
     whole = ViewWindow(-math.pi, math.pi, -1.5, 1.5, 64, 32, sphere=True)
     areas = projected_bounds(poses, ["a"], sphere_camera()).areas(whole)
@@ -111,7 +121,7 @@ def test_faint_is_what_transmitter_and_receiver_make_of_it() -> None:
         return InstancePose(pose, np.array([[-half] * 3, [half] * 3]))
 
     near, beside, between = box(0, -10, 1.0), box(1.0, -1e4, 1e-3), box(3.0, -1000, 1.5)
-    poses = Poses({"near": {(): near}, "beside": {(): beside}, "between": {(): between}})
+    poses = poses_of({"near": near, "beside": beside, "between": between})
     receiver = contract.ReceiverRecord("perspective", IDENTITY, -0.5, 0.5, -0.5, 0.5, 0.0)
     boxes = projected_bounds(poses, ["near", "beside", "between"], receiver)
     window = ViewWindow(-0.5, 0.5, -0.5, 0.5, 64, 64)

@@ -229,6 +229,48 @@ def test_further_reflections_in_watts_have_their_error_in_watts() -> None:
     assert fields["truncated_reflections_stderr"] == pytest.approx(0.15)
 
 
+def test_rare_further_reflections_have_an_upper_bound() -> None:
+    """One path in 3000 rays brings 0.27 % of the power: most trials see none, and 95 % bound it."""
+    rng = np.random.default_rng(5)
+    rays, share = 1024, 0.0027
+    chance = 1 / 3000
+    strength = share / (rays * chance)  # of one such path, over the power of all others
+    bounded, seen_none = 0, 0
+    for _ in range(400):
+        hits = rng.random(rays) < chance
+        sums = QualitySums()
+        probed = hits * strength
+        traced = TracedReplicate(
+            total=1.0,
+            beyond=float(probed.sum()),
+            beyond_variance=coarse_variance(probed.reshape(32, 32), 1),
+            strongest_ray=strength,
+        )
+        sums.add_view(traced, 1.0)
+        sums.add_beyond(traced, 1.0)
+        fields = QualitySums.joined([sums, QualitySums()]).record_fields(0.05)
+        seen_none += fields["truncated_reflections_fraction"] == 0.0
+        bounded += fields["truncated_reflections_upper"] >= share / (1 + share)
+    assert seen_none > 250
+    assert bounded >= 0.95 * 400
+
+
+def test_the_bound_of_rare_paths_takes_the_strongest_one_of_all_tiles() -> None:
+    """The rule of three counts the rays of all tiles: three times the strongest, not of each."""
+    parts = []
+    for strongest in (0.5, 2.0, 1.0):
+        part = QualitySums()
+        part.add_view(TracedReplicate(total=100.0), 1.0)
+        part.add_beyond(TracedReplicate(strongest_ray=strongest), 1.0)
+        parts.append(QualitySums.from_numbers(part.numbers()))
+    joined = QualitySums.joined(parts)
+    more = -math.log(0.05) * 2.0
+    assert joined.truncated_reflections_upper == pytest.approx(more / (300 + more), rel=1e-3)
+    assert joined.findings(0.05) == []
+    (said,) = joined.findings(0.05, tolerated=0.01)
+    assert said.severity == "info" and "at most 2 %" in said.text
+
+
 @pytest.mark.parametrize("coarse", [1, 4])
 @pytest.mark.parametrize("slope", [0.0, 0.02])
 def test_variance_of_a_coarse_image(coarse: int, slope: float) -> None:

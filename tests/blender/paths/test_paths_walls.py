@@ -152,19 +152,33 @@ def test_vertical_and_horizontal_need_no_further_render(tmp_path: Path) -> None:
         assert 10 * math.log10(powers[1] / powers[0]) == pytest.approx(want_db, abs=BOUND_DB)
 
 
-def test_walls_that_average_separately_are_said(tmp_path: Path) -> None:
-    """With a foreign material paths are sampled, so the polarisations cannot be carried along."""
-    for foreign in (False, True):
-        rs.new_scene()
-        ph.field_of_view(2.0)
-        rs.add_plate(60.0)
-        for y in (20.0, 40.0):
-            slab(y, 0.05, 30.0, medium("Wall", 4.2))
-        if foreign:
-            rs.add_plate(30.0, preset=None).data.materials.append(ph.lambert(0.5))
-        run = ph.run_paths(tmp_path / str(foreign), width_px=8, height_px=8)
-        said = [f for f in run.job.findings if f.code == "walls-averaged-separately"]
-        assert [len(item.subjects) for item in said] == ([2] if foreign else [])
+@pytest.mark.parametrize(
+    ("case", "paths"),
+    [("one reflection", None), ("foreign", "all paths"), ("several", "paths of several")],
+)
+def test_walls_that_average_separately_are_said(
+    tmp_path: Path, case: str, paths: str | None
+) -> None:
+    """With their error, where polarisations cannot be carried along."""
+    rs.new_scene()
+    ph.field_of_view(2.0)
+    rs.add_plate(60.0)
+    for y in (20.0, 40.0):
+        slab(y, 0.05, 30.0, medium("Wall", 4.2))
+    if case == "foreign":
+        rs.add_plate(30.0, preset=None).data.materials.append(ph.lambert(0.5))
+    options = {"max_reflections": 2} if case == "several" else {}
+    run = ph.run_paths(tmp_path, width_px=4, height_px=4, options=options)
+    said = [f for f in run.job.findings if f.code == "walls-averaged-separately"]
+    if paths is None:
+        assert said == []
+        return
+    (item,) = said
+    assert len(item.subjects) == 2 and str(item.numbers["paths"]).startswith(paths)
+    for angle_deg in (30.0, 60.0):
+        once, _ = passage(4.2, 0.0, angle_deg)
+        loss_db = 20 * math.log10(np.mean(once**2) / np.mean(once) ** 2)
+        assert item.numbers[f"loss_{angle_deg:.0f}_db"] == pytest.approx(loss_db, rel=1e-4)
 
 
 def room(

@@ -28,7 +28,7 @@ from radarsim_addon.blender.plan import (
 )
 from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
 from radarsim_addon.blender.rings.exr_check import verify_exr
-from radarsim_addon.blender.scene.nearest import nearest_distance
+from radarsim_addon.blender.scene.nearest import nearest_distances
 from radarsim_addon.errors import ConfigError, OutputError, RenderError
 from radarsim_addon.signal.radar import Burst, Waveform
 
@@ -250,7 +250,7 @@ def test_no_more_renders_in_a_burst_than_pulses() -> None:
 def test_nearest_point_of_a_triangle(corners: list[Any], expected: float) -> None:
     vertices = np.array(corners, dtype=np.float64)
     for order in ([0, 1, 2], [2, 1, 0], [1, 2, 0]):
-        found = nearest_distance(vertices, np.array([order], dtype=np.int32))
+        (found,) = nearest_distances([vertices[[order]]])
         assert found == pytest.approx(expected, abs=1e-15)
 
 
@@ -260,9 +260,26 @@ def test_nearest_against_many_points_on_the_triangle() -> None:
     for _ in range(20):
         corners = rng.normal(size=(3, 3)) + rng.normal(size=3) * 2
         sampled = np.linalg.norm(weights @ corners, axis=1).min()
-        found = nearest_distance(corners, np.array([[0, 1, 2]], dtype=np.int32))
+        (found,) = nearest_distances([corners[None]])
         assert found <= sampled + 1e-12
         assert found == pytest.approx(sampled, abs=0.1)
+
+
+def test_nearest_of_many_surfaces_at_once() -> None:
+    """Surfaces of all sizes, also larger than the blocks that are computed together."""
+    rng = np.random.default_rng(2)
+    sizes = (3, 0, 150_000, 1, 300_000, 7)
+    surfaces = [rng.normal(size=(size, 3, 3)) + 10 for size in sizes]
+    found = nearest_distances(surfaces)
+    one_by_one = [
+        min(
+            (nearest_distances([part])[0] for part in np.array_split(s, 5) if len(part)),
+            default=np.inf,
+        )
+        for s in surfaces
+    ]
+    np.testing.assert_array_equal(found, one_by_one)
+    assert found[1] == np.inf
 
 
 # -- EXR files -------------------------------------------------------------------------------------

@@ -38,7 +38,8 @@ class Pretended:
 
 def outcome(workers: Pretended, frames: list[int]) -> tuple[list[int], dict[int, str]]:
     """Frames that were done in the order of their ends, and those set aside."""
-    replies, done = scheduled(workers, frames), []
+    replies = scheduled(workers, frames)
+    done: list[int] = []
     while True:
         try:
             reply = next(replies)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The snapshot of a scene is what a walk through it finds, whatever has been evaluated since."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from radarsim_addon.blender.state import Snapshot, evaluated_objects, snapshot, take_snapshot
+from tests.blender import motion_helpers as mh
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+
+
+def checked() -> Snapshot:
+    """The snapshot of now, compared with each object and instance in Blender's order."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = take_snapshot(depsgraph)
+    rows = 0
+    for row, one in enumerate(evaluated_objects(depsgraph)):
+        shape = found.shapes[found.layout.shape[row]]
+        assert found.label(row) == one.label
+        assert found.layout.key(row) == one.key
+        assert found.layout.visible[row] == one.visible
+        np.testing.assert_array_equal(found.matrices[row], one.matrix)
+        np.testing.assert_array_equal(shape.box, one.box)
+        assert (shape.original, shape.kind) == (one.original, one.evaluated.type)
+        slots = one.evaluated.material_slots
+        assert shape.materials == tuple(s.material and s.material.original for s in slots)
+        corners = one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3]
+        np.testing.assert_allclose(found.corners[row], corners, rtol=0, atol=1e-12)
+        rows += 1
+    assert rows == len(found.matrices)
+    return found
+
+
+def box(name: str, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+    item = mh.facets(name, [(0, 0, 0)], 1.0)
+    item.location = location
+    return item
+
+
+def carriers(count: int) -> None:
+    """Instances by vertices, by geometry nodes, and of a collection."""
+    points = bpy.data.meshes.new("Points")
+    points.from_pydata([(2.0 * i, 10.0, 0.0) for i in range(count)], [], [])
+    by_vertices = bpy.data.objects.new("Vertices", points)
+    by_nodes = bpy.data.objects.new("Nodes", points)
+    for item in (by_vertices, by_nodes):
+        bpy.context.scene.collection.objects.link(item)
+    by_vertices.instance_type = "VERTS"
+    box("Child").parent = by_vertices
+    tree = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    source, target = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    cube = tree.nodes.new("GeometryNodeMeshCube")
+    instance = tree.nodes.new("GeometryNodeInstanceOnPoints")
+    tree.links.new(source.outputs[0], instance.inputs["Points"])
+    tree.links.new(cube.outputs[0], instance.inputs["Instance"])
+    tree.links.new(instance.outputs[0], target.inputs[0])
+    by_nodes.modifiers.new("Points", "NODES").node_group = tree
+    collection = bpy.data.collections.new("Group")
+    member = box("Member")
+    bpy.context.scene.collection.objects.unlink(member)
+    collection.objects.link(member)
+    for number in range(2):
+        empty = mh.empty(f"Group {number}", (number, 5.0, 0.0))
+        empty.instance_type, empty.instance_collection = "COLLECTION", collection
+
+
+def moving() -> None:
+    """A parent with a child, a constraint, a driver and a modifier that moves vertices."""
+    parent = mh.empty("Parent", (0.0, 0.0, 0.0))
+    mh.key(parent, "location", (1, (0, 0, 0)), (9, (3, 1, 0)))
+    box("Follower").parent = parent
+    box("Constrained").constraints.new("COPY_LOCATION").target = parent
+    box("Driven").driver_add("location", 0).driver.expression = "frame * 2"
+    box("Waving").modifiers.new("Wave", "WAVE")
+
+
+def subdivide(item: Any) -> None:
+    item.modifiers.new("Array", "ARRAY")
+
+
+CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "nothing": lambda o: None,
+    "a frame": lambda o: bpy.context.scene.frame_set(4),
+    "half a frame": lambda o: bpy.context.scene.frame_set(4, subframe=0.5),
+    "moved": lambda o: setattr(o["Still"], "location", (1, 2, 3)),
+    "an instanced object": lambda o: setattr(o["Child"].data.vertices[0], "co", (9, 9, 9)),
+    "an instancer": lambda o: setattr(o["Vertices"], "location", (1, 2, 3)),
+    "a member of a collection": lambda o: setattr(o["Member"], "location", (1, 2, 3)),
+    "a vertex": lambda o: setattr(o["Still"].data.vertices[0], "co", (9, 9, 9)),
+    "a modifier": lambda o: subdivide(o["Still"]),
+    "a material": lambda o: o["Still"].data.materials.append(ph.lambert(0.1)),
+    "a new object": lambda o: box("New"),
+    "a removed object": lambda o: bpy.data.objects.remove(o["Still"]),
+    "hidden": lambda o: setattr(o["Still"], "hide_viewport", True),
+    "one for another": lambda o: (o["Still"].hide_set(True), o["Hidden"].hide_set(False)),
+    "a hidden member": lambda o: setattr(o["Member"], "hide_viewport", True),
+    "no instances": lambda o: setattr(o["Group 0"], "instance_type", "NONE"),
+    "more instances": lambda o: o["Vertices"].data.vertices.add(3),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_snapshot_is_what_a_walk_finds(what: str) -> None:
+    rs.new_scene()
+    carriers(5)
+    moving()
+    box("Still")
+    box("Hidden").hide_set(True)
+    objects = {item.name: item for item in bpy.data.objects}
+    before = checked()
+    CHANGES[what](objects)
+    for mesh in bpy.data.meshes:
+        if what in ("an instanced object", "a vertex", "more instances"):
+            mesh.update()
+    after = checked()
+    assert (after is before) == (what == "nothing")
+    assert checked() is after
+    bpy.context.scene.frame_set(6)
+    checked()
+
+
+def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch) -> None:
+    rs.new_scene()
+    carriers(50)
+    moving()
+    first = checked()
+    walks: list[Any] = []
+    monkeypatch.setattr(snapshot, "_walk", lambda *given: walks.append(given))
+    for frame in (2, 3, 4):
+        bpy.context.scene.frame_set(frame)
+        bpy.context.scene["setting"] = frame
+        bpy.context.scene.update_tag()
+        found = checked()
+        assert found is not first
+        assert found.layout is first.layout
+    assert walks == []
+
+
+def test_another_file_has_another_snapshot() -> None:
+    rs.new_scene()
+    box("One")
+    checked()
+    rs.new_scene()
+    box("Other")
+    assert "Other" in {shape.original.name for shape in checked().shapes}
