@@ -8,6 +8,7 @@ import bpy
 from ..processes import own_folder, remove_abandoned_folders
 from . import rig_settings
 from .headless.session import session_folder
+from .state import follow_evaluations, ignore_evaluations
 from .ui import asset_library, material_names, material_panel, operators, panels
 from .ui import link_budget_panel as system_panel
 
@@ -33,6 +34,7 @@ def register() -> None:
     if own is not None:
         own_folder(own)
     remove_abandoned_folders()
+    follow_evaluations()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -43,4 +45,5 @@ def unregister() -> None:
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)
+    ignore_evaluations()
     rig_settings.unregister()

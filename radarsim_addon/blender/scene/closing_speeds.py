@@ -148,7 +148,8 @@ def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
                 z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
                 around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
                 directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
-                size = np.maximum(np.ptp(vertices, axis=0), np.finfo(np.float64).tiny)
+                size = np.ptp(vertices, axis=0)
+                size[size == 0] = 1.0  # a flat mesh: that axis tells its vertices not apart
                 points = vertices[np.unique((vertices / size @ directions.T).argmax(axis=0))]
                 # What is ahead of the radar closes in faster than edges do.
                 points = np.concatenate([points, shape.box[np.array(_FACES)].mean(axis=1)])

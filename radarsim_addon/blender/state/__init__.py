@@ -14,7 +14,14 @@ from .evaluated import (
     read_triangles,
 )
 from .settings_restorer import SettingsRestorer
-from .snapshot import Layout, Shape, Snapshot, take_snapshot
+from .snapshot import (
+    Layout,
+    Shape,
+    Snapshot,
+    follow_evaluations,
+    ignore_evaluations,
+    take_snapshot,
+)
 
 __all__ = [
     "EvaluatedObject",
@@ -26,6 +33,8 @@ __all__ = [
     "evaluated_depsgraph",
     "evaluated_mesh",
     "evaluated_objects",
+    "follow_evaluations",
+    "ignore_evaluations",
     "read_numbers",
     "read_triangles",
     "take_snapshot",

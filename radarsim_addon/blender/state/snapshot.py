@@ -197,7 +197,7 @@ class _Latest:
     def take(self, depsgraph: Any) -> Snapshot:
         """Return the snapshot of now."""
         last = self.snapshot
-        if last is not None and last.depsgraph == depsgraph and _follow_evaluations():
+        if last is not None and last.depsgraph == depsgraph and follow_evaluations():
             for shape in last.shapes:
                 if shape.own and shape.original in self.shaded:
                     shape.materials = _materials(shape.original.evaluated_get(depsgraph))
@@ -208,7 +208,7 @@ class _Latest:
             elif self.evaluated:
                 last = _read_again(last, self.changed)
         else:
-            _follow_evaluations()
+            follow_evaluations()
             last = _walk(depsgraph)
         self.snapshot, self.changed, self.shaded = last, {}, set()
         self.layout_changed = self.scene_changed = self.evaluated = False
@@ -232,20 +232,38 @@ def _forget(*_: Any) -> None:
     _latest.forget()
 
 
-def _follow_evaluations() -> bool:
-    """Have Blender report evaluations; return whether it did so before."""
+def follow_evaluations() -> bool:
+    """Have Blender report evaluations.
+
+    Returns
+    -------
+    bool
+        Whether it did so before.
+    """
+    missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
+    for hooks, function in missing:
+        hooks.append(function)
+    return not missing
+
+
+def ignore_evaluations() -> None:
+    """Have Blender report evaluations no longer, until the next snapshot is taken."""
+    for hooks, function in _reports():
+        if function in hooks:
+            hooks.remove(function)
+    _latest.forget()
+
+
+def _reports() -> tuple[tuple[Any, Any], ...]:
+    """Lists of handlers, and what belongs into each."""
     handlers = bpy.app.handlers
-    wanted = (
+    return (
         (handlers.depsgraph_update_post, _note_evaluation),
         (handlers.frame_change_post, _note_evaluation),
         (handlers.load_pre, _forget),
         (handlers.undo_pre, _forget),
         (handlers.redo_pre, _forget),
     )
-    missing = [(hooks, function) for hooks, function in wanted if function not in hooks]
-    for hooks, function in missing:
-        hooks.append(function)
-    return not missing
 
 
 def take_snapshot(depsgraph: Any) -> Snapshot:
