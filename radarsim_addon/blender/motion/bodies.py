@@ -168,8 +168,6 @@ class Bodies:
 
     def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
-        from scipy.spatial import cKDTree  # only here: most scenes need no scipy
-
         half = (self.box[parts, 1] - self.box[parts, 0]) / 2
         pose = self.pose[parts]
         centre = np.einsum("nij,nj->ni", pose[:, :3, :3], self.box[parts].mean(axis=1))
@@ -177,17 +175,9 @@ class Bodies:
         # One tree for each power of two of the radius: boxes of similar size have few neighbours.
         radius = np.linalg.norm(np.abs(pose[:, :3, :3]) @ half[:, :, None], axis=(1, 2)) + margin
         size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
-        tree = cKDTree(points)
         rows, indices = [], []
         for here in (np.flatnonzero(size == one) for one in np.unique(size)):
-            if here.size < _FEW:
-                apart = np.linalg.norm(points - centre[here, None], axis=2)
-                part, row = np.nonzero(apart <= radius[here, None])
-            else:
-                pairs = tree.sparse_distance_matrix(
-                    cKDTree(centre[here]), float(radius[here].max()), output_type="ndarray"
-                )
-                row, part = pairs["i"], pairs["j"]
+            row, part = _pairs_within(points, centre[here], radius[here])
             rows.append(row)
             indices.append(parts[here[part]])
         return np.concatenate(rows), np.concatenate(indices)
@@ -251,3 +241,25 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
     order = kept[np.lexsort((np.array(text, dtype=str), number[kept]))]
     _orders[layout] = number, order
     return order
+
+
+def _pairs_within(points: Real, centres: Real, radius: Real) -> tuple[Indices, Indices]:
+    """Return pairs of points and of centres that are at most about these radii apart."""
+    try:
+        from scipy.spatial import cKDTree  # only here: most scenes need no scipy
+    except ImportError:  # some Blender programs
+        cKDTree = None
+    if cKDTree is not None and len(centres) >= _FEW:
+        reach = float(radius.max())
+        pairs = cKDTree(points).sparse_distance_matrix(
+            cKDTree(centres), reach, output_type="ndarray"
+        )
+        return pairs["i"], pairs["j"]
+    found = []
+    for start in range(0, len(centres), _FEW):
+        some = slice(start, start + _FEW)
+        apart = np.linalg.norm(points - centres[some, None], axis=2)
+        part, row = np.nonzero(apart <= radius[some, None])
+        found.append((row, part + start))
+    rows, parts = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(parts)

@@ -11,7 +11,14 @@ import numpy as np
 
 from ...array_types import Real, Single
 from ...findings import Finding, finding
-from ...signal.motion import BodyMotion, VertexSeries, fit_body, fit_vertices, smooth_poses
+from ...signal.motion import (
+    BodyMotion,
+    VertexSeries,
+    cubic_spline,
+    fit_body,
+    fit_vertices,
+    smooth_poses,
+)
 from .bodies import Part
 from .samples import Sampler, SamplingPlan
 
@@ -129,11 +136,9 @@ class Fits:
 
     def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
         """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
-        from scipy.interpolate import CubicSpline
-
         plan, sampled = self._plan, self._sampler.vertices[name]
         whole_s = np.array([at_s for at_s, _ in plan.whole_frames])
-        spline = CubicSpline(whole_s, np.stack([sampled[at_s] for at_s in whole_s]).astype(float))
+        spline = cubic_spline(whole_s, np.stack([sampled[at_s] for at_s in whole_s]).astype(float))
         times_s = np.linspace(0, plan.duration_s, _BETWEEN_FRAMES * (whole_s.size - 3) + 1)
         series, noise_m, bound_m = fit_vertices(
             times_s,

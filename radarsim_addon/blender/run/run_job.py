@@ -56,7 +56,12 @@ from ..scene import (
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import SettingsRestorer, evaluated_depsgraph
+from ..state import (
+    SettingsRestorer,
+    evaluated_depsgraph,
+    follow_evaluations,
+    ignore_evaluations,
+)
 from . import output_folder, run_files
 from .scene_state import MeasurementSettings
 from .shared_folder import SharedFolder
@@ -129,6 +134,8 @@ class MeasurementJob:
         self.joins = False
         #: Whether another process has taken over the frame that was measured last.
         self.frame_lost = False
+        #: Whether Blender reported evaluations before this job, as with the add-on.
+        self._followed = True
         #: What is known before the first render, and of the frames that are done.
         self.run_findings: list[Finding] = []
         self.frame_findings: list[Finding] = []
@@ -155,6 +162,7 @@ class MeasurementJob:
 
     def prepare(self) -> None:
         """Check everything, plan, and put the scene into its measuring state."""
+        self._followed = follow_evaluations()
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not self.folder.exists()
         output_folder.prepare_folder(self.folder)
@@ -417,4 +425,6 @@ class MeasurementJob:
         if self._settings is not None:
             self.unrestored += self._settings.restore()
         self.unrestored += self._shown_for_run.restore()
+        if not self._followed:
+            ignore_evaluations()
         self._shared.close()

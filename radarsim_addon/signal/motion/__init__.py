@@ -7,7 +7,7 @@ range rates [m/s] at any time [s].
 
 from .antenna_motion import AntennaMotion, axes_of, places_m
 from .body_motion import BodyMotion
-from .fit import fit_body, fit_vertices, smooth_poses
+from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
 from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
 from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
@@ -25,6 +25,7 @@ __all__ = [
     "VertexSeries",
     "axes_of",
     "body_record",
+    "cubic_spline",
     "fit_body",
     "fit_vertices",
     "join_motion",

@@ -10,13 +10,14 @@ split if two fit better by the same criterion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
+from ...errors import MissingDependencyError
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
 from .fit_segments import FittedSegment, quality_of, rate_error_of, split_segments, within_burst
 from .motion_file import VertexSeries
@@ -235,21 +236,51 @@ def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
     ndarray
         (times, 4, 4). Poses are constant with one known pose, linear with two.
     """
-    from scipy.interpolate import CubicSpline
-    from scipy.spatial.transform import Rotation, RotationSpline
-
     found = np.repeat(poses[:1], times_s.size, axis=0)
     if len(poses) < 2:
         return found
-    found[:, :3, 3] = CubicSpline(known_s, poses[:, :3, 3])(times_s)
+    found[:, :3, 3] = cubic_spline(known_s, poses[:, :3, 3])(times_s)
     axes = poses[:, :3, :3]
     turns = axes @ np.linalg.pinv(axes[0])
     if np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max() < _RIGID_WITHIN:
+        from scipy.spatial.transform import Rotation, RotationSpline
+
         spline = RotationSpline(known_s, Rotation.from_matrix(turns))
         found[:, :3, :3] = spline(times_s).as_matrix() @ axes[0]
     else:
-        found[:, :3, :3] = CubicSpline(known_s, axes)(times_s)
+        found[:, :3, :3] = cubic_spline(known_s, axes)(times_s)
     return found
+
+
+def cubic_spline(known_s: Real, values: Real) -> Callable[[Real], Real]:
+    """Return the cubic spline through values that are known at few times.
+
+    Parameters
+    ----------
+    known_s
+        Ascending, (n,) [s].
+    values
+        (n, ...).
+
+    Returns
+    -------
+    callable
+        From times (times,) [s] to values (times, ...).
+
+    Raises
+    ------
+    MissingDependencyError
+        Python has no scipy, as in some Blender programs.
+    """
+    try:
+        from scipy.interpolate import CubicSpline
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"Smooth motion of simulations and mesh caches needs scipy ({error}). Install scipy "
+            "for Blender's Python, or choose the motion between frames: Linear (--motion linear)."
+        ) from None
+    spline: Callable[[Real], Real] = CubicSpline(known_s, values)
+    return spline
 
 
 #: Number of vertices that determine degree and segments of all.

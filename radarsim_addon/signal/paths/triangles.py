@@ -283,8 +283,6 @@ class _Level:
     """
 
     def __init__(self, cell: float, low: Real, high: Real, triangles: Indices) -> None:
-        from scipy.sparse import csr_array  # only here: opening a table needs no scipy
-
         self.cell = cell
         bits = max(int(triangles.size).bit_length() + 2, 6)
         self._mask = (1 << bits) - 1
@@ -297,10 +295,9 @@ class _Level:
             buckets.append(self._bucket(cells))
             owners.append(triangles[touched])
         owner = np.concatenate(owners)
-        place = np.concatenate(buckets), np.arange(owner.size)
-        # A sparse matrix of a row for each bucket sorts by counting.
-        sorter = csr_array((np.ones(owner.size, dtype=bool), place), (1 << bits, owner.size))
-        self._triangles, self._starts = owner[sorter.indices], sorter.indptr
+        bucket = np.concatenate(buckets)
+        self._starts = np.append(0, np.cumsum(np.bincount(bucket, minlength=1 << bits)))
+        self._triangles = owner[_sorted_places(bucket, 1 << bits)]
 
     def _bucket(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
         """Number of the bucket of each cell, from (3, n)."""
@@ -321,3 +318,14 @@ class _Level:
 def _rows(vectors: Real, rows: Indices) -> Real:
     """Some rows of (n, 3), with contiguous columns."""
     return np.asarray(vectors.T.take(rows, axis=1).T)
+
+
+def _sorted_places(bucket: NDArray[np.int64], count: int) -> Indices:
+    """Return the stable order of bucket numbers below `count`."""
+    try:
+        from scipy.sparse import csr_array  # a row for each bucket: sorts by counting
+    except ImportError:  # some Blender programs
+        return np.argsort(bucket, kind="stable")
+    place = bucket, np.arange(bucket.size)
+    ones = np.ones(bucket.size, dtype=bool)
+    return np.asarray(csr_array((ones, place), (count, bucket.size)).indices)
