@@ -197,22 +197,26 @@ class _Latest:
     def take(self, depsgraph: Any) -> Snapshot:
         """Return the snapshot of now."""
         last = self.snapshot
-        if last is not None and last.depsgraph == depsgraph and follow_evaluations():
-            for shape in last.shapes:
-                if shape.own and shape.original in self.shaded:
-                    shape.materials = _materials(shape.original.evaluated_get(depsgraph))
-            if self.layout_changed or (
-                self.scene_changed and not _is_there(last.layout, depsgraph)
-            ):
-                last = _walk(depsgraph, last, self.changed)
-            elif self.evaluated:
-                last = _read_again(last, self.changed)
+        followed = follow_evaluations()
+        if last is not None and last.depsgraph == depsgraph and followed:
+            try:
+                last = self._brought_up_to_date(last)
+            except ReferenceError:  # an object was removed
+                last = _walk(depsgraph)
         else:
-            follow_evaluations()
             last = _walk(depsgraph)
         self.snapshot, self.changed, self.shaded = last, {}, set()
         self.layout_changed = self.scene_changed = self.evaluated = False
         return last
+
+    def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
+        for shape in last.shapes:
+            if shape.own and shape.original in self.shaded:
+                shape.materials = _materials(shape.original.evaluated_get(last.depsgraph))
+        moved = self.scene_changed and not _is_there(last.layout, last.depsgraph)
+        if self.layout_changed or moved:
+            return _walk(last.depsgraph, last, self.changed)
+        return _read_again(last, self.changed) if self.evaluated else last
 
     def forget(self) -> None:
         """Drop the snapshot."""

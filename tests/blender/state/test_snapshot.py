@@ -152,3 +152,18 @@ def test_another_file_has_another_snapshot() -> None:
     rs.new_scene()
     box("Other")
     assert "Other" in {shape.original.name for shape in checked().shapes}
+
+
+def test_an_object_that_changed_and_was_removed_is_gone() -> None:
+    """Between two snapshots, as between two redraws of a panel."""
+    rs.new_scene()
+    kept, lost = box("Kept"), box("Lost", (5.0, 0.0, 0.0))
+    bpy.context.view_layer.update()
+    first = checked()
+    lost.data.materials.append(bpy.data.materials.new("Other"))
+    bpy.context.view_layer.update()
+    bpy.data.objects.remove(lost)
+    bpy.context.view_layer.update()
+    found = checked()
+    assert len(found.shapes) == len(first.shapes) - 1
+    assert kept in [shape.original for shape in found.shapes]
