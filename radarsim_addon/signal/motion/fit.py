@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Real, Single
 from ...errors import MissingDependencyError
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
 from .fit_segments import FittedSegment, quality_of, rate_error_of, split_segments, within_burst
@@ -289,7 +289,7 @@ _DECIDING = 400
 
 def fit_vertices(
     times_s: Real,
-    positions: NDArray[np.float32],
+    positions: Real | Single,
     span_s: float,
     *,
     corners_s: Sequence[float] = (),
@@ -336,9 +336,7 @@ def fit_vertices(
     return VertexSeries(edges_s, _vertex_series(times_s, positions, segments)), noise, bound
 
 
-def _vertex_series(
-    times_s: Real, positions: NDArray[np.float32], segments: Sequence[Segment]
-) -> Real:
+def _vertex_series(times_s: Real, positions: Real | Single, segments: Sequence[Segment]) -> Real:
     """Return the coefficients of all vertices with the degrees of the segments."""
     vertices = positions.shape[1]
     degrees = max(len(segment.translation) for segment in segments)
