@@ -135,7 +135,7 @@ class MeasurementJob:
         #: Whether another process has taken over the frame that was measured last.
         self.frame_lost = False
         #: Whether Blender reported evaluations before this job, as with the add-on.
-        self._followed = True
+        self._followed = follow_evaluations()
         #: What is known before the first render, and of the frames that are done.
         self.run_findings: list[Finding] = []
         self.frame_findings: list[Finding] = []
@@ -162,7 +162,6 @@ class MeasurementJob:
 
     def prepare(self) -> None:
         """Check everything, plan, and put the scene into its measuring state."""
-        self._followed = follow_evaluations()
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not self.folder.exists()
         output_folder.prepare_folder(self.folder)
