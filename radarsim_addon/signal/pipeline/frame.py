@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 from collections.abc import Generator
 
+from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
@@ -29,6 +30,7 @@ from ..echoes import (
     ReceivedSignal,
     apply_receiver,
     interpolate_renders,
+    pulses_of_render,
     render_times_s,
     synthesizer_for,
 )
@@ -92,7 +94,7 @@ def frame_steps(
 ) -> Generator[str, None, FrameResult]:
     """Process one radar frame step by step, as `process_frame`; yield what was done."""
     number, radar = frame_input.frame.number, frame_input.radar
-    echo_sum = _EchoSum(frame_input, options)
+    echo_sum = _EchoSum(frame_input, options, _pulses_of_update(frame_input, 0))
     statistics_sum, folds = StatisticsSum(radar, options.receiver_gain), DopplerFolds(radar)
     profile_sum = ProfileAccumulator(
         radar,
@@ -155,7 +157,9 @@ def frame_steps(
 class _EchoSum:
     """Echoes of one render of a burst: adds up paths with their amplitudes."""
 
-    def __init__(self, frame_input: FrameInput, options: ResolvedOptions) -> None:
+    def __init__(
+        self, frame_input: FrameInput, options: ResolvedOptions, wanted: Mask | None
+    ) -> None:
         echo_options, receiver = options.echo_options, options.receiver
         self.budget = FrameBudget(frame_input, options.weather)
         self.speckle = FrameSpeckle(
@@ -169,6 +173,7 @@ class _EchoSum:
             phase_noise_seed=receiver.phase_noise_seed,
             link=self.budget.link,
             antennas=self.budget.antennas,
+            wanted=wanted,
         )
 
     def add(self, paths: Paths) -> Paths:
@@ -186,14 +191,23 @@ def _burst_echoes(first: _EchoSum, frame_input: FrameInput, options: ResolvedOpt
     updates = len(frame_input.tables)
     if updates < 2:
         return first.result()
-    later = (_echoes_of(frame_input.of_update(n), options) for n in range(1, updates))
+    later = (_echoes_of(frame_input, n, options) for n in range(1, updates))
     parts = itertools.chain([first.result()], later)
     return interpolate_renders(parts, render_times_s(frame_input))
 
 
-def _echoes_of(frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
-    echo_sum = _EchoSum(frame_input, options)
-    for paths in iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps):
+def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
+    """Pulses that a visibility update takes part in; None: all."""
+    if len(frame_input.tables) < 2:
+        return None
+    return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
+
+
+def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -> Echoes:
+    """Echoes of one of the later visibility updates."""
+    update = frame_input.of_update(number)
+    echo_sum = _EchoSum(update, options, _pulses_of_update(frame_input, number))
+    for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
         echo_sum.add(paths)
     return echo_sum.result()
 
