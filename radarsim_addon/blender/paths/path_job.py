@@ -30,6 +30,7 @@ from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import no_echo_findings
 from ..state import Shape, evaluated_depsgraph
 from ..views import PathScene
+from .clutter_weights import ClutterWeights
 from .frame import FrameWork
 from .hit_points import HitPoints
 from .tile_checkpoints import TileCheckpoints
@@ -294,6 +295,12 @@ class PathJob(MeasurementJob):
             tracer,
             motion,
             hits,
+            ClutterWeights(
+                hits,
+                motion.bodies,
+                self._measurement.waveform.carrier_hz,
+                self._measurement.polarisation,
+            ),
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
