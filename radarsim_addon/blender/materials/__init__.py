@@ -6,7 +6,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
-from .clutter import Clutter, clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
@@ -25,7 +25,6 @@ from .total_reflection import total_reflections
 __all__ = [
     "EXACT_FACETS",
     "SURFACE_TYPES",
-    "Clutter",
     "Interiors",
     "MaterialAssignment",
     "assigned_materials",

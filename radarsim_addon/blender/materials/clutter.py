@@ -72,7 +72,22 @@ class Clutter:
 
 
 def clutter_of(material: Any) -> Clutter | None:
-    """Return the clutter model of a material; None without. Raises ConfigError: unknown name."""
+    """Return the clutter model of a material.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    Clutter or None
+        None without a model.
+
+    Raises
+    ------
+    ConfigError
+        An unknown model.
+    """
     name = None if material is None else material.get(CLUTTER)
     if not isinstance(name, str) or name in ("", NO_CLUTTER):
         return None
@@ -87,7 +102,16 @@ def clutter_of(material: Any) -> Clutter | None:
 
 
 def table_files(material: Any) -> list[Path]:
-    """Return the CSV files that a material takes its medium and its clutter from."""
+    """Return the CSV files that a material takes its medium and its clutter from.
+
+    Parameters
+    ----------
+    material : bpy.types.Material
+
+    Returns
+    -------
+    list of Path
+    """
     keys = ((MEDIUM, TABLE, MEDIUM_PATH), (CLUTTER, CLUTTER_TABLE, PATH))
     names = [material.get(path) for key, table, path in keys if material.get(key) == table]
     return [Path(bpy.path.abspath(name)) for name in names if isinstance(name, str) and name]

@@ -36,7 +36,7 @@ def table_angles_rad() -> Real:
     return np.pi / 2 * ((np.arange(TABLE_WIDTH) + 0.5) / TABLE_WIDTH) ** 3
 
 
-def clutter_lobe(build: TreeBuilder, code: Any, reflects: Any) -> Any:
+def add_clutter_lobe(build: TreeBuilder, code: Any, reflects: Any) -> Any:
     """Add nodes for the lobe, encoded by `code`; 0 where `reflects` is, or without a table."""
     math = build.math
     with build.prefixed("Clutter: "):

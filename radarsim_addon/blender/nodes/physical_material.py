@@ -36,7 +36,7 @@ from typing import Any
 from ...physics.rough_transmission import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
-from .clutter_lobe import CLUTTER_ROW, clutter_lobe
+from .clutter_lobe import CLUTTER_ROW, add_clutter_lobe
 from .fresnel import cos_incidence
 from .interface import InterfacePower, excess, interface_power, wave_inside
 from .layer import interior_at_faces, internal_echoes, layer_cosine, wall_at_face
@@ -93,7 +93,7 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
         "Transmission", build.scale("T, or 0 at the gate", passed, transmits)
     )
     reflected = build.add_shaders("Reflection of the interface", mirror, rough)
-    reflected = build.add_shaders("Reflection", reflected, clutter_lobe(build, code, reflects))
+    reflected = build.add_shaders("Reflection", reflected, add_clutter_lobe(build, code, reflects))
     build.group_output("Surface", build.add_shaders("Surface", reflected, through))
 
 
