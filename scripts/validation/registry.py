@@ -16,6 +16,7 @@ MODULES = (
     "fresnel",
     "materials",
     "slabs",
+    "buildings",
     "scale",
     "antennas",
     "speckle",

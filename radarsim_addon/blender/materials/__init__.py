@@ -9,7 +9,7 @@ from .averaging import averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
-from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
+from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
@@ -31,6 +31,7 @@ __all__ = [
     "averaging_objects",
     "beyond_float32",
     "clutter_of",
+    "delays",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",

@@ -233,6 +233,21 @@ def passes_by_polarisation(material: Any) -> bool:
     return sheet or is_entered(material)
 
 
+def delays(material: Any) -> bool:
+    """Return whether waves that pass a material are delayed: by its interior, or as thin panes.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        False for None.
+    """
+    return has_interior(material) or passes_by_polarisation(material)
+
+
 def _depths(item: Any, depsgraph: Any) -> tuple[Real, Real, Mask]:
     """Return what is behind the largest faces of an object, across them, n of each.
 
