@@ -108,7 +108,7 @@ class ClutterModel:
 
     def is_valid(self, frequency_hz: ArrayLike, grazing_rad: ArrayLike) -> NDArray[np.bool_]:
         """Return whether the source of the model holds at frequencies [Hz] and angles [rad]."""
-        inside = np.True_
+        inside: NDArray[np.bool_] = np.asarray(True)
         for value, limits in ((frequency_hz, self.band_hz), (grazing_rad, self.grazing_rad)):
             low, high = limits[0] * (1 - EDGE_SLACK), limits[1] * (1 + EDGE_SLACK)
             inside = inside & (np.asarray(value) >= low) & (np.asarray(value) <= high)
