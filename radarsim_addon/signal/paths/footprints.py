@@ -337,7 +337,20 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
 def views_by_replicate(
     table: PathRows, replicates: int
 ) -> Iterator[Iterator[tuple[Indices, PathRows]]]:
-    """Yield `tiles_by_replicate` with the numbers of the rows in the table, (n,)."""
+    """Yield, for each replicate, an iterator as `tiles_by_replicate`, with numbers of the rows.
+
+    Parameters
+    ----------
+    table
+        Rows of a frame, tile by tile and in each of them replicate by replicate.
+    replicates
+        Number of replicates.
+
+    Yields
+    ------
+    iterator of (ndarray, ndarray)
+        Numbers of the rows in the table, and the rows, (n,) each.
+    """
     starts, stops = view_limits(table)
     replicate = np.asarray(table["replicate"])[starts]
     for number in range(replicates):

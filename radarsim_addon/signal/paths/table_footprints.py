@@ -84,8 +84,8 @@ class TableFootprints:
         along = points_along(steps, *self._cell, _POINTS_A_ROW)
         several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
         # 44 bytes a row, for half of the rows of a scene: numbers no longer than they have to be
-        kind = np.int32 if self._table.size < 1 << 31 else np.int64
-        between = number.astype(kind)[steps.between[several]]
+        kind: type[np.signedinteger] = np.int32 if self._table.size < 1 << 31 else np.int64
+        between: NDArray[np.signedinteger] = number[steps.between[several]].astype(kind)
         self._views[view] = _Split(number[several], between, along[several].astype(np.int16))
 
     @functools.cached_property
