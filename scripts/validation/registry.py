@@ -15,6 +15,7 @@ MODULES = (
     "fresnel",
     "materials",
     "slabs",
+    "buildings",
     "scale",
     "antennas",
     "speckle",

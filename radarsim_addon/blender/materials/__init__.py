@@ -8,7 +8,7 @@ from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, 
 from .averaging import averaging_objects, separate_averages
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
-from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
+from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
@@ -29,6 +29,7 @@ __all__ = [
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
+    "delays",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",

@@ -229,7 +229,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=7,
+    version=8,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"
