@@ -103,9 +103,7 @@ def test_no_tile_is_in_memory_alone_for_long(
     assert files(tmp_path) == 4
 
 
-def test_the_oldest_tiles_go_to_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_oldest_tiles_go_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is in memory stays below the limit."""
     size = sum(COUNTS) * PATH_DTYPE.itemsize
     monkeypatch.setattr(tile_checkpoints, "_MOST_HELD", 2 * size)
