@@ -31,6 +31,13 @@ SCENE = {
         "Their echoes are spread over larger ranges.",
         "Set Subsurface to 0 in each material.",
     ),
+    "smooth-across-edges": Kind(
+        "caution",
+        "{subjects} are shaded smooth across sharp edges: up to {fraction:percent} of a surface has "
+        "normals that are off by more than {angle_deg:g} degrees.",
+        "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
+        "Choose Object > Shade Auto Smooth, or Shade Flat.",
+    ),
     "mesh-open": Kind(
         "error",
         "These objects have an interior, but their mesh is open: {subjects}.",

@@ -32,7 +32,7 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
+from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, check_normals, isolate
 from ..state import SettingsRestorer, evaluated_depsgraph
 from .devices import failed_facts
 
@@ -316,6 +316,7 @@ class MeasurementSettings:
         return [
             *failures,
             *check_meshes(depsgraph),
+            *check_normals(depsgraph),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),
