@@ -96,7 +96,7 @@ class FrameWork:
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
     `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
-    the objects that were seen.
+    the objects that were seen; `found` is what was found of the frame before.
     """
 
     def __init__(
@@ -107,8 +107,9 @@ class FrameWork:
         folder: Path,
         progress: Progress,
         no_echo: Callable[[Sequence[str]], list[Finding]],
+        found: Sequence[Finding] = (),
     ) -> None:
-        self._no_echo = no_echo
+        self._no_echo, self._found = no_echo, found
         self._tracer, self._motion, self._progress = tracer, motion, progress
         self._hits = hits
         self._run, self._receiver = tracer.run, tracer.receiver
@@ -382,7 +383,7 @@ class FrameWork:
             findings.append(
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        findings += self._motion.findings
+        findings += [*self._motion.findings, *self._found]
         # where it was not met, `stop_reason` says so
         if (
             target

@@ -23,7 +23,13 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_rough_facets
+from ..materials import (
+    SURFACE_TYPES,
+    Interiors,
+    assigned_materials,
+    has_rough_facets,
+    objects_in_walls,
+)
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -303,6 +309,7 @@ class PathJob(MeasurementJob):
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
+            self._in_walls(depsgraph),
         )
         stop_reason = yield from work.measure()
         yield PathTask(tracer, 0, 0, None, "motion and path table")
@@ -316,6 +323,12 @@ class PathJob(MeasurementJob):
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
         )
+
+    def _in_walls(self, depsgraph: Any) -> list[Finding]:
+        """Find what lies in walls at this moment."""
+        items = (self.rig.camera, self.rig.emitter)
+        antennas = [item.evaluated_get(depsgraph).matrix_world.translation for item in items]
+        return objects_in_walls(depsgraph, antennas)
 
     def _delayed_ways(
         self,
