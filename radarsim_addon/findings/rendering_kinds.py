@@ -172,8 +172,10 @@ SCENE = {
     "not-a-layer": Kind(
         "info",
         "Less than {least_fraction:percent} of the surface of {subjects} is one pair of parallel "
-        "faces.",
-        "Absorption and delay inside are those of normal incidence, at any angle.",
+        "faces, or walls cross it, and less than {least_walls:percent} of it is walls, which are "
+        "six times as wide as they are thick.",
+        "Absorption and delay inside are those of normal incidence at any angle, or those of the "
+        "largest walls alone.",
         "For a thick wall, give the object the property {property}: three numbers, the normal of "
         "the wall in the axes of the object.",
     ),

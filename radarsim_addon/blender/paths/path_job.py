@@ -311,8 +311,12 @@ class PathJob(MeasurementJob):
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
         )
-        stop_reason = yield from work.measure()
-        yield PathTask(tracer, 0, 0, None, "motion and path table")
+        try:
+            stop_reason = yield from work.measure()
+            yield PathTask(tracer, 0, 0, None, "motion and path table")
+        except BaseException:  # stopped, or failed
+            work.keep_tiles()
+            raise
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)
