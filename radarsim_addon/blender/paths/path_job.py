@@ -31,6 +31,7 @@ from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import no_echo_findings
 from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
+from .clutter_weights import ClutterWeights
 from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
@@ -307,12 +308,22 @@ class PathJob(MeasurementJob):
             tracer,
             motion,
             hits,
+            ClutterWeights(
+                hits,
+                motion.bodies,
+                self._measurement.waveform.carrier_hz,
+                self._measurement.polarisation,
+            ),
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
         )
-        stop_reason = yield from work.measure()
-        yield PathTask(tracer, 0, 0, None, "motion and path table")
+        try:
+            stop_reason = yield from work.measure()
+            yield PathTask(tracer, 0, 0, None, "motion and path table")
+        except BaseException:  # stopped, or failed
+            work.keep_tiles()
+            raise
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)

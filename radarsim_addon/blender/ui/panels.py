@@ -19,6 +19,7 @@ from ..rig_settings import (
     WAVEFORMS,
     read_path_options,
 )
+from ..rig_settings import output_folder as folder_of_run
 from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, radars
 from .fields import (
     ActiveRadarPanel,
@@ -194,6 +195,12 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
                 row = layout.row(align=True)
                 row.label(text=text, icon="ERROR", translate=False)
                 row.prop_enum(group, "quality", "draft")
+        try:
+            folder_of_run(active_radar(context.scene))
+        except RadarSimError:
+            # An error of the operator says more; a file that was never saved is the usual cause.
+            layout.label(text="No place for the run yet", icon="ERROR")
+            layout.operator("wm.save_mainfile", text="Save the File...", icon="FILE_TICK")
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout, measurement)
 

@@ -18,7 +18,7 @@ from ...options import declared
 from ...signal.radar import Weather
 from ..headless import make_job
 from ..plan import Measurement
-from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, output_folder, settings
+from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, settings
 from ..scene import active_radar, echoes
 from .fields import (
     ActiveRadarPanel,
@@ -52,7 +52,6 @@ class RADARSIM_OT_check_scene(bpy.types.Operator):
         progress.checked = ""
         with reported(self):
             radar = active_radar(context.scene)
-            output_folder(radar)
             with tempfile.TemporaryDirectory(prefix="radarsim_check_") as folder:
                 run = Path(folder, "run")
                 with make_job(context.scene, context.view_layer, run, radar=radar) as job:

@@ -76,7 +76,9 @@ def test_a_scale_that_is_no_number_is_refused(tmp_path: Path, settings: Any, kin
 def drawn_plan(settings: Any, kind: str) -> str:
     """What the panels say of the run."""
     settings.sampling_mode = kind
-    return " ".join(recording.drawn(RADARSIM_PT_scene).texts)
+    layout = recording.drawn(RADARSIM_PT_scene)
+    said = [button.values.get("message", "") for button in layout.buttons]
+    return " ".join([*layout.texts, *said])
 
 
 @pytest.mark.parametrize("kind", ["rings", "paths"])

@@ -159,6 +159,13 @@ def test_the_check_reports_what_refuses_a_run(scene: Any, tmp_path: Path) -> Non
     assert "cannot measure" in text
 
 
+def test_a_file_that_was_never_saved_is_said_before_the_run(scene: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar()
+    assert "No place for the run yet" in recording.drawn(*recording.TAB).texts
+    settings(rig).output_folder = str(tmp_path / "run")
+    assert "No place for the run yet" not in recording.drawn(*recording.TAB).texts
+
+
 def test_without_radar_materials_the_row_says_so(scene: Any) -> None:
     radarsim.add_radar(range_encoding="materials")
     rs.add_plate(10.0)
