@@ -184,6 +184,13 @@ class PathJob(MeasurementJob):
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
 
     @property
+    def rays(self) -> int:
+        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        pixels = self._measurement.width_px * self._measurement.height_px
+        looks = len(self._measurement.frames) * self.options.visibility_updates
+        return pixels * looks * self.options.replicates * self.options.max_reflections
+
+    @property
     def _span_s(self) -> float:
         """Length of a burst [s]."""
         burst = self._measurement.burst
