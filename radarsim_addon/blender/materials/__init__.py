@@ -6,6 +6,8 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
+from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -29,6 +31,7 @@ __all__ = [
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
+    "clutter_of",
     "delays",
     "has_rough_facets",
     "interior_losses_db",
@@ -37,13 +40,18 @@ __all__ = [
     "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
+    "objects_in_walls",
+    "overlapping_shells",
     "refresh_materials",
     "roughness_of",
     "separate_averages",
+    "set_clutter",
+    "set_clutter_tables",
     "set_layer_normals",
     "settle_interiors",
     "settle_interiors_far_away",
     "slot_materials",
+    "table_files",
     "total_reflections",
     "update_materials",
 ]
