@@ -15,7 +15,7 @@ Arrays are in arrays.py, tables in antenna_table.py.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +24,15 @@ from numpy.typing import ArrayLike
 from ..array_types import Real
 from ..errors import ConfigError
 from .checks import real_array
+
+
+@cache
+def gauss_legendre(count: int) -> tuple[Real, Real]:
+    """Nodes and weights on [-1, 1], (count,) each: found once, as it takes as long as a frame."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes.setflags(write=False)
+    weights.setflags(write=False)
+    return nodes, weights
 
 
 class Antenna(Protocol):
