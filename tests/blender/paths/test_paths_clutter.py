@@ -194,8 +194,9 @@ def test_the_record_holds_how_clutter_fluctuates(tmp_path: Path) -> None:
     ph.quad("Ground", corners, material)
     run = ph.run_paths(tmp_path / "run", width_px=8, height_px=8)
     frame = open_run(run.folder).frame(1)
-    assert frame.scene is not None
-    assert frame.scene.objects[0].fluctuation == contract.FluctuationRecord(**values)
+    scene = frame.scene()
+    assert scene is not None
+    assert scene.objects[0].fluctuation == contract.FluctuationRecord(**values)
     set_clutter_fluctuation(material, motion="gaussian", motion_speed_mps=1.0)
     assert fluctuation_of([None, material]) == contract.FluctuationRecord(
         motion="gaussian", motion_speed_mps=1.0
