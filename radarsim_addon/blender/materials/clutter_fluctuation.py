@@ -15,7 +15,8 @@ from ...contract import FluctuationRecord
 from ...errors import ConfigError
 from ...physics.clutter_statistics import check_motion, check_texture
 
-_PREFIX = "radarsim_fluctuation_"
+#: Of the custom properties.
+PREFIX = "radarsim_fluctuation_"
 _FIELDS = {item.name: item.default for item in dataclasses.fields(FluctuationRecord)}
 
 
@@ -44,9 +45,9 @@ def set_clutter_fluctuation(material: Any, **values: Any) -> None:
     _checked(FluctuationRecord(**values))
     for name in _FIELDS:
         if name in values:
-            material[_PREFIX + name] = values[name]
-        elif _PREFIX + name in material:
-            del material[_PREFIX + name]
+            material[PREFIX + name] = values[name]
+        elif PREFIX + name in material:
+            del material[PREFIX + name]
 
 
 def fluctuation_of(materials: Iterable[Any]) -> FluctuationRecord | None:
@@ -67,16 +68,18 @@ def fluctuation_of(materials: Iterable[Any]) -> FluctuationRecord | None:
         A material's numbers are out of range; the message names it.
     """
     for material in materials:
-        if material is None or not any(_PREFIX + name in material for name in _FIELDS):
+        if material is None or not any(PREFIX + name in material for name in _FIELDS):
             continue
         values = {
-            name: type(default)(material.get(_PREFIX + name, default))
+            name: type(default)(material.get(PREFIX + name, default))
             for name, default in _FIELDS.items()
         }
         try:
-            return _checked(FluctuationRecord(**values))
+            record = _checked(FluctuationRecord(**values))
         except ConfigError as error:
             raise ConfigError(f"Material {material.name!r}: {error}") from error
+        if (record.texture, record.motion) != ("none", "none"):
+            return record
     return None
 
 
