@@ -31,7 +31,7 @@ _START = {
 
 
 def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, str], ...]) -> Any:
-    """A field for a custom property of the material that is one of some names; the first if absent."""
+    """A field for a custom property of the material, one of some names; the first if absent."""
     names = [item[0] for item in items]
 
     def read(settings: Any) -> int:
