@@ -10,6 +10,7 @@ from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
+from .mirrors import MirrorMaterial, mirror_of
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -26,6 +27,7 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "MirrorMaterial",
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
@@ -36,6 +38,7 @@ __all__ = [
     "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
+    "mirror_of",
     "refresh_materials",
     "roughness_of",
     "separate_averages",

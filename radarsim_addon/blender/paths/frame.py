@@ -18,7 +18,7 @@ from ... import contract
 from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import PathRows, write_table
+from ...signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows, column_groups, write_table
 from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
@@ -26,6 +26,7 @@ from ..views import ViewWindow
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
+from .mirror_paths import MirrorPaths, with_image_columns
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import (
@@ -94,7 +95,8 @@ class _Measured:
 class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
+    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `mirrors`
+    are those over which paths go to the transmitter, and
     `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
     the objects that were seen.
     """
@@ -104,13 +106,15 @@ class FrameWork:
         tracer: ViewTracer,
         motion: BurstMotion,
         hits: HitPoints,
+        mirrors: MirrorPaths,
         folder: Path,
         progress: Progress,
         no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits = hits
+        self._hits, self._mirrors = hits, mirrors
+        self._dtype = IMAGE_DTYPE if mirrors.mirrors else PATH_DTYPE
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -120,7 +124,7 @@ class FrameWork:
         asked, receiver = self._run.measurement, self._receiver
         carrier_hz = asked.waveform.carrier_hz
         self._parts = TileCheckpoints(
-            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
+            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}", self._dtype
         )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
         self._further: list[QualitySums] = []
@@ -292,6 +296,12 @@ class FrameWork:
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                if self._mirrors.mirrors:
+                    over, made = yield from self._over_mirrors(number, tile, replicate, quality)
+                    rows, renders = (
+                        np.concatenate([with_image_columns(rows), *over]),
+                        renders + made,
+                    )
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -310,6 +320,24 @@ class FrameWork:
         )
         self._parts.keep(key, record)
         return record, powers
+
+    def _over_mirrors(
+        self, number: int, tile: Tile, replicate: int, quality: QualitySums
+    ) -> Generator[PathTask, None, tuple[list[PathRows], int]]:
+        """Measure a tile replicate with each image of the transmitter: rows, and renders made."""
+        found, renders = [], 0
+        for image, place_m in enumerate(self._mirrors.images_m, start=1):
+            rows, origin_m, traced = yield from self._tracer.replicate_tasks(
+                number, tile, replicate, image
+            )
+            renders += traced.renders
+            self._motion.label(rows)
+            self._hits.refine(rows, origin_m, place_m)
+            rows, through_w = self._mirrors.choose(image, rows)
+            quality.total_w += float(rows["power_w"].sum()) + through_w
+            quality.through_mirrored_w += through_w
+            found.append(rows)
+        return found, renders
 
     # -- the table ---------------------------------------------------------------------------------
 
@@ -343,6 +371,8 @@ class FrameWork:
             table_sha256=file_sha256(table),
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
+            column_groups=column_groups(bool(self._mirrors.mirrors)),
+            images=self._mirrors.records,
             findings=self._findings(quality),
         )
         write_record(self._folder / contract.PATHS_FILE, record)
@@ -352,10 +382,14 @@ class FrameWork:
     def _write_table(self) -> int:
         """All rows with their motion; returns their number."""
         bodies = set().union(*(measured.quality.bodies for measured in self._tiles.values()))
-        self._motion.collect(bodies, self._chunks())
+        mirrors = self._mirrors.bodies
+        self._motion.images = self._mirrors.records
+        self._motion.collect(bodies | set(mirrors), self._chunks())
         self._motion.sample()
+        self._moving = [name for body, name in mirrors.items() if self._motion.moves(body)]
         table = self._folder / contract.PATHS_TABLE
-        return write_table(table, (self._motion.complete(part) for part in self._chunks()))
+        parts = (self._motion.complete(part) for part in self._chunks())
+        return write_table(table, parts, self._dtype)
 
     def _chunks(self) -> Iterator[PathRows]:
         """All rows, a part at a time."""
@@ -382,7 +416,9 @@ class FrameWork:
             findings.append(
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        findings += self._motion.findings
+        findings += self._motion.findings + self._mirrors.findings
+        if self._moving:
+            findings.append(finding("mirror-moves", *self._moving))
         # where it was not met, `stop_reason` says so
         if (
             target

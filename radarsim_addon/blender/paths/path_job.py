@@ -32,6 +32,8 @@ from ..state import Shape, evaluated_depsgraph
 from ..views import PathScene
 from .frame import FrameWork
 from .hit_points import HitPoints
+from .mirror_paths import MirrorPaths
+from .obstacles import BodyMesh
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -76,6 +78,7 @@ class PathJob(MeasurementJob):
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         foreign = _holds_foreign_materials(view_layer)
         choice = options.range_encoding
         by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
@@ -289,11 +292,22 @@ class PathJob(MeasurementJob):
             self.path_scene.all_opaque,
             self._meshes,
         )
+        mirrors = MirrorPaths(
+            motion.bodies,
+            units,
+            tracer.transmitter_m,
+            self._measurement,
+            self.options,
+            self._body_meshes,
+        )
+        tracer.images_m = mirrors.images_m
+        self.path_scene.lamps.place(mirrors.images_m / units)
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
             motion,
             hits,
+            mirrors,
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),

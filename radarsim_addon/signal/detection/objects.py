@@ -26,7 +26,7 @@ from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, edge_variances, lone_variances, usable
+from ..paths import PathRows, edge_variances, images_of, lone_variances, usable
 from ..runs import RadarFrame
 from ..scattering import Link
 
@@ -69,8 +69,12 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     """Return each row's contribution to the cross section of its object, (n,) [m^2]."""
     receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
-    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
-    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
+    first_m, last_m = rows["first_scatterer_m"], rows["last_scatterer_m"]
+    images = images_of(rows, record.images)
+    if images is not None:
+        first_m, last_m = images.unfolded(0, first_m), images.unfolded(1, last_m)
+    there = np.sum((last_m - emitter_m) ** 2, axis=-1)
+    back = np.sum((first_m - receiver_m) ** 2, axis=-1)
     # Without vertices the mean range replaces them.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)

@@ -46,6 +46,7 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
+        self._images = record.images
         pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
         self._footprints = TableFootprints(
             record,
@@ -138,7 +139,7 @@ class FrameSpeckle:
             solid_angle_sr=np.array(points["solid_angle_sr"]),
             length_m=np.array(points["length_m"]),
             range_rate_mps=np.array(points["range_rate_mps"]),
-            geometry=geometry_of(points),
+            geometry=geometry_of(points, self._images),
             motion=motion,
         )
 
