@@ -116,6 +116,23 @@ MIRRORS = {
         "the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",
     ),
+    "mirror-ways-not-in-phase": Kind(
+        "caution",
+        "The antennas are {distance_m:length} apart, or the camera is orthographic: paths back to "
+        "the receiver over mirrors are measured by themselves.",
+        "Powers of all paths are right, but paths back over a mirror do not interfere with the "
+        "direct ones.",
+        "Put both antennas in one place, and use a perspective or panoramic camera.",
+    ),
+    "mirror-lobe-narrow": Kind(
+        "caution",
+        "{subjects} scatter towards a mirror otherwise than towards the radar: their lobes are "
+        "narrower than the angle between the two ways.",
+        "Powers of all paths are right, but paths over the mirror do not interfere with direct "
+        "ones.",
+        "Nothing, if the target is strong one way alone; else give the surface a diffuse part "
+        "(Specularity 0) or a higher roughness.",
+    ),
     "mirror-way-through": Kind(
         "caution",
         "{fraction:percent} of the received power goes over a mirror and through an object that "

@@ -24,6 +24,7 @@ MODULES = (
     "energy",
     "motion",
     "weather",
+    "mirrors",
 )
 
 

@@ -10,7 +10,7 @@ from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
-from .mirrors import MirrorMaterial, mirror_of
+from .mirrors import MirrorMaterial, lobe_width, mirror_of
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -36,6 +36,7 @@ __all__ = [
     "is_entered",
     "is_physical",
     "is_rough",
+    "lobe_width",
     "make_physical_material",
     "media_beyond_their_band",
     "mirror_of",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,3 +89,45 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
     if specularity is None or specularity.default_value <= 0 or roughness > _SHARP:
         return None
     return MirrorMaterial(complex(n, kappa), float(specularity.default_value), False)
+
+
+def lobe_width(material: Any) -> float:
+    """Return the width of the narrowest lobe in which a material scatters.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    float
+        alpha of a Beckmann lobe, sqrt(2) times the RMS slope; infinite for a Lambert surface, 0
+        where it is not known.
+    """
+    node = group_node(material)
+    if node is None:
+        return _foreign_lobe_width(material)
+    specularity, roughness = (group_input(material, name) for name in (SPECULARITY, ROUGHNESS))
+    if node.node_tree.get(KIND_PROPERTY) == KIND:
+        if specularity is None:
+            return 0.0
+        if specularity.default_value == 0:
+            return math.inf
+    return 0.0 if roughness is None else float(roughness.default_value) ** 2
+
+
+def _foreign_lobe_width(material: Any) -> float:
+    """The same of a material whose output is one Diffuse or Principled BSDF."""
+    if material is None or material.node_tree is None:
+        return math.inf  # Blender's default surface
+    output = material.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Surface"].links
+    shader = links[0].from_node if links else None
+    if shader is None or shader.inputs.get("Roughness") is None:
+        return 0.0
+    if shader.bl_idname == "ShaderNodeBsdfDiffuse":
+        return math.inf
+    roughness = shader.inputs["Roughness"]
+    if shader.bl_idname != "ShaderNodeBsdfPrincipled" or roughness.is_linked:
+        return 0.0
+    return float(roughness.default_value) ** 2

@@ -23,10 +23,11 @@ from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
-from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
+from .error_budget import CellGrid, ErrorBudget, ReplicatePowers, uncertain_objects
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
-from .mirror_paths import MirrorPaths, with_image_columns
+from .mirror_paths import MirrorPaths
+from .mirror_views import MirrorViews
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import (
@@ -46,20 +47,6 @@ _ROUND_SHARE = 0.8
 _SHARE_FOR_TILES = 0.5
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
-
-
-def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) -> list[Finding]:
-    """Find objects that the error target, a mean over all of them, leaves much more uncertain."""
-    return [
-        finding(
-            "object-error-above-target",
-            names[number - 1],
-            stderr_fraction=error,
-            target_fraction=target,
-        )
-        for number, error in sorted(errors.items(), key=lambda item: -item[1])
-        if error > 2 * target
-    ]
 
 
 def _by_surface(item: Finding) -> list[Finding]:
@@ -96,9 +83,8 @@ class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `mirrors`
-    are those over which paths go to the transmitter, and
-    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
-    the objects that were seen.
+    are those that paths to and from the antennas may go over, and `progress` is told of every tile.
+    `no_echo` finds why a frame has no echo, from the names of the objects that were seen.
     """
 
     def __init__(
@@ -297,11 +283,11 @@ class FrameWork:
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
                 if self._mirrors.mirrors:
-                    over, made = yield from self._over_mirrors(number, tile, replicate, quality)
-                    rows, renders = (
-                        np.concatenate([with_image_columns(rows), *over]),
-                        renders + made,
+                    views = MirrorViews(self._tracer, self._motion, self._hits, self._mirrors)
+                    rows, made = yield from views.measure(
+                        number, tile, replicate, rows, traced, quality
                     )
+                    renders += made
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -320,24 +306,6 @@ class FrameWork:
         )
         self._parts.keep(key, record)
         return record, powers
-
-    def _over_mirrors(
-        self, number: int, tile: Tile, replicate: int, quality: QualitySums
-    ) -> Generator[PathTask, None, tuple[list[PathRows], int]]:
-        """Measure a tile replicate with each image of the transmitter: rows, and renders made."""
-        found, renders = [], 0
-        for image, place_m in enumerate(self._mirrors.images_m, start=1):
-            rows, origin_m, traced = yield from self._tracer.replicate_tasks(
-                number, tile, replicate, image
-            )
-            renders += traced.renders
-            self._motion.label(rows)
-            self._hits.refine(rows, origin_m, place_m)
-            rows, through_w = self._mirrors.choose(image, rows)
-            quality.total_w += float(rows["power_w"].sum()) + through_w
-            quality.through_mirrored_w += through_w
-            found.append(rows)
-        return found, renders
 
     # -- the table ---------------------------------------------------------------------------------
 
@@ -425,5 +393,5 @@ class FrameWork:
             and self._budget.relative_error() <= target
             and self._options.refine_for != "ranges"
         ):
-            findings += _uncertain(self._budget.object_errors(), scene.objects, target)
+            findings += uncertain_objects(self._budget.object_errors(), scene.objects, target)
         return [item.in_frame(self._tracer.frame) for item in merge(findings)]

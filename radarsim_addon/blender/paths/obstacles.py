@@ -62,11 +62,16 @@ class BodyMesh:
                 return False
         return True
 
-    def meets(self, start_m: Real, end_m: Real) -> Mask:
-        """Return whether ways (n, 3) in the shape's own axes meet the mesh, (n,)."""
+    @property
+    def tree(self) -> Any:
+        """The mesh as a tree of Blender."""
         if self._tree is None:
             self._tree = BVHTree.FromPolygons(self.vertices_m.tolist(), self.triangles.tolist())
-        cast = self._tree.ray_cast
+        return self._tree
+
+    def meets(self, start_m: Real, end_m: Real) -> Mask:
+        """Return whether ways (n, 3) in the shape's own axes meet the mesh, (n,)."""
+        cast = self.tree.ray_cast
         ways_m = end_m - start_m
         return np.array(
             [
@@ -121,8 +126,9 @@ class Obstacles:
     def block(self, start_m: Real, end_m: Real, own: Indices) -> tuple[Mask, Mask]:
         """Find what lies on ways, both ends left out.
 
-        `own` is the number of the body that each way starts on, from 1; 0: unknown. Returns whether
-        something opaque lies there, and whether only what lets power through does, (n,) each.
+        `own` is the number of the body that each way starts on, on its outer side, from 1; 0: none
+        that is known. Returns whether something opaque lies there, and whether only what lets power
+        through does, (n,) each.
         """
         way_m = end_m - start_m
         clear = np.maximum(_CLEAR, _CLEAR_M / np.maximum(norms(way_m), _CLEAR_M))[:, None]
@@ -148,6 +154,20 @@ class Obstacles:
             hit = self._meets(body, mesh, start_m[ways], end_m[ways])
             (passed if self._open[body] else opaque)[ways[hit]] = True
         return opaque, passed & ~opaque
+
+    def normals(self, points_m: Real, body: Indices) -> Real:
+        """Return normals of the bodies' surfaces (numbers from 1) at points, (n, 3); NaN: none."""
+        found = np.full(points_m.shape, np.nan)
+        for number in np.unique(body[body > 0]).tolist():
+            mesh, pose = self.mesh(number - 1), self.bodies.pose[number - 1]
+            if mesh is None or np.linalg.det(pose) == 0:
+                continue
+            mine = np.flatnonzero(body == number)
+            turn = np.linalg.inv(pose[:3, :3])
+            own = (points_m[mine] - pose[:3, 3]) @ turn.T
+            nearest = [mesh.tree.find_nearest(point)[2] for point in own.tolist()]
+            found[mine] = mesh.normals[nearest] @ turn
+        return found
 
     def _meets(self, body: int, mesh: BodyMesh, start_m: Real, end_m: Real) -> Mask:
         pose = self.bodies.pose[body]

@@ -295,7 +295,9 @@ class PathJob(MeasurementJob):
         mirrors = MirrorPaths(
             motion.bodies,
             units,
+            receiver,
             tracer.transmitter_m,
+            self.plan.extent.from_receiver_m,
             self._measurement,
             self.options,
             self._body_meshes,

@@ -26,9 +26,9 @@ from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, edge_variances, images_of, lone_variances, usable
+from ..paths import PathRows, edge_variances, has_images, lone_variances, usable
 from ..runs import RadarFrame
-from ..scattering import Link
+from ..scattering import Link, interference_factors
 
 #: Names in the message of a name that is unknown.
 _NAMES_SHOWN = 10
@@ -69,12 +69,8 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     """Return each row's contribution to the cross section of its object, (n,) [m^2]."""
     receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
-    first_m, last_m = rows["first_scatterer_m"], rows["last_scatterer_m"]
-    images = images_of(rows, record.images)
-    if images is not None:
-        first_m, last_m = images.unfolded(0, first_m), images.unfolded(1, last_m)
-    there = np.sum((last_m - emitter_m) ** 2, axis=-1)
-    back = np.sum((first_m - receiver_m) ** 2, axis=-1)
+    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
+    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
     # Without vertices the mean range replaces them.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
@@ -82,16 +78,28 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
         back = np.ones_like(back)  # its pixels are areas: they contain no 1/R^2
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
-    return np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+    found = np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+    if has_images(rows):  # of the object alone, without mirrors
+        found[rows["mirrors"] > 0] = 0.0
+    return found
 
 
 def path_power_w(
-    rows: PathRows, record: PathsRecord, carrier_hz: float, link: Link | None = None
+    rows: PathRows,
+    record: PathsRecord,
+    carrier_hz: float,
+    link: Link | None = None,
+    range_resolution_m: float = math.inf,
 ) -> Real:
-    """Return each row's received power at a carrier [W], with the gains of a link budget."""
+    """Return each row's expected power at a carrier [W], with the gains of a link budget.
+
+    Paths over one scatterer interfere as far as a range resolution does not tell them apart.
+    """
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
         power = power * link.mean_factor_of_rows(rows)
+    if has_images(rows):
+        power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
     return np.asarray(power, dtype=np.float64)
 
 
@@ -126,7 +134,8 @@ def object_echoes(
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
-    table = as_input(frame).table
+    frame_input = as_input(frame)
+    table, waveform = frame_input.table, frame_input.radar.waveform
     record = table.record
     if groups is None:
         groups = {name: [name] for name in record.objects}
@@ -136,7 +145,7 @@ def object_echoes(
         rows = np.asarray(table.rows[start:stop])
         kept = usable(rows)
         rows = rows if kept.all() else rows[kept]
-        power = path_power_w(rows, record, carrier_hz, link)
+        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m)
         sums.add_tile(rows, power, path_rcs_m2(rows, record))
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 

@@ -89,9 +89,14 @@ def test_all_four_families(tmp_path: Path, code: str) -> None:
     for way, how in ((there_m, over), (back_m, ~seen)):
         lossy = np.mean([np.abs(g) ** 2 for g in gammas(index, 2 * HEIGHT_M / way)], axis=0)
         radiance *= np.where(how, lossy, 1.0)
+    # Rows are of pixels that see the plate directly: over the mirror it looks smaller.
+    direct_m = np.linalg.norm(last_m - radar_m, axis=1)
+    radiance *= np.where(seen, 1.0, (direct_m / back_m) ** 3)
     np.testing.assert_allclose(ph.radiance(rows), radiance * 0.9998, rtol=3e-4)
     families = {(bool(a), bool(b)) for a, b in zip(over, seen, strict=True)}
     assert len(families) == 4
+    # The pixels that see the plate in the mirror would count its points a second time.
+    assert rows.size == 4 * np.count_nonzero(rows["order"] == 1)
     for name in ("last_object", "last_body"):
         assert set(rows[name]) == {2}, name
 
@@ -197,13 +202,60 @@ def test_scatterer_behind_the_mirror(tmp_path: Path) -> None:
     assert rows["last_scatterer_m"][rows["order"] == 1][:, 0].min() < -0.15
 
 
+def test_what_is_seen_in_the_mirror_alone(tmp_path: Path) -> None:
+    """A plate behind a screen: only the way over the ground on both legs is free."""
+    scene()
+    box("Screen", (-2, 35, 3.5), (2, 35.5, 5))
+    run = measure(tmp_path, pixels=256)
+    rows = run.table()
+    plate = rows[rows["last_object"] == run.record().objects.index("Plate") + 1]
+    assert plate.size
+    assert set(plate["order"]) == {3}
+    assert set(plate["receiver_image"]) == {0}  # first vertex on the mirror, as seen
+    np.testing.assert_allclose(plate["first_scatterer_m"][:, 2], 0, atol=1e-5)
+    np.testing.assert_allclose(
+        plate["length_m"],
+        2 * np.linalg.norm(plate["last_scatterer_m"] - IMAGE_M, axis=1),
+        atol=1e-4,
+    )
+
+
+def test_the_underside_is_another_point(tmp_path: Path) -> None:
+    """A level plate: its top is seen directly, its underside in the mirror."""
+    scene()
+    plate = bpy.data.objects["Plate"]
+    for vertex, (x, y) in zip(
+        plate.data.vertices, ((-2, 38), (2, 38), (2, 42), (-2, 42)), strict=True
+    ):
+        vertex.co = (x, y, 2.0)
+    rows = measure(tmp_path, pixels=256).table()
+    top = rows[rows["order"] == 1]
+    assert top.size
+    assert set(rows["order"]) == {1, 3}
+    assert np.all(rows["mirrors"][rows["order"] == 3] == 1)
+
+
+def test_narrow_lobes_are_kept_as_measured(tmp_path: Path) -> None:
+    """A glossy plate: over the mirror it scatters otherwise than towards the radar."""
+    scene()
+    plate = bpy.data.objects["Plate"]
+    plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
+    run = measure(tmp_path, pixels=256)
+    rows = run.table()
+    found = {item.code: item for item in run.record().findings}
+    assert found["mirror-lobe-narrow"].subjects == ("Plate",)
+    assert np.all(rows["receiver_image"] == 0)
+    assert np.all(rows["point"][rows["mirrors"] > 0] == 0)
+    assert {1, 2, 3} == set(rows["order"])
+
+
 def test_rows_of_the_transmitter_stay_bit_by_bit(tmp_path: Path) -> None:
     scene(view_deg=4.0)
     without = measure(tmp_path / "off", pixels=32, mirror_images=0).table()
     assert without.dtype == PATH_DTYPE
     rows = measure(tmp_path / "on", pixels=32).table()
     assert rows.size > without.size
-    own = rows[rows["transmitter_image"] == 0]
+    own = rows[rows["mirrors"] == 0]
     # The motion file has the mirror's body, too: others have other numbers.
     for column in set(PATH_DTYPE.names or ()) - {"first_body", "last_body"}:
         np.testing.assert_array_equal(own[column], without[column])
