@@ -17,6 +17,7 @@ from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import KIND as PHYSICAL_KIND
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from .clutter import clutter_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
 _SHARP = 0.0037
@@ -107,6 +108,8 @@ def lobe_width(material: Any) -> float:
     node = group_node(material)
     if node is None:
         return _foreign_lobe_width(material)
+    if clutter_of(material) is not None:  # scatters by the geometric mean of both angles
+        return math.inf
     specularity, roughness = (group_input(material, name) for name in (SPECULARITY, ROUGHNESS))
     if node.node_tree.get(KIND_PROPERTY) == KIND:
         if specularity is None:

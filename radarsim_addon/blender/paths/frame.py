@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import bpy
 import numpy as np
@@ -23,6 +22,7 @@ from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
+from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers, uncertain_objects
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
@@ -39,7 +39,7 @@ from .small_object_ranking import (
 )
 from .tile_checkpoints import TileCheckpoints, TileRecord
 from .tiles import Tile
-from .view_tracer import PathTask, ViewTracer
+from .view_tracer import PathTask, Progress, ViewTracer
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
@@ -60,16 +60,6 @@ def _by_surface(item: Finding) -> list[Finding]:
     return found + ([finding("object-without-echo", *others)] if others else [])
 
 
-class Progress(Protocol):
-    """What a frame reports while its tiles are measured."""
-
-    def add_tiles(self, count: int) -> None:
-        """Report that there are `count` tiles more than expected."""
-
-    def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """Report measured replicates of a tile; `earlier`: by an earlier session."""
-
-
 @dataclasses.dataclass(frozen=True)
 class _Measured:
     """A tile that was measured, and where its rows are."""
@@ -82,9 +72,10 @@ class _Measured:
 class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `mirrors`
-    are those that paths to and from the antennas may go over, and `progress` is told of every tile.
-    `no_echo` finds why a frame has no echo, from the names of the objects that were seen.
+    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `hits` and
+    `clutter` correct vertices and powers of rows, paths to and from the antennas may go over
+    `mirrors`, and `progress` is told of every tile. `no_echo` finds why a frame has no echo, from
+    the names of the objects that were seen.
     """
 
     def __init__(
@@ -92,6 +83,7 @@ class FrameWork:
         tracer: ViewTracer,
         motion: BurstMotion,
         hits: HitPoints,
+        clutter: ClutterWeights,
         mirrors: MirrorPaths,
         folder: Path,
         progress: Progress,
@@ -99,7 +91,7 @@ class FrameWork:
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits, self._mirrors = hits, mirrors
+        self._hits, self._clutter, self._mirrors = hits, clutter, mirrors
         self._dtype = IMAGE_DTYPE if mirrors.mirrors else PATH_DTYPE
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
@@ -140,7 +132,7 @@ class FrameWork:
     def measure(self) -> Generator[PathTask, None, str]:
         """Make all renders of the frame; return the limit that ended the refinement.
 
-        Measured tiles stay on disk until `write`: where a run is stopped, the next one takes them.
+        Where a run is stopped before `write`, call `keep_tiles`: the next one takes them.
         """
         uniform = tiles = Tile(self._whole).split(self._options.tile_px)
         if self._options.refines:
@@ -153,6 +145,10 @@ class FrameWork:
         if not self._options.refines:
             return "all tiles"
         return (yield from self._refine())
+
+    def keep_tiles(self) -> None:
+        """Leave the measured tiles on disk."""
+        self._parts.write()
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
         """Boxes of the small objects that get tiles of their own."""
@@ -264,7 +260,7 @@ class FrameWork:
     def _trace(
         self, tile: Tile, number: int, key: str
     ) -> Generator[PathTask, None, tuple[TileRecord, list[ReplicatePowers]]]:
-        """Measure a tile replicate by replicate, each written before the next one."""
+        """Measure a tile replicate by replicate."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         quality, further = QualitySums(), QualitySums()
@@ -282,8 +278,11 @@ class FrameWork:
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
                 if self._mirrors.mirrors:
-                    views = MirrorViews(self._tracer, self._motion, self._hits, self._mirrors)
+                    views = MirrorViews(
+                        self._tracer, self._motion, self._hits, self._clutter, self._mirrors
+                    )
                     rows, made = yield from views.measure(
                         number, tile, replicate, rows, traced, quality
                     )
@@ -295,7 +294,6 @@ class FrameWork:
                 self._progress.replicates_measured(1, earlier=False)
         record = TileRecord(
             rows_of,
-            part.sha256,
             quality.numbers(),
             further.numbers(),
             sorted(quality.seen),
@@ -387,6 +385,9 @@ class FrameWork:
         findings += self._motion.findings + self._mirrors.findings
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
+        if self._clutter:
+            place_m = np.array(self._receiver.matrix_world)[:3, 3]
+            findings += self._clutter.findings(self._chunks(), place_m)
         # where it was not met, `stop_reason` says so
         if (
             target

@@ -24,6 +24,7 @@ from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
+from .hit_points import HitPoints
 from .mirrors import Mirror, find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
@@ -41,6 +42,8 @@ class MirrorPaths:
     ----------
     bodies
         Of the frame; Blender must evaluate nothing else while rows are chosen.
+    hits
+        Finds normals.
     metres_per_unit
         Length of a Blender unit [m].
     receiver
@@ -58,6 +61,7 @@ class MirrorPaths:
     def __init__(
         self,
         bodies: Bodies,
+        hits: HitPoints,
         metres_per_unit: float,
         receiver: contract.ReceiverRecord,
         transmitter_m: Real,
@@ -68,7 +72,7 @@ class MirrorPaths:
     ) -> None:
         self._obstacles = Obstacles(bodies, metres_per_unit, meshes)
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
-        self._receiver = receiver
+        self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
         widths = [
             min((lobe_width(one) for one in shape.materials), default=math.inf)
@@ -200,7 +204,7 @@ class MirrorPaths:
     def _visible(self, rows: PathRows) -> Mask:
         """Whether the receiver sees last vertices from the side from which first vertices do."""
         last_m = rows["last_scatterer_m"]
-        normals = self._obstacles.normals(last_m, rows["last_body"])
+        normals = self._hits.normals(rows["last_body"], rows["first_scatterer_m"], last_m)
         sides = [
             dots(normals, place_m - last_m)
             for place_m in (rows["first_scatterer_m"], self._receiver_m)

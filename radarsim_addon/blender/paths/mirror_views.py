@@ -11,6 +11,7 @@ import numpy as np
 from ...signal.paths import PathRows
 from ..motion import BurstMotion
 from ..views import TracedReplicate
+from .clutter_weights import ClutterWeights
 from .hit_points import HitPoints
 from .mirror_paths import MirrorPaths
 from .quality import QualitySums
@@ -25,6 +26,7 @@ class MirrorViews:
     tracer: ViewTracer
     motion: BurstMotion
     hits: HitPoints
+    clutter: ClutterWeights
     mirrors: MirrorPaths
 
     def measure(
@@ -49,6 +51,7 @@ class MirrorViews:
             renders += traced.renders
             self.motion.label(found)
             self.hits.refine(found, origin_m, place_m)
+            self.clutter.apply(found, origin_m, place_m)
             found = self.mirrors.number(found, traced, image)
             found, through_w = self.mirrors.choose(image, found)
             quality.through_mirrored_w += through_w

@@ -62,16 +62,11 @@ class BodyMesh:
                 return False
         return True
 
-    @property
-    def tree(self) -> Any:
-        """The mesh as a tree of Blender."""
-        if self._tree is None:
-            self._tree = BVHTree.FromPolygons(self.vertices_m.tolist(), self.triangles.tolist())
-        return self._tree
-
     def meets(self, start_m: Real, end_m: Real) -> Mask:
         """Return whether ways (n, 3) in the shape's own axes meet the mesh, (n,)."""
-        cast = self.tree.ray_cast
+        if self._tree is None:
+            self._tree = BVHTree.FromPolygons(self.vertices_m.tolist(), self.triangles.tolist())
+        cast = self._tree.ray_cast
         ways_m = end_m - start_m
         return np.array(
             [
@@ -154,20 +149,6 @@ class Obstacles:
             hit = self._meets(body, mesh, start_m[ways], end_m[ways])
             (passed if self._open[body] else opaque)[ways[hit]] = True
         return opaque, passed & ~opaque
-
-    def normals(self, points_m: Real, body: Indices) -> Real:
-        """Return normals of the bodies' surfaces (numbers from 1) at points, (n, 3); NaN: none."""
-        found = np.full(points_m.shape, np.nan)
-        for number in np.unique(body[body > 0]).tolist():
-            mesh, pose = self.mesh(number - 1), self.bodies.pose[number - 1]
-            if mesh is None or np.linalg.det(pose) == 0:
-                continue
-            mine = np.flatnonzero(body == number)
-            turn = np.linalg.inv(pose[:3, :3])
-            own = (points_m[mine] - pose[:3, 3]) @ turn.T
-            nearest = [mesh.tree.find_nearest(point)[2] for point in own.tolist()]
-            found[mine] = mesh.normals[nearest] @ turn
-        return found
 
     def _meets(self, body: int, mesh: BodyMesh, start_m: Real, end_m: Real) -> Mask:
         pose = self.bodies.pose[body]

@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from ..views import (
     rows_of_replicate,
     trace_replicate,
 )
+from .delayed_ways import DelayedWays
 from .tiles import Tile
 
 #: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
@@ -123,8 +124,21 @@ class PathTask:
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
 
 
+class Progress(Protocol):
+    """What a frame reports while its tiles are measured."""
+
+    def add_tiles(self, count: int) -> None:
+        """Report that there are `count` tiles more than expected."""
+
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
+        """Report measured replicates of a tile; `earlier`: by an earlier session."""
+
+
 class ViewTracer:
-    """Makes the renders of one radar frame at one instant, to which the run's scene is set."""
+    """Makes the renders of one radar frame at one instant, to which the run's scene is set.
+
+    `ways` are those to the transmitter; None where nothing delays what is seen directly.
+    """
 
     def __init__(
         self,
@@ -133,6 +147,7 @@ class ViewTracer:
         instant: Instant,
         receiver: contract.ReceiverRecord,
         transmitter: contract.TransmitterRecord,
+        ways: DelayedWays | None,
     ) -> None:
         self.run, self.frame, self.instant = run, frame, instant
         self.receiver, self.transmitter = receiver, transmitter
@@ -141,6 +156,7 @@ class ViewTracer:
         self.images_m: Real = np.empty((0, 3))
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
+        self._ways = ways
 
     # -- one render --------------------------------------------------------------------------------
 
@@ -210,6 +226,7 @@ class ViewTracer:
             run.interiors.delay,
             run.interiors.sigma,
             run.interiors.absorption_sigma * run.plan.metres_per_unit,
+            None if self._ways is None else self._ways.to,
         )
         rows = rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map)
         return rows, ray_origins(traced, rays.origin_m), traced
