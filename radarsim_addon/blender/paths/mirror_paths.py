@@ -18,7 +18,7 @@ from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ...signal.motion import PathImages
 from ...signal.paths import IMAGE_DTYPE, PathFlag, PathRows
-from ...vectors import are_finite, dots, norms
+from ...vectors import are_finite, crosses, dots, norms
 from ..materials import MirrorMaterial, lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
@@ -31,6 +31,8 @@ from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
 
 #: Distance of a vertex from the mirror that it is on, over the length of its path: float32.
 _ON_MIRROR = 1e-5
+#: How far a mirrored ray passes its next vertex, over the length of the path: float32.
+_MIRRORED = 1e-4
 #: Height over a mirror, over the way to it, below which a point is on its plane.
 _LEAST_HEIGHT = 1e-6
 
@@ -194,6 +196,11 @@ class MirrorPaths:
             mine = np.flatnonzero(two & np.isin(rows["first_body"], np.unique(mirror.body)))
             first_m = rows["first_scatterer_m"][mine]
             close = np.abs(mirror.heights_m(first_m)) <= _ON_MIRROR * rows["length_m"][mine]
+            # The rest of the power of a mirror may be diffuse.
+            onward_m = rows["last_scatterer_m"][mine] - first_m
+            turned = onward_m - 2 * dots(onward_m, mirror.normal)[:, None] * mirror.normal
+            off_m = norms(crosses(turned, rows["direction"][mine]))
+            close &= off_m <= _MIRRORED * rows["length_m"][mine]
             mine, first_m = mine[close], first_m[close]
             mine = mine[mirror.triangle_at(first_m) >= 0]
             mine = mine[self._alike(rows[mine], image)]

@@ -307,3 +307,24 @@ def test_the_scene_comes_back(tmp_path: Path) -> None:
              for item in getattr(bpy.data, kind)}  # fmt: skip
     assert after == before
     assert {item.name: item.hide_render for item in bpy.data.objects} == hidden
+
+
+def test_the_diffuse_rest_of_a_mirror_stays(tmp_path: Path) -> None:
+    """Ground that mirrors half of the power and scatters the other half everywhere."""
+    scene(lambda: nodes.make_material("Half", 1e4, 1e4, 0.5, 0.0, penetrable=False), view_deg=25)
+    on = measure(tmp_path / "on", pixels=128).table()
+    off = measure(tmp_path / "off", pixels=128, mirror_images=0).table()
+
+    def scattered(rows: np.ndarray) -> float:
+        """Power of paths that scatter at the ground first and at the plate next."""
+        plate = rows["last_scatterer_m"][:, 1] > RANGE_M - 1e-3
+        ground = np.abs(rows["first_scatterer_m"][:, 2]) < 1e-4
+        way = rows["last_scatterer_m"] - rows["first_scatterer_m"]
+        up = way[:, 2] / np.maximum(np.linalg.norm(way, axis=1), 1e-9)
+        mirrored = np.abs(up + rows["direction"][:, 2]) < 1e-3
+        chosen = (rows["order"] == 2) & plate & ground & ~mirrored
+        return float(rows["power_w"][chosen].sum())
+
+    assert scattered(off) > 0
+    images = on["mirrors"] == 0
+    assert scattered(on[images]) == pytest.approx(scattered(off), rel=1e-12)
