@@ -19,6 +19,12 @@ SCENE = {
         "the carrier.",
         "Choose Radar > Material > Assign by Name, review the list, then Apply.",
     ),
+    "camera-markers": Kind(
+        "info",
+        "Markers bind other cameras to frames of the timeline: {subjects}.",
+        "The receiver is {receiver!r} at all frames of this run.",
+        "To receive with another camera, measure again with it on the transmitter's parent.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",

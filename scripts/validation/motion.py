@@ -85,6 +85,28 @@ def keyframes(bench: Bench) -> list[Check]:
     return checks
 
 
+def springs(bench: Bench) -> list[Check]:
+    """A walker at 20 m on an Elastic key: a damped spring, from the key on (Penner 2002)."""
+    new_scene(2.0)
+    plate = add_plate("Walker", facing_plate((0.0, 0.0, 0.0), 1.0), lambert(0.6))
+    _keyed(plate, [(1, 20.0), (25, 22.0)])
+    for curve in animation_curves(plate.animation_data):
+        first = curve.keyframe_points[0]
+        first.interpolation, first.easing = "ELASTIC", "EASE_OUT"
+        first.amplitude, first.period = 2.0, 0.3 * 24
+
+    def distance(time_s: Real) -> Real:
+        part = time_s * FPS / 24
+        return np.asarray(
+            20 + 2 * (2.0 ** (-10 * part) * np.sin((part - 0.075) * 2 * math.pi / 0.3) + 1)
+        )
+
+    run, times_s, lengths_m = _measure(bench, 20e3)
+    moved_m = distance(times_s) - distance(np.zeros(1))
+    speed = 2 * FPS / 24 * 10 * math.log(2)  # the sine is -1 there
+    return _checks("on an Elastic key", run, lengths_m, moved_m, speed, "Penner's spring")
+
+
 def rigid_body(bench: Bench) -> list[Check]:
     """A plate in free fall towards the radar by Blender's rigid bodies, without a bake."""
     checks = []
@@ -158,6 +180,7 @@ GROUP = Group(
     "whole frames only.",
     (
         Case("keyframes", keyframes, 20.0),
+        Case("elastic key", springs, 5.0),
         Case("rigid bodies", rigid_body, 10.0),
         Case("snapshots of rings", snapshots, 20.0),
     ),

@@ -44,6 +44,8 @@ from .samples import Sampler, SamplingPlan
 _FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
+#: The same where a fit has terms that it cannot tell from rounding, but whose slope counts.
+_MOST_AGAINST_BIAS = 1025
 #: After this time no more samples are added [s].
 _PATIENCE_S = 20.0
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
@@ -205,7 +207,8 @@ class BurstMotion:
                 sampler.take(*moment)
             grid.update(at_s for at_s, _ in moments)
             fits.fit(sorted(grid))
-            most = plan.max_samples if not fits.resolved else _MOST_AGAINST_ROUNDING
+            most = _MOST_AGAINST_BIAS if fits.biased else _MOST_AGAINST_ROUNDING
+            most = plan.max_samples if not fits.resolved else most
             if fits.accurate or count >= min(most, plan.max_samples):
                 break
             elapsed_s = time.monotonic() - start_s

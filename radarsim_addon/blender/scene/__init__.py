@@ -35,7 +35,13 @@ from .rig import (
     setup_rig,
 )
 from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
-from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
+from .visibility import (
+    hiding_is_animated,
+    is_hidden_at_times,
+    show_as_rendered,
+    show_what_ever_renders,
+    show_what_renders,
+)
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -65,6 +71,7 @@ __all__ = [
     "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",
+    "is_hidden_at_times",
     "is_simulated_body",
     "is_transmitter",
     "isolate",
@@ -80,6 +87,7 @@ __all__ = [
     "scene_extent",
     "setup_rig",
     "show_as_rendered",
+    "show_what_ever_renders",
     "show_what_renders",
     "simulation_frames",
     "suggest_materials",
