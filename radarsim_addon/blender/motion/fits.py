@@ -28,6 +28,8 @@ _TARGET_WAVELENGTHS = 2e-5
 _TARGET_ROUNDING = 0.25
 #: Standard error of a velocity that needs no more samples [wavelengths/s]: 6e-5 m/s at 77 GHz.
 _TARGET_RATE = 0.015
+#: Standard errors over the target that more samples can still bring down to it.
+_NEAR_TARGET = 4.0
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
@@ -270,9 +272,12 @@ class Fits:
 
     @property
     def biased(self) -> bool:
-        """Whether a velocity lacks terms that more samples would tell from rounding."""
+        """Whether a velocity lacks terms that four times the samples would tell from rounding."""
         target_mps = _TARGET_RATE * self._plan.wavelength_m
-        return any(motion.rate_bias_mps > target_mps for motion in self.motions)
+        return any(
+            one.rate_bias_mps > target_mps and one.rate_stderr_mps < _NEAR_TARGET * target_mps
+            for one in self.motions
+        )
 
     @property
     def noisy(self) -> bool:
