@@ -87,7 +87,7 @@ class BurstMotion:
     ) -> None:
         self.render = render
         self._show, self._rig, self._plan = show, rig, plan
-        self._motion, self._frozen = motion, motion == "off"
+        self._smooth, self._frozen = motion != "linear", motion == "off"
         self._kind = receiver_kind
         self._names = names
         self._units = plan.metres_per_unit
@@ -128,8 +128,12 @@ class BurstMotion:
         deforming: dict[str, Any] = {}
         changing: list[str] = []
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
-        for fraction in (*_CHECKS, 1.0):
-            depsgraph = self._show(self._plan.at(fraction)[1])
+        moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
+        if self._smooth and any(map(deforms_linearly_between_frames, candidates.values())):
+            # A cache may hold its vertices from frame to frame.
+            moments += self._plan.whole_frames
+        for _, moment in moments:
+            depsgraph = self._show(moment)
             for name, item in list(candidates.items()):
                 now = vertex_positions(item, depsgraph)
                 if now.shape != before[name].shape:
@@ -250,7 +254,7 @@ class BurstMotion:
 
     def _smooth_rows(self) -> set[int]:
         """Return the rows of poses to be a cubic through whole frames."""
-        if self._motion == "linear":
+        if not self._smooth:
             return set()
         scene = self._measured_scene
         return {
@@ -261,7 +265,7 @@ class BurstMotion:
 
     def _smooth_surfaces(self) -> set[str]:
         """Return the deforming surfaces to be a cubic through whole frames."""
-        if self._motion == "linear":
+        if not self._smooth:
             return set()
         surfaces = self._deformations.surfaces
         return {name for name, one in surfaces.items() if deforms_linearly_between_frames(one.item)}

@@ -94,6 +94,9 @@ class PathJob(MeasurementJob):
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
 
+    def _renders_between_frames(self) -> bool:
+        return self.options.visibility_updates > 1
+
     def _averaged_paths(self) -> str:
         if not self.deterministic:
             return "all paths, because other than Radar Materials leave them to chance"

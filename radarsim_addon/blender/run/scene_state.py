@@ -127,8 +127,9 @@ class MeasurementSettings:
         # float32 in both and no path is lost or counted twice.
         self._scene[attributes.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
         self._scene[attributes.ATTR_RING_MAX] = ring_max_m / self._plan.metres_per_unit
-        # Writing a custom property from Python does not tell Cycles; an update tag does.
-        self._scene.update_tag()
+        # Writing a custom property from Python does not tell Cycles; an update tag does. One of
+        # everything would empty the cache of rigid bodies.
+        self._scene.update_tag(refresh={"TIME"})
 
     # -- the groups of settings --------------------------------------------------------------------
 

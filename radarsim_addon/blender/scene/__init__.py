@@ -34,7 +34,12 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
+from .simulations import (
+    has_simulation_zone,
+    is_simulated_body,
+    renders_whole_frames_only,
+    simulation_frames,
+)
 from .visibility import (
     hiding_is_animated,
     is_hidden_at_times,
@@ -82,6 +87,7 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "renders_whole_frames_only",
     "replace_material",
     "rigid_pose",
     "scene_extent",
