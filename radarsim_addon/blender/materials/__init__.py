@@ -7,6 +7,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -39,6 +40,8 @@ __all__ = [
     "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
+    "objects_in_walls",
+    "overlapping_shells",
     "refresh_materials",
     "roughness_of",
     "separate_averages",

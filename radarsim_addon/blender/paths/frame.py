@@ -152,7 +152,7 @@ class FrameWork:
     def measure(self) -> Generator[PathTask, None, str]:
         """Make all renders of the frame; return the limit that ended the refinement.
 
-        Measured tiles stay on disk until `write`: where a run is stopped, the next one takes them.
+        Where a run is stopped before `write`, call `keep_tiles`: the next one takes them.
         """
         uniform = tiles = Tile(self._whole).split(self._options.tile_px)
         if self._options.refines:
@@ -165,6 +165,10 @@ class FrameWork:
         if not self._options.refines:
             return "all tiles"
         return (yield from self._refine())
+
+    def keep_tiles(self) -> None:
+        """Leave the measured tiles on disk."""
+        self._parts.write()
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
         """Boxes of the small objects that get tiles of their own."""
@@ -276,7 +280,7 @@ class FrameWork:
     def _trace(
         self, tile: Tile, number: int, key: str
     ) -> Generator[PathTask, None, tuple[TileRecord, list[ReplicatePowers]]]:
-        """Measure a tile replicate by replicate, each written before the next one."""
+        """Measure a tile replicate by replicate."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         quality, further = QualitySums(), QualitySums()
@@ -302,7 +306,6 @@ class FrameWork:
                 self._progress.replicates_measured(1, earlier=False)
         record = TileRecord(
             rows_of,
-            part.sha256,
             quality.numbers(),
             further.numbers(),
             sorted(quality.seen),

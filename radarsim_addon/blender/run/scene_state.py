@@ -23,6 +23,7 @@ from ..materials import (
     beyond_float32,
     interior_losses_db,
     media_beyond_their_band,
+    overlapping_shells,
     set_clutter_tables,
     set_layer_normals,
     settle_interiors,
@@ -33,7 +34,14 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate, show_what_ever_renders
+from ..scene import (
+    NEAR_CLIP_UNITS,
+    Rig,
+    check_meshes,
+    check_normals,
+    isolate,
+    show_what_ever_renders,
+)
 from ..state import SettingsRestorer, evaluated_depsgraph
 from .devices import failed_facts
 
@@ -334,6 +342,8 @@ class MeasurementSettings:
         return [
             *failures,
             *check_meshes(depsgraph),
+            *check_normals(depsgraph),
+            *overlapping_shells(depsgraph),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),

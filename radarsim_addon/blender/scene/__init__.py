@@ -40,6 +40,7 @@ from .simulations import (
     renders_whole_frames_only,
     simulation_frames,
 )
+from .smooth_shading import check_normals
 from .visibility import (
     hiding_is_animated,
     is_hidden_at_times,
@@ -64,6 +65,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
+    "check_normals",
     "check_poses",
     "check_vertices",
     "disabled_drivers",
