@@ -19,6 +19,21 @@ SCENE = {
         "the carrier.",
         "Choose Radar > Scene > Assign by Name, review the list, then Apply.",
     ),
+    "rendered-at-whole-frames": Kind(
+        "caution",
+        "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
+        "and soft bodies that are not baked, and cache files without Vertex Interpolation.",
+        "Range rates from two snapshots are too small for them or 0, and further renders of a "
+        "burst show them where they were.",
+        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, or "
+        "measure by paths with one render per burst.",
+    ),
+    "camera-markers": Kind(
+        "info",
+        "Markers bind other cameras to frames of the timeline: {subjects}.",
+        "The receiver is {receiver!r} at all frames of this run.",
+        "To receive with another camera, measure again with it on the transmitter's parent.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
