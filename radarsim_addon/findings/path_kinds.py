@@ -131,6 +131,14 @@ MIRRORS = {
         "in which the transmitter sees most.",
         "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
     ),
+    "mirror-pairs-left-out": Kind(
+        "caution",
+        "{count:#pair} of mirrors of {subjects} got no image of the transmitter; the most of all "
+        "images is {most}.",
+        "Paths to the transmitter over two mirrors in a row are missing. The images are of the "
+        "pairs in which the transmitter sees most.",
+        "Raise Mirror images, or lower Max reflections to 2.",
+    ),
     "mirror-curved": Kind(
         "caution",
         "{subjects} are smooth and curved.",

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from ... import contract
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import mirror_matrix
@@ -41,11 +40,6 @@ class Mirror:
     material: list[MirrorMaterial]
     objects: tuple[str, ...]
     sight_sr: float
-
-    @property
-    def record(self) -> contract.ImageRecord:
-        """As the table's sidecar has it."""
-        return contract.ImageRecord([self.normal.tolist()], [self.offset_m], list(self.objects))
 
     def image_m(self, point_m: Real) -> Real:
         """Return the image of a point, (3,) [m]."""
