@@ -319,6 +319,21 @@ class PathsRecord:
 
 
 @dataclass(frozen=True)
+class FluctuationRecord:
+    """How the clutter of a surface fluctuates, see physics.clutter_statistics.
+
+    motion_speed_mps and motion_fraction are what the kind of motion makes of them.
+    """
+
+    texture: str = "none"
+    texture_shape: float = 0.0
+    texture_length_m: float = 0.0
+    motion: str = "none"
+    motion_speed_mps: float = 0.0
+    motion_fraction: float = 0.0
+
+
+@dataclass(frozen=True)
 class ObjectRecord:
     """Where one mesh object truly is: the reference that measured ranges are compared with.
 
@@ -326,6 +341,7 @@ class ObjectRecord:
     range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
     null with one pass. collections are those that hold the object, at any depth. rms_height_m and
     correlation_length_m are those of the first of its materials that has any; null: none has.
+    fluctuation likewise.
     """
 
     name: str
@@ -336,6 +352,7 @@ class ObjectRecord:
     collections: list[str] = field(default_factory=list)
     rms_height_m: float | None = None
     correlation_length_m: float | None = None
+    fluctuation: FluctuationRecord | None = None
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ NO_ECHO = {
         "error",
         "The frame contains no echo: the materials of {subjects} reflect nothing.",
         "Emission, Background, Holdout and Transparent shaders return no light of the transmitter.",
-        "Choose Radar > Material > Assign, or use a BSDF.",
+        "Choose Radar > Scene > Assign to Selected, or use a BSDF.",
     ),
     "surfaces-return-nothing": Kind(
         "error",

@@ -7,6 +7,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
@@ -35,6 +36,7 @@ __all__ = [
     "beyond_float32",
     "clutter_of",
     "delays",
+    "fluctuation_of",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",
@@ -50,6 +52,7 @@ __all__ = [
     "roughness_of",
     "separate_averages",
     "set_clutter",
+    "set_clutter_fluctuation",
     "set_clutter_tables",
     "set_layer_normals",
     "settle_interiors",

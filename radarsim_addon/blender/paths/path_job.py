@@ -34,7 +34,7 @@ from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import no_echo_findings
+from ..scene import is_hidden_at_times, no_echo_findings
 from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
@@ -102,6 +102,9 @@ class PathJob(MeasurementJob):
     def _config_findings(self) -> list[Finding]:
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
+
+    def _renders_between_frames(self) -> bool:
+        return self.options.visibility_updates > 1
 
     def _averaged_paths(self) -> str:
         if not self.deterministic:
@@ -185,6 +188,13 @@ class PathJob(MeasurementJob):
         self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
+
+    @property
+    def rays(self) -> int:
+        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        pixels = self._measurement.width_px * self._measurement.height_px
+        looks = len(self._measurement.frames) * self.options.visibility_updates
+        return pixels * looks * self.options.replicates * self.options.max_reflections
 
     @property
     def _span_s(self) -> float:
@@ -393,7 +403,11 @@ def _assigned(view_layer: Any) -> set[Any]:
 
 def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    shown = [o for o in bpy.data.objects if o.type in SURFACE_TYPES and not o.hide_render]
+    shown = [
+        one
+        for one in bpy.data.objects
+        if one.type in SURFACE_TYPES and (not one.hide_render or is_hidden_at_times(one))
+    ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
     return not all(is_radar_material(material) for material in materials)

@@ -32,13 +32,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex, Integers, Real
-from ...contract import PathsRecord
+from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import PathRows, TableFootprints, images_of, iter_rows, scatterer_rows
 from .random_phases import hash_step
 from .surface_cells import Body, Hash, SurfaceCells
+from .surface_fluctuations import SurfaceFluctuations
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
 _FOOTPRINTS = 1.5
@@ -120,7 +121,8 @@ class SpeckleReport:
 class Scattering:
     """How n paths scatter: factors (n,) without the phase of the length over the scatterers,
     scatterers of first and last vertex, equal at order 1, (n, 3) [m], length over them minus the
-    path's own [m], and the row of the table that leads the cell.
+    path's own [m], the row of the table that leads the cell, and the range rate by the motion of
+    the clutter itself [m/s]; None: none moves.
     """
 
     factor: Complex
@@ -128,6 +130,7 @@ class Scattering:
     last_scatterer_m: Real
     longer_m: Real
     leader: NDArray[np.intp]
+    sway_mps: Real | None = None
 
 
 class SurfaceSpeckle:
@@ -136,7 +139,8 @@ class SurfaceSpeckle:
     `bodies` and `roughness` (objects left out are fully rough) go by the numbers in the table, from
     1; `body_columns` are those of first and last vertex. `resolution_m` is for statistics and the
     finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints. `footprints`
-    spreads the rows over what their pixels cover; None: rows are points.
+    spreads the rows over what their pixels cover; None: rows are points. `fluctuations` are of
+    objects whose clutter has texture or moves.
     """
 
     def __init__(
@@ -151,6 +155,7 @@ class SurfaceSpeckle:
         roughness: Mapping[int, Roughness] | None = None,
         cell_m: float | None = None,
         footprints: TableFootprints | None = None,
+        fluctuations: Mapping[int, FluctuationRecord] | None = None,
     ) -> None:
         self._table, self._footprints, self._images = table, footprints, record.images
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
@@ -170,6 +175,11 @@ class SurfaceSpeckle:
             )
         self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
         self._cells = SurfaceCells(bodies, body_columns, lengths_m, seed, self.cell_m)
+        self._fluctuations = SurfaceFluctuations(
+            self._cells, fluctuations or {}, seed, SPEED_OF_LIGHT_MPS / carrier_hz
+        )
+        #: Of each key, where there are any: texture (keys,), velocities of both vertices.
+        self._texture, self._sway_mps = np.ones(0), np.zeros((2, 0))
         self._objects = record.objects
         self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
@@ -219,7 +229,12 @@ class SurfaceSpeckle:
         single = rows["order"] == 1
         for name in ("first_scatterer_m", "last_scatterer_m"):
             rows[name][single] = places_m[single]
-        found = [self._cells.scatterers(self._cells.of(rows, first)) for first in (True, False)]
+        cells = {first: self._cells.of(rows, first) for first in (True, False)}
+        if self._fluctuations:
+            drawn = [self._fluctuations.of_vertex(rows, of, first) for first, of in cells.items()]
+            self._texture = drawn[0][0] * drawn[1][0]
+            self._sway_mps = np.stack([rates_mps for _, rates_mps in drawn])
+        found = [self._cells.scatterers(of) for of in cells.values()]
         scatterers_m = np.stack([points_m for points_m, _ in found])
         order = rows["order"]
         scatterers_m[0, order == 1] = scatterers_m[1, order == 1]
@@ -350,12 +365,23 @@ class SurfaceSpeckle:
             over_m = self._over_m[place]
         own_m = self._length_m(rows["first_scatterer_m"], rows["last_scatterer_m"], rows)
         share = np.sqrt(rows["power_w"] / self._powers[place])
+        sway_mps = None
+        if self._fluctuations:
+            share *= np.sqrt(self._texture[place])
+            if self._sway_mps.any():
+                turns = np.stack(self._turns(rows))
+                sway_mps = np.sum(self._sway_mps[:, place] * turns, axis=0) / 2
         if self._even is not None:
             factor = share * self._even[place]
         else:
             factor = self._uneven(rows, share, self._units[:, place])
         return Scattering(
-            factor, first_scatterer_m, last_scatterer_m, over_m - own_m, self._leaders[place]
+            factor,
+            first_scatterer_m,
+            last_scatterer_m,
+            over_m - own_m,
+            self._leaders[place],
+            sway_mps,
         )
 
     def _uneven(self, rows: PathRows, share: Real, units: Real) -> Complex:
