@@ -135,7 +135,9 @@ def find_blocked(
     return blocked, through & ~blocked
 
 
-def reflection(chain: ImageChain, ways: WaysOver, polarisation: str) -> tuple[Real, Real]:
+def reflection(
+    chain: ImageChain, ways: WaysOver, polarisation: str, wavelength_m: float
+) -> tuple[Real, Real]:
     """Return the fraction of the power that the mirrors reflect, and the phase, (n,) each.
 
     Each mirror is met by the polarisation of the run: what tilted ones turn into the other one is
@@ -153,7 +155,9 @@ def reflection(chain: ImageChain, ways: WaysOver, polarisation: str) -> tuple[Re
             groups.setdefault(material, []).append(index)
         for material, numbers in groups.items():
             mine = np.flatnonzero(np.isin(triangle, numbers))
-            part, turn_rad = material.reflection(incoming[mine], mirror.normal, polarisation)
+            part, turn_rad = material.reflection(
+                incoming[mine], mirror.normal, polarisation, wavelength_m
+            )
             power[mine] *= part
             phase_rad[mine] += turn_rad
         from_m = met_m

@@ -80,9 +80,10 @@ class MirrorPaths:
         #: Width of the narrowest lobe by the body's number, from 1.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
         self._reflections = options.max_reflections
+        self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
         self.mirrors, self._findings = find_mirrors(
-            self._obstacles, transmitter_m, measurement.waveform.wavelength_m, most
+            self._obstacles, transmitter_m, self._wavelength_m, most
         )
         if self._reflections == 1:
             names = [name for item in self._findings for name in item.subjects]
@@ -90,6 +91,9 @@ class MirrorPaths:
         elif self._reflections == 2 and self.mirrors:
             names = [name for mirror in self.mirrors for name in mirror.objects]
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
+        rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
+        if rough:
+            self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
@@ -152,7 +156,7 @@ class MirrorPaths:
         through_w = float(rows["power_w"][through].sum())
         free = ~(blocked | through)
         rows = rows[free]
-        power, phase_rad = reflection(chain, ways.of(free), self._polarisation)
+        power, phase_rad = reflection(chain, ways.of(free), self._polarisation, self._wavelength_m)
         rows["power_w"] *= power
         rows["mirror_phase_rad"] = -phase_rad  # echoes carry exp(+j w t)
         rows["transmitter_image"] = image

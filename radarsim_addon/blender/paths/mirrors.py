@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
@@ -49,6 +50,11 @@ class Mirror:
     def heights_m(self, points_m: Real) -> Real:
         """Return the distances of points (n, 3) from the plane, on the transmitter's side, (n,)."""
         return dots(points_m, self.normal) - self.offset_m
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether a material has an RMS height."""
+        return any(one.rms_height_m > 0 for one in self.material)
 
     @cached_property
     def _flat(self) -> tuple[Real, Real]:
@@ -188,7 +194,7 @@ def _faces(obstacles: Obstacles, transmitter_m: Real, curved: list[str]) -> _Fac
 def _brightness(material: MirrorMaterial) -> float:
     """What a mirror reflects at normal incidence."""
     along = np.array([[0.0, 0.0, -1.0]])
-    return float(material.reflection(along, -along[0], "average")[0][0])
+    return float(material.reflection(along, -along[0], "average", math.inf)[0][0])
 
 
 def _area(a: Real, b: Real) -> Real:

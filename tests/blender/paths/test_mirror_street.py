@@ -107,7 +107,7 @@ def test_all_paths_of_a_street(tmp_path: Path) -> None:
         point = start["last_scatterer_m"]
         _, field = one_way(ways(point, ()) or [])
         mine = rows[(rows["point"] == start["point"])] if start["point"] else start[None]
-        paths = {
+        paths: dict[tuple[tuple[str, ...], ...], np.ndarray] = {
             (chain_of[row["receiver_image"]], chain_of[row["transmitter_image"]]): row
             for row in mine
         }
