@@ -11,6 +11,7 @@ from .headless.session import session_folder
 from .state import follow_evaluations, ignore_evaluations
 from .ui import (
     asset_library,
+    clutter_panel,
     fixes,
     material_names,
     material_panel,
@@ -35,6 +36,7 @@ CLASSES: tuple[type, ...] = (
     *scene_panel.CLASSES,
     *panels.RUN_CLASSES,
     *material_panel.CLASSES,
+    *clutter_panel.CLASSES,
     *asset_library.CLASSES,
 )
 

@@ -19,6 +19,21 @@ SCENE = {
         "the carrier.",
         "Choose Radar > Scene > Assign by Name, review the list, then Apply.",
     ),
+    "rendered-at-whole-frames": Kind(
+        "caution",
+        "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
+        "and soft bodies that are not baked, and cache files without Vertex Interpolation.",
+        "Range rates from two snapshots are too small for them or 0, and further renders of a "
+        "burst show them where they were.",
+        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, or "
+        "measure by paths with one render per burst.",
+    ),
+    "camera-markers": Kind(
+        "info",
+        "Markers bind other cameras to frames of the timeline: {subjects}.",
+        "The receiver is {receiver!r} at all frames of this run.",
+        "To receive with another camera, measure again with it on the transmitter's parent.",
+    ),
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
@@ -30,6 +45,13 @@ SCENE = {
         "These materials scatter light below their surface: {subjects}.",
         "Their echoes are spread over larger ranges.",
         "Set Subsurface to 0 in each material.",
+    ),
+    "smooth-across-edges": Kind(
+        "caution",
+        "{subjects} are shaded smooth across sharp edges: up to {fraction:percent} of a surface "
+        "has normals that are off by more than {angle_deg:g} degrees.",
+        "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
+        "Choose Object > Shade Auto Smooth, or Shade Flat.",
     ),
     "mesh-open": Kind(
         "error",
@@ -50,6 +72,21 @@ SCENE = {
         "These objects have an interior, but their normals point inwards: {subjects}.",
         "Depths are counted outside the objects.",
         "Choose Mesh > Normals > Recalculate Outside, or Flip.",
+    ),
+    "shells-overlap": Kind(
+        "caution",
+        "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies inside "
+        "another part of the mesh.",
+        "Cycles counts the interior once where they overlap, and each face inside takes its part "
+        "of the power: what passes there comes out too weak and too near.",
+        "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
+    ),
+    "inside-a-wall": Kind(
+        "caution",
+        "Something lies within the material of a wall: {subjects}.",
+        "These walls absorb and delay at their faces, each for half of the wall, and not by the "
+        "depth inside.",
+        "Move it out, or make this wall an object of its own, a plain box near the radar.",
     ),
     "coincident-faces": Kind(
         "error",
