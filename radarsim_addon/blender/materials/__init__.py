@@ -4,7 +4,13 @@
 In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
 """
 
-from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .assignments import (
+    SURFACE_TYPES,
+    MaterialAssignment,
+    assigned_materials,
+    has_no_faces,
+    slot_materials,
+)
 from .averaging import averaging_objects, separate_averages
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
@@ -30,6 +36,7 @@ __all__ = [
     "averaging_objects",
     "beyond_float32",
     "delays",
+    "has_no_faces",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",

@@ -23,7 +23,7 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_rough_facets
+from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_no_faces, has_rough_facets
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -356,7 +356,11 @@ def _assigned(view_layer: Any) -> set[Any]:
 
 def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    shown = [o for o in bpy.data.objects if o.type in SURFACE_TYPES and not o.hide_render]
+    shown = [
+        item
+        for item in bpy.data.objects
+        if item.type in SURFACE_TYPES and not item.hide_render and not has_no_faces(item)
+    ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
     return not all(is_radar_material(material) for material in materials)
