@@ -361,7 +361,7 @@ class RunRecord:
     range_encoding_length_m: float
     extinction_length_m: float
     waveform: dict[str, Any]
-    burst: dict[str, float]
+    burst: dict[str, Any]
     blend_file: str
     fingerprint: str
     visibility_updates: int = 1

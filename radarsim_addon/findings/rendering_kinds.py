@@ -31,6 +31,13 @@ SCENE = {
         "Their echoes are spread over larger ranges.",
         "Set Subsurface to 0 in each material.",
     ),
+    "smooth-across-edges": Kind(
+        "caution",
+        "{subjects} are shaded smooth across sharp edges: up to {fraction:percent} of a surface "
+        "has normals that are off by more than {angle_deg:g} degrees.",
+        "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
+        "Choose Object > Shade Auto Smooth, or Shade Flat.",
+    ),
     "mesh-open": Kind(
         "error",
         "These objects have an interior, but their mesh is open: {subjects}.",
@@ -50,6 +57,21 @@ SCENE = {
         "These objects have an interior, but their normals point inwards: {subjects}.",
         "Depths are counted outside the objects.",
         "Choose Mesh > Normals > Recalculate Outside, or Flip.",
+    ),
+    "shells-overlap": Kind(
+        "caution",
+        "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies inside "
+        "another part of the mesh.",
+        "Cycles counts the interior once where they overlap, and each face inside takes its part "
+        "of the power: what passes there comes out too weak and too near.",
+        "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
+    ),
+    "inside-a-wall": Kind(
+        "caution",
+        "Something lies within the material of a wall: {subjects}.",
+        "These walls absorb and delay at their faces, each for half of the wall, and not by the "
+        "depth inside.",
+        "Move it out, or make this wall an object of its own, a plain box near the radar.",
     ),
     "coincident-faces": Kind(
         "error",
@@ -106,6 +128,29 @@ SCENE = {
         "{error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
         "Radar > Material > Beyond Band to Refuse.",
+    ),
+    "clutter-not-connected": Kind(
+        "caution",
+        "The clutter models of {subjects} have no effect.",
+        "Only the physical Radar Material at the output of a material, without the thickness of a "
+        "thin sheet, has a lobe for sigma0. A link at its input Clutter Row replaces the model.",
+        "Choose Use Physical Inputs in the Material tab, or set Clutter to None.",
+    ),
+    "clutter-beyond-band": Kind(
+        "caution",
+        "The carrier, {carrier_hz:frequency}, is outside the band of the clutter model {model} of "
+        "{subjects}: {low_hz:frequency} to {high_hz:frequency}.",
+        "sigma0 is extrapolated (a table holds its nearest rows), with an unknown error.",
+        "Use a model or a table for this carrier.",
+    ),
+    "clutter-too-weak": Kind(
+        "caution",
+        "From a grazing angle of {grazing_deg:.3g} degrees on, the clutter of {subjects} may be "
+        "missing: sigma0 is {sigma0_db:.3g} dB there.",
+        "Cycles drops surfaces that return less than 1e-5 of the light, so no echo of such a "
+        "clutter model is rendered. What medium and roughness return is not affected.",
+        "Nothing, where the radar sees the surface below this angle, or where other echoes are "
+        "stronger. Else use a model with more sigma0.",
     ),
     "total-reflection": Kind(
         "caution",

@@ -12,6 +12,7 @@ MODULES = (
     "radiometric",
     "spheres",
     "rough_surfaces",
+    "clutter",
     "fresnel",
     "materials",
     "slabs",

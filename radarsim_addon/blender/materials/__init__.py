@@ -12,6 +12,8 @@ from .assignments import (
     slot_materials,
 )
 from .averaging import averaging_objects, separate_averages
+from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -35,6 +37,7 @@ __all__ = [
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
+    "clutter_of",
     "delays",
     "has_no_faces",
     "has_rough_facets",
@@ -44,13 +47,18 @@ __all__ = [
     "is_rough",
     "make_physical_material",
     "media_beyond_their_band",
+    "objects_in_walls",
+    "overlapping_shells",
     "refresh_materials",
     "roughness_of",
     "separate_averages",
+    "set_clutter",
+    "set_clutter_tables",
     "set_layer_normals",
     "settle_interiors",
     "settle_interiors_far_away",
     "slot_materials",
+    "table_files",
     "total_reflections",
     "update_materials",
 ]

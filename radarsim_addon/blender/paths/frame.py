@@ -23,6 +23,7 @@ from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
+from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
@@ -94,9 +95,9 @@ class _Measured:
 class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
-    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
-    the objects that were seen.
+    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `hits` and
+    `clutter` correct vertices and powers of rows, and `progress` is told of every tile. `no_echo`
+    finds why a frame has no echo, from the names of the objects that were seen.
     """
 
     def __init__(
@@ -104,13 +105,14 @@ class FrameWork:
         tracer: ViewTracer,
         motion: BurstMotion,
         hits: HitPoints,
+        clutter: ClutterWeights,
         folder: Path,
         progress: Progress,
         no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits = hits
+        self._hits, self._clutter = hits, clutter
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -296,6 +298,7 @@ class FrameWork:
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -386,6 +389,9 @@ class FrameWork:
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
         findings += self._motion.findings
+        if self._clutter:
+            place_m = np.array(self._receiver.matrix_world)[:3, 3]
+            findings += self._clutter.findings(self._chunks(), place_m)
         # where it was not met, `stop_reason` says so
         if (
             target

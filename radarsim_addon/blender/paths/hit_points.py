@@ -188,6 +188,15 @@ class HitPoints:
 
     # -- meshes ------------------------------------------------------------------------------------
 
+    def normals(self, bodies: Indices, starts_m: Real, points_m: Real) -> Real:
+        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown."""
+        reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
+            points_m, starts_m
+        )
+        way, normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)
+        normal = np.where(np.isfinite(way)[:, None], normal, np.nan)
+        return np.asarray(normal / norms(normal)[:, None])
+
     def _hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
     ) -> tuple[Real, Real]:

@@ -23,7 +23,14 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_no_faces, has_rough_facets
+from ..materials import (
+    SURFACE_TYPES,
+    Interiors,
+    assigned_materials,
+    has_no_faces,
+    has_rough_facets,
+    objects_in_walls,
+)
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -31,6 +38,7 @@ from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import no_echo_findings
 from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
+from .clutter_weights import ClutterWeights
 from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
@@ -283,6 +291,7 @@ class PathJob(MeasurementJob):
             render=render,
         )
         depsgraph = motion.begin()
+        motion.findings += self._in_walls(depsgraph)
         receiver, transmitter = self._antenna_records(depsgraph, units)
         receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
         ways = self._delayed_ways(motion.bodies.snapshot, receiver, transmitter)
@@ -300,6 +309,12 @@ class PathJob(MeasurementJob):
             tracer,
             motion,
             hits,
+            ClutterWeights(
+                hits,
+                motion.bodies,
+                self._measurement.waveform.carrier_hz,
+                self._measurement.polarisation,
+            ),
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
@@ -320,6 +335,12 @@ class PathJob(MeasurementJob):
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
         )
+
+    def _in_walls(self, depsgraph: Any) -> list[Finding]:
+        """Find what lies in walls at this moment."""
+        items = (self.rig.camera, self.rig.emitter)
+        antennas = [item.evaluated_get(depsgraph).matrix_world.translation for item in items]
+        return objects_in_walls(depsgraph, antennas)
 
     def _delayed_ways(
         self,

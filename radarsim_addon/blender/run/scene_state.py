@@ -23,6 +23,8 @@ from ..materials import (
     beyond_float32,
     interior_losses_db,
     media_beyond_their_band,
+    overlapping_shells,
+    set_clutter_tables,
     set_layer_normals,
     settle_interiors,
     settle_interiors_far_away,
@@ -32,7 +34,7 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, isolate
+from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, check_normals, isolate
 from ..state import SettingsRestorer, evaluated_depsgraph
 from .devices import failed_facts
 
@@ -290,6 +292,9 @@ class MeasurementSettings:
         failures = update_materials(carrier_hz, self._recorder, assigned, beyond)
         in_order = sorted(assigned, key=lambda material: str(material.name_full))
         failures += media_beyond_their_band(carrier_hz, beyond, in_order)
+        failures += set_clutter_tables(
+            self._recorder, assigned, carrier_hz, measurement.polarisation
+        )
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         if measurement.polarisation == "average":
@@ -316,6 +321,8 @@ class MeasurementSettings:
         return [
             *failures,
             *check_meshes(depsgraph),
+            *check_normals(depsgraph),
+            *overlapping_shells(depsgraph),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),

@@ -35,6 +35,7 @@ from .rig import (
     setup_rig,
 )
 from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
+from .smooth_shading import check_normals
 from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
+    "check_normals",
     "check_poses",
     "check_vertices",
     "disabled_drivers",

@@ -207,9 +207,9 @@ class ResolvedOptions(ProcessOptions):
 
     @property
     def writers(self) -> tuple[str, ...]:
-        """Names of the writers of result files, pictures apart."""
+        """Names of the writers of result files, pictures and summary apart."""
         wanted = {"hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products}
-        return ("npz", "json", "csv", *(name for name, wish in wanted.items() if wish))
+        return ("npz", "csv", *(name for name, wish in wanted.items() if wish))
 
     def open(self, frame: RadarFrame) -> FrameInput:
         """Open a frame with the radar, link budget and range limits of these options.

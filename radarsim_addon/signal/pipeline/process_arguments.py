@@ -64,6 +64,7 @@ def add_process_parser(commands: Subcommands) -> None:
     add_arguments(group, cfar, *list(cfar)[1:], defaults=True)
     group = process.add_argument_group("files")
     add_arguments(group, options, *files, defaults=True)
+    group.add_argument("--again", action="store_true", help="Process frames that are done too")
     group.add_argument(
         "--allow-incomplete", action="store_true", help="Skip frames that are not all there"
     )
