@@ -66,6 +66,14 @@ SCENE = {
         "of the power: what passes there comes out too weak and too near.",
         "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
     ),
+    "rim-echoes-weak": Kind(
+        "info",
+        "Waves inside {subjects} come back from its rough rim, and this wall absorbs and delays at "
+        "its faces.",
+        "Echoes of the rim from inside are up to {power_db:.2g} dB too weak, and as late as those "
+        "of the far face.",
+        "Nearer to the radar the wall has its exact interior. Or give the rim a smooth material.",
+    ),
     "inside-a-wall": Kind(
         "caution",
         "Something lies within the material of a wall: {subjects}.",
