@@ -5,7 +5,7 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 """
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
-from .averaging import averaging_objects, separate_averages
+from .averaging import average_in_a_row, averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
@@ -29,6 +29,7 @@ __all__ = [
     "Interiors",
     "MaterialAssignment",
     "assigned_materials",
+    "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
     "clutter_of",

@@ -19,6 +19,7 @@ from ..materials import (
     EXACT_FACETS,
     Interiors,
     assigned_materials,
+    average_in_a_row,
     averaging_objects,
     beyond_float32,
     interior_losses_db,
@@ -75,6 +76,8 @@ class MeasurementSettings:
         self.findings: list[Finding] = []
         #: Objects that waves pass in the mean of two polarisations, and their index.
         self.averaging: dict[str, complex] = {}
+        #: Whether they may be passed one after the other.
+        self.averages_in_a_row = False
         #: How the interiors of objects are computed.
         self.interiors = Interiors()
         self.device_kind = "CPU"
@@ -300,6 +303,7 @@ class MeasurementSettings:
         if measurement.polarisation == "average":
             self.averaging = averaging_objects(depsgraph)
         no_layers = set_layer_normals(self._recorder, depsgraph)
+        self.averages_in_a_row = average_in_a_row(depsgraph, self.averaging)
         units, extent = self._plan.metres_per_unit, self._plan.extent
         wavelength = measurement.waveform.wavelength_m / units
         antennas = [
