@@ -66,6 +66,13 @@ SCENE = {
         "of the power: what passes there comes out too weak and too near.",
         "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
     ),
+    "pane-counts-twice": Kind(
+        "caution",
+        "{subjects} have a thin sheet on both sides of their panes.",
+        "Each face of a thin sheet is a whole pane, so these lose and delay twice.",
+        "Delete one of the two sides, or set Thin Sheet to 0 and connect Volume: a box then has "
+        "its thickness.",
+    ),
     "rim-echoes-weak": Kind(
         "info",
         "Waves inside {subjects} come back from its rough rim, and this wall absorbs and delays at "

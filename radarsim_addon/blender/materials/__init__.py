@@ -12,6 +12,7 @@ from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
+from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -34,6 +35,7 @@ __all__ = [
     "beyond_float32",
     "clutter_of",
     "delays",
+    "doubled_panes",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",
