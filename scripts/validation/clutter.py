@@ -17,6 +17,7 @@ from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0 as kirchhoff
 
 from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
+from .clutter_profiles import level_ground, sea_profile
 from .scenes import EIRP_W, Plate, acquire, add_plate, lambert, new_scene, wavelength
 
 TABLE = Path(__file__).parents[2] / "tests" / "data" / "clutter.csv"
@@ -170,10 +171,12 @@ GROUP = Group(
     "clutter",
     "Clutter",
     "Models of sigma0 against another code; sigma0 of each path of a scene against the model; and "
-    "bistatic powers and second reflections against integrals over the surfaces.",
+    "bistatic powers, second reflections and range profiles against integrals over the surfaces.",
     (
         Case("tables", against_table, 5.0, quick=True),
         Case("paths", of_paths, 30.0),
         Case("other directions", other_directions, 60.0),
+        Case("level ground", level_ground, 30.0),
+        Case("sea profile", sea_profile, 30.0),
     ),
 )

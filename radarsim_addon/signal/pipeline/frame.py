@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 from collections.abc import Generator
 
+from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
@@ -29,6 +30,7 @@ from ..echoes import (
     ReceivedSignal,
     apply_receiver,
     interpolate_renders,
+    pulses_of_render,
     render_times_s,
     synthesizer_for,
 )
@@ -117,7 +119,8 @@ def frame_steps(
             points_to=profile_sum.add,  # the points of it make the profile
             footprints=footprints,
         )
-    echo_sum = _EchoSum(frame_input, options, budget, footprints)
+    wanted = _pulses_of_update(frame_input, 0)
+    echo_sum = _EchoSum(frame_input, options, budget, footprints, wanted)
     chunks = iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps)
     for ring, chunk in enumerate(chunks):
         paths = echo_sum.add(chunk)
@@ -174,6 +177,7 @@ class _EchoSum:
         options: ResolvedOptions,
         budget: FrameBudget,
         footprints: TableFootprints | None = None,
+        wanted: Mask | None = None,
     ) -> None:
         echo_options, receiver = options.echo_options, options.receiver
         self.budget = budget
@@ -188,6 +192,7 @@ class _EchoSum:
             phase_noise_seed=receiver.phase_noise_seed,
             link=self.budget.link,
             antennas=self.budget.antennas,
+            wanted=wanted,
         )
 
     def add(self, paths: Paths) -> Paths:
@@ -205,14 +210,23 @@ def _burst_echoes(first: _EchoSum, frame_input: FrameInput, options: ResolvedOpt
     updates = len(frame_input.tables)
     if updates < 2:
         return first.result()
-    later = (_echoes_of(frame_input.of_update(n), options) for n in range(1, updates))
+    later = (_echoes_of(frame_input, n, options) for n in range(1, updates))
     parts = itertools.chain([first.result()], later)
     return interpolate_renders(parts, render_times_s(frame_input))
 
 
-def _echoes_of(frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
-    echo_sum = _EchoSum(frame_input, options, FrameBudget(frame_input, options.weather))
-    for paths in iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps):
+def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
+    """Pulses that a visibility update takes part in; None: all."""
+    if len(frame_input.tables) < 2:
+        return None
+    return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
+
+
+def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -> Echoes:
+    """Echoes of one of the later visibility updates."""
+    update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
+    echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
+    for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
         echo_sum.add(paths)
     return echo_sum.result()
 

@@ -18,7 +18,6 @@ from mathutils import Matrix
 
 from radarsim_addon.blender.materials import set_clutter
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
-from radarsim_addon.blender.scene.rig import DEFAULT_EIRP_W
 from radarsim_addon.errors import ConfigError
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -28,7 +27,7 @@ pytestmark = pytest.mark.blender
 GAMMA_DB = -15.0
 GAMMA = 10 ** (GAMMA_DB / 10)
 WAVELENGTH_M = ph.C0_MPS / 5.3e9
-LINK = DEFAULT_EIRP_W * WAVELENGTH_M**2 / (4 * math.pi) ** 3
+LINK = rs.EIRP_W * WAVELENGTH_M**2 / (4 * math.pi) ** 3
 UP = np.array([0.0, 0.0, 1.0])
 
 
