@@ -66,6 +66,13 @@ SCENE = {
         "of the power: what passes there comes out too weak and too near.",
         "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
     ),
+    "interior-not-refracted": Kind(
+        "info",
+        "Simple Radar Materials do not refract waves inside {subjects}.",
+        "What is behind a wall at a slant appears too far by up to {too_long_30_m:.2g} m of path "
+        "at 30 degrees of incidence, {too_long_60_m:.2g} m at 60 (there and back).",
+        "Give it a physical Radar Material: choose a medium in the material's panel.",
+    ),
     "pane-counts-twice": Kind(
         "caution",
         "{subjects} have a thin sheet on both sides of their panes.",

@@ -23,6 +23,7 @@ from .physical_materials import (
 )
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
+from .unrefracted import straight_interiors
 
 __all__ = [
     "EXACT_FACETS",
@@ -54,6 +55,7 @@ __all__ = [
     "settle_interiors",
     "settle_interiors_far_away",
     "slot_materials",
+    "straight_interiors",
     "table_files",
     "total_reflections",
     "update_materials",

@@ -30,6 +30,7 @@ from ..materials import (
     set_layer_normals,
     settle_interiors,
     settle_interiors_far_away,
+    straight_interiors,
     total_reflections,
     update_materials,
 )
@@ -329,6 +330,7 @@ class MeasurementSettings:
             *check_normals(depsgraph),
             *overlapping_shells(depsgraph),
             *doubled_panes(depsgraph, units),
+            *straight_interiors(depsgraph, units),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),
