@@ -81,6 +81,28 @@ SCENE = {
         "of the power: what passes there comes out too weak and too near.",
         "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
     ),
+    "interior-not-refracted": Kind(
+        "info",
+        "Simple Radar Materials do not refract waves inside {subjects}.",
+        "What is behind a wall at a slant appears too far by up to {too_long_30_m:.2g} m of path "
+        "at 30 degrees of incidence, {too_long_60_m:.2g} m at 60 (there and back).",
+        "Give it a physical Radar Material: choose a medium in the material's panel.",
+    ),
+    "pane-counts-twice": Kind(
+        "caution",
+        "{subjects} have a thin sheet on both sides of their panes.",
+        "Each face of a thin sheet is a whole pane, so these lose and delay twice.",
+        "Delete one of the two sides, or set Thin Sheet to 0 and connect Volume: a box then has "
+        "its thickness.",
+    ),
+    "rim-echoes-weak": Kind(
+        "info",
+        "Waves inside {subjects} come back from its rough rim, and this wall absorbs and delays at "
+        "its faces.",
+        "Echoes of the rim from inside are up to {power_db:.2g} dB too weak, and as late as those "
+        "of the far face.",
+        "Nearer to the radar the wall has its exact interior. Or give the rim a smooth material.",
+    ),
     "inside-a-wall": Kind(
         "caution",
         "Something lies within the material of a wall: {subjects}.",

@@ -11,7 +11,7 @@ from .assignments import (
     has_no_faces,
     slot_materials,
 )
-from .averaging import averaging_objects, separate_averages
+from .averaging import average_in_a_row, averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
@@ -20,6 +20,7 @@ from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .mirrors import MirrorMaterial, lobe_width, mirror_of
+from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -30,6 +31,7 @@ from .physical_materials import (
 )
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
+from .unrefracted import straight_interiors
 
 __all__ = [
     "EXACT_FACETS",
@@ -38,10 +40,12 @@ __all__ = [
     "MaterialAssignment",
     "MirrorMaterial",
     "assigned_materials",
+    "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
     "clutter_of",
     "delays",
+    "doubled_panes",
     "fluctuation_of",
     "has_no_faces",
     "has_rough_facets",
@@ -65,6 +69,7 @@ __all__ = [
     "settle_interiors",
     "settle_interiors_far_away",
     "slot_materials",
+    "straight_interiors",
     "table_files",
     "total_reflections",
     "update_materials",

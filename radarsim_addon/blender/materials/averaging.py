@@ -5,13 +5,16 @@ mean at each of them and not at the end of the way."""
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from functools import cache
 from typing import Any
 
 from ...findings import Finding, finding
 from ...physics.slab import slab_power
+from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.physical_material import EXTINCTION, INDEX
+from ..state import take_snapshot
 from .assignments import assigned_materials
 from .layers import passes_by_polarisation
 
@@ -36,6 +39,35 @@ def averaging_objects(depsgraph: Any) -> dict[str, complex]:
         if indices:
             found[item.name] = max(indices, key=abs)
     return found
+
+
+def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
+    """Return whether waves may pass several walls of these objects one after the other.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date; layer normals are set.
+    objects
+        Names, from `averaging_objects`.
+
+    Returns
+    -------
+    bool
+        Also for one object that consists of several walls, or has several instances.
+    """
+    snapshot = take_snapshot(depsgraph)
+    shapes = [shape.original for shape in snapshot.shapes]
+    ours = snapshot.of_shapes([item.name in objects for item in shapes])
+    several = (
+        attributes.OBJECT_SHELL_THICKNESS in item
+        or (
+            attributes.OBJECT_LAYER_NORMAL in item and attributes.OBJECT_LAYER_THICKNESS not in item
+        )
+        for item in shapes
+        if item.name in objects
+    )
+    return int((ours & snapshot.layout.visible).sum()) > 1 or any(several)
 
 
 def separate_averages(objects: dict[str, complex], paths: str) -> Finding:

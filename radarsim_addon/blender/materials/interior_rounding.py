@@ -19,11 +19,18 @@ from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
-from ..nodes.physical_material import EXTINCTION
-from ..nodes.radar_material import INDEX
+from ..nodes.physical_material import EXTINCTION, SMOOTH_BELOW
+from ..nodes.radar_material import INDEX, ROUGHNESS
 from ..state import SettingsRestorer, evaluated_objects
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials
-from .layers import FACES_LOSS_DB, MAX_LOSS_DB, delays, is_entered, two_planes
+from .layers import (
+    FACES_LOSS_DB,
+    MAX_LOSS_DB,
+    delays,
+    is_entered,
+    rim_fraction,
+    two_planes,
+)
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Standard deviation of a depth, in float32 roundings of the distance (rms of walls at 5 and 20 km,
@@ -35,6 +42,8 @@ _ABSORPTION_ROUNDINGS = 2.0
 #: Errors of an echo through one object, from which on its faces take the place of its volume, or
 #: it is named: two-way power [dB], and two-way length [wavelengths].
 _TOLERANCE_DB, _TOLERANCE_WAVELENGTHS = 0.005, 0.02
+#: Fraction of a wall's surface that is its rim from which on its echoes from inside are named.
+_LEAST_RIM = 0.01
 #: Part of a wall's thickness by which others may reach into it and still only touch it.
 _TOUCHING = 1e-3
 
@@ -121,6 +130,7 @@ def settle_interiors_far_away(
         errors[one.item.name_full] = one.item, error
         if _matters(error, wavelength) and _is_wall(one, depsgraph, loss_db):
             walls.append(one.item)
+    rims = []
     if walls:
         boxes = _Boxes(depsgraph)
         for item in walls:
@@ -130,6 +140,9 @@ def settle_interiors_far_away(
                 )
                 item.update_tag()
                 del errors[item.name_full]
+                if _echoes_from_its_rim(item, depsgraph):
+                    loss_db = losses_db.get(item.name, 0.0)
+                    rims.append(finding("rim-echoes-weak", item.name, power_db=loss_db))
     found = [
         finding(
             "interior-rounded",
@@ -140,6 +153,7 @@ def settle_interiors_far_away(
         for item, error in errors.values()
         if _matters(error, wavelength)
     ]
+    found += rims
     left = [error for _, error in errors.values()]
     sigma = max((error.by_depth for error in left), default=0.0)
     return Interiors(
@@ -187,6 +201,15 @@ def _is_wall(one: MaterialAssignment, depsgraph: Any, loss_db: float) -> bool:
         return False
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return loss_db <= FACES_LOSS_DB and two_planes(item, depsgraph, normal) is not None
+
+
+def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
+    """Whether a rough wall has a rim that counts: waves inside it come back from there."""
+    roughness = (_value(slot.material, ROUGHNESS) for slot in item.material_slots)
+    normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
+    return max(roughness, default=0.0) > SMOOTH_BELOW and (
+        rim_fraction(item, depsgraph, normal) > _LEAST_RIM
+    )
 
 
 def _middle(item: Any, depsgraph: Any) -> float:

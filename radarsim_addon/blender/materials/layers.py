@@ -137,6 +137,19 @@ def two_planes(
     return (low, high) if area[outer].sum() >= least_fraction * area.sum() else None
 
 
+def rim_fraction(item: Any, depsgraph: Any, normal: Real) -> float:
+    """Return the fraction of a layer's surface that is not across its normal (own axes)."""
+    faces = _faces(item, depsgraph, normal=3, area=1)
+    if faces is None:
+        return 0.0
+    linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+    to_world = np.linalg.inv(linear)
+    vectors, across = faces["normal"] * faces["area"] @ to_world, normal @ to_world
+    areas = np.linalg.norm(vectors, axis=1)
+    rim = np.abs(vectors @ across) < (1 - PARALLEL**2 / 2) * areas * np.linalg.norm(across)
+    return float(areas[rim].sum() / max(areas.sum(), 1e-300))
+
+
 def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
     """Set what is known of the walls of each object with a penetrable physical material.
 

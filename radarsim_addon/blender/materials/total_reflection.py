@@ -22,9 +22,9 @@ from .assignments import assigned_materials
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
 _TRIANGLES = 500
-#: Fraction of the entering waves above which an object is named: 0.02 dB, as walls are known to;
-#: and above which it is a caution: 0.2 dB. Rims of walls cause up to a hundredth, facets of round
-#: objects a few (sphere of 128 segments: 0.012 at an index of 2.3).
+#: Fraction of the entering waves that objects without a name may have together: 0.02 dB, as walls
+#: are known to; and that above which one is a caution: 0.2 dB. Rims of walls cause up to a
+#: hundredth, facets of round objects a few (sphere of 128 segments: 0.012 at an index of 2.3).
 _LEAST_FRACTION, _DANGER = 0.005, 0.05
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
@@ -47,7 +47,7 @@ def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
     list of Finding
         One ``total-reflection`` per object, with its index and fraction.
     """
-    found = []
+    found: dict[str, tuple[float, float]] = {}
     is_inside = cache(has_interior)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     for item, materials in assigned_materials(depsgraph):
@@ -57,10 +57,18 @@ def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
         sockets = [group_input(material, INDEX) for material in entered]
         index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
         fraction = 0.0 if index <= 1 else _reflected(item, depsgraph, index, places)
-        if fraction > _LEAST_FRACTION:
-            said = finding("total-reflection", item.name, fraction=fraction, index=index)
-            found.append(said if fraction > _DANGER else said.as_information())
-    return found
+        found[item.name] = fraction, index
+    # what is not said stays below this in the sum: waves may pass all of them
+    unsaid = 0.0
+    for name, (fraction, _) in sorted(found.items(), key=lambda one: one[1]):
+        unsaid += fraction
+        if unsaid <= _LEAST_FRACTION:
+            del found[name]
+    said = []
+    for name, (fraction, index) in found.items():
+        one = finding("total-reflection", name, fraction=fraction, index=index)
+        said.append(one if fraction > _DANGER else one.as_information())
+    return said
 
 
 def _reflected(

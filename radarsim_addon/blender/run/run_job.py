@@ -320,9 +320,8 @@ class MeasurementJob:
         if stuck and self._renders_between_frames():
             found.append(finding("rendered-at-whole-frames", *stuck))
         assert self._settings is not None
-        averaging = self._settings.averaging
-        if len(averaging) > 1 and self._averaged_paths():
-            found.append(separate_averages(averaging, self._averaged_paths()))
+        if self._settings.averages_in_a_row and self._averaged_paths():
+            found.append(separate_averages(self._settings.averaging, self._averaged_paths()))
         return found
 
     def _renders_between_frames(self) -> bool:

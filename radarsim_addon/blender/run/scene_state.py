@@ -19,8 +19,10 @@ from ..materials import (
     EXACT_FACETS,
     Interiors,
     assigned_materials,
+    average_in_a_row,
     averaging_objects,
     beyond_float32,
+    doubled_panes,
     interior_losses_db,
     media_beyond_their_band,
     overlapping_shells,
@@ -28,6 +30,7 @@ from ..materials import (
     set_layer_normals,
     settle_interiors,
     settle_interiors_far_away,
+    straight_interiors,
     total_reflections,
     update_materials,
 )
@@ -82,6 +85,8 @@ class MeasurementSettings:
         self.findings: list[Finding] = []
         #: Objects that waves pass in the mean of two polarisations, and their index.
         self.averaging: dict[str, complex] = {}
+        #: Whether they may be passed one after the other.
+        self.averages_in_a_row = False
         #: How the interiors of objects are computed.
         self.interiors = Interiors()
         self.device_kind = "CPU"
@@ -321,6 +326,7 @@ class MeasurementSettings:
         if measurement.polarisation == "average":
             self.averaging = averaging_objects(depsgraph)
         no_layers = set_layer_normals(self._recorder, depsgraph)
+        self.averages_in_a_row = average_in_a_row(depsgraph, self.averaging)
         units, extent = self._plan.metres_per_unit, self._plan.extent
         wavelength = measurement.waveform.wavelength_m / units
         antennas = [
@@ -344,6 +350,8 @@ class MeasurementSettings:
             *check_meshes(depsgraph),
             *check_normals(depsgraph),
             *overlapping_shells(depsgraph),
+            *doubled_panes(depsgraph, units),
+            *straight_interiors(depsgraph, units),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),

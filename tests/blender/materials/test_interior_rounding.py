@@ -193,6 +193,22 @@ def test_what_faces_cannot_stand_for_is_named() -> None:
     assert [name for name, at_faces in cases.items() if at_faces] == ["plain", "touched"]
 
 
+@pytest.mark.parametrize(
+    ("slope", "width_m", "named"), [(0.3, 2.0, 1), (0.0, 2.0, 0), (0.3, 90.0, 0)]
+)
+def test_echoes_of_a_rough_rim_are_named(slope: float, width_m: float, named: int) -> None:
+    rs.new_scene()
+    item = wall(2000.0, 0.0, (width_m, 0.4, width_m))
+    item.data.materials[0] = make_physical_material(
+        "Rough", "index", carrier_hz=CARRIER_HZ, n=2.3, k=0.01, rms_slope=slope
+    )
+    said = settled().findings
+    assert [one.code for one in said] == ["rim-echoes-weak"] * named
+    if named:
+        loss_db = 2 * 4 * math.pi * 0.01 / WAVELENGTH_M * 0.4 * 10 / math.log(10)
+        assert said[0].numbers["power_db"] == pytest.approx(loss_db, rel=1e-3)
+
+
 def test_near_walls_keep_their_volume() -> None:
     rs.new_scene()
     wall(20.0)

@@ -181,6 +181,29 @@ def test_walls_that_average_separately_are_said(
         assert item.numbers[f"loss_{angle_deg:.0f}_db"] == pytest.approx(loss_db, rel=1e-4)
 
 
+@pytest.mark.parametrize("kind", ["plate", "room", "instances"])
+def test_walls_of_one_object_average_separately_too(tmp_path: Path, kind: str) -> None:
+    rs.new_scene()
+    ph.field_of_view(2.0)
+    rs.add_plate(60.0)
+    if kind == "room":
+        room((10.0, 10.0, 10.0), 30.0, 0.2, 4.2)
+    else:
+        slab(20.0, 0.05, 30.0, medium("Wall", 4.2))
+    if kind == "instances":
+        collection, item = bpy.data.collections.new("Asset"), bpy.data.objects["Wall"]
+        collection.objects.link(item)
+        bpy.context.scene.collection.objects.unlink(item)
+        for y in (0.0, 15.0):
+            shown = bpy.data.objects.new("Instance", None)
+            shown.instance_type, shown.instance_collection = "COLLECTION", collection
+            shown.location.y = y
+            bpy.context.scene.collection.objects.link(shown)
+    run = ph.run_paths(tmp_path, width_px=4, height_px=4, options={"max_reflections": 2})
+    said = [one for one in run.job.findings if one.code == "walls-averaged-separately"]
+    assert len(said) == (kind != "plate")
+
+
 def room(
     size: tuple[float, float, float], turn_deg: float, thickness_m: float, eps: complex
 ) -> Any:
