@@ -12,11 +12,13 @@ from .state import follow_evaluations, ignore_evaluations
 from .ui import (
     asset_library,
     clutter_panel,
+    fixes,
     material_names,
     material_panel,
     operators,
     panels,
     preset_menu,
+    scene_panel,
 )
 from .ui import link_budget_panel as system_panel
 
@@ -24,9 +26,12 @@ from .ui import link_budget_panel as system_panel
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
     *preset_menu.CLASSES,
+    *fixes.CLASSES,
     *material_names.CLASSES,
     *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
+    panels.RADARSIM_PT_waveform,
+    *scene_panel.CLASSES,
     *panels.RUN_CLASSES,
     *material_panel.CLASSES,
     *clutter_panel.CLASSES,

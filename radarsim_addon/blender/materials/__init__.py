@@ -13,6 +13,7 @@ from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
+from .mirrors import MirrorMaterial, lobe_width, mirror_of
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -29,6 +30,7 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "MirrorMaterial",
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
@@ -40,8 +42,10 @@ __all__ = [
     "is_entered",
     "is_physical",
     "is_rough",
+    "lobe_width",
     "make_physical_material",
     "media_beyond_their_band",
+    "mirror_of",
     "objects_in_walls",
     "overlapping_shells",
     "refresh_materials",

@@ -52,6 +52,7 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
+        self._images = record.images
         self._footprints = footprints or table_footprints(frame_input)
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
@@ -169,7 +170,7 @@ class FrameSpeckle:
             solid_angle_sr=np.array(points["solid_angle_sr"]),
             length_m=np.array(points["length_m"]),
             range_rate_mps=np.array(points["range_rate_mps"]),
-            geometry=geometry_of(points),
+            geometry=geometry_of(points, self._images),
             motion=motion,
         )
 
