@@ -104,6 +104,10 @@ class Weather:
             eta = rain_reflectivity_per_m(carrier_hz, self.rain_mm_per_h)
             level_db = float(10 * np.log10(eta))
             rate = self.rain_mm_per_h
-            code = "rain-echo" if self.rain_echo else "rain-echo-left-out"
-            found.append(finding(code, rain_mm_per_h=rate, reflectivity_db=level_db))
+            numbers = {"rain_mm_per_h": rate, "reflectivity_db": level_db}
+            found.append(
+                finding("rain-echo", **numbers)
+                if self.rain_echo
+                else finding("rain-echo-left-out", **numbers)
+            )
         return found

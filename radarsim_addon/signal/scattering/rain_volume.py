@@ -93,7 +93,22 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
 
 
 def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
-    """Return rows of `rain_rows` as paths with random phases and constant range rates."""
+    """Return points of rain as paths with random phases and constant range rates.
+
+    Parameters
+    ----------
+    rows
+        From `rain_rows`, (n,).
+    frame_input
+        Their frame.
+    seed
+        Of the phases.
+
+    Returns
+    -------
+    Paths
+        (n,).
+    """
     phases = np.exp(2j * np.pi * _draws(rows.size, seed ^ 0x5DEECE66D)[0])
     paths = make_paths(
         radiance_of(rows, frame_input.table.record),
