@@ -52,12 +52,21 @@ PROCESSING = {
         "Rain, fog or gases were asked for. Cross sections are those in clear air.",
         "For clear air, leave the weather options out.",
     ),
+    "rain-echo": Kind(
+        "info",
+        "Rain of {rain_mm_per_h:g} mm/h returns {reflectivity_db:.1f} dB m^2/m^3 within the field "
+        "of view.",
+        "Beyond the field of view, behind surfaces and by way of them it returns nothing here. "
+        "Directions without an echo (sky, mirrors) are open.",
+        "For targets alone, leave the option Rain echo out.",
+    ),
     "rain-echo-left-out": Kind(
         "caution",
         "Rain of {rain_mm_per_h:g} mm/h attenuates the paths, but its own echo is left out.",
         "Its drops would return {reflectivity_db:.1f} dB m^2/m^3: that much cross section from "
         "each cubic metre of a resolution cell.",
-        "Compare the targets' cross sections with reflectivity times volume of the cell.",
+        "Compare the targets' cross sections with reflectivity times volume of the cell, or set "
+        "the option Rain echo.",
     ),
     "range-ambiguous-paths": Kind(
         "caution",

@@ -9,11 +9,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import cast
 
+import numpy as np
+
 from radarsim_addon.physics.rain_echo import rain_reflectivity_per_m
 from radarsim_addon.physics.weather import Polarisation
+from radarsim_addon.signal import open_run
+from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.radar import Weather
+from radarsim_addon.signal.scattering import rain_rows
 
-from .case import Bench, Case, Check, Group, absolute_check, worst_of
+from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
+from .scenes import EIRP_W, Plate, acquire, add_plate, lambert, new_scene, wavelength
 
 TABLE = Path(__file__).parents[2] / "tests" / "data" / "weather.csv"
 _TITLES = {
@@ -61,6 +67,41 @@ def _rain_echo(row: dict[str, str]) -> Check:
     )
 
 
+def rain_volume(bench: Bench) -> list[Check]:
+    """Power of rain in the view, before and beside a plate, and its mean Doppler velocity."""
+    new_scene(4.0)
+    add_plate("Wall", Plate(np.array([-200.0, 800, 0]), _across(400.0), _up(400.0)), lambert(1.0))
+    weather = Weather(rain_mm_per_h=10.0, rain_echo=True, wind_y_mps=8.0)
+    run = acquire(bench, 64, 1, carrier_hz=9.65e9, prf_hz=2000.0)
+    frame = open_frame(open_run(run.folder).frame(1), range_limits_m=(100.0, 1500.0))
+    rows = rain_rows(frame, weather, 0)
+    range_m, right = rows["length_m"] / 2, run.record.receiver.right
+    solid_sr = 4 * math.asin(right**2 / (1 + right**2))
+    link = EIRP_W * wavelength(9.65e9) ** 2 / (4 * math.pi) ** 3
+    eta = rain_reflectivity_per_m(9.65e9, 10.0)
+    checks = []
+    for start_m, stop_m, part in ((200.0, 700.0, 1.0), (900.0, 1400.0, 0.5)):
+        inside = (range_m > start_m) & (range_m < stop_m)
+        expected = link * eta * solid_sr * part * (1 / start_m - 1 / stop_m)
+        name = f"echo of rain, {start_m:g} to {stop_m:g} m, {part:.0%} of the view open"
+        found = float(rows["power_w"][inside].sum())
+        checks.append(power_check(name, expected, found, 0.15, "integral over the volume"))
+    mean_mps = float(np.average(rows["range_rate_mps"], weights=rows["power_w"]))
+    source = "wind along a level view"
+    checks.append(
+        absolute_check("mean range rate of rain", 8.0, mean_mps, 0.08, source, unit="m/s")
+    )
+    return checks
+
+
+def _across(length_m: float) -> np.ndarray:
+    return np.array([length_m, 0.0, 0.0])
+
+
+def _up(length_m: float) -> np.ndarray:
+    return np.array([0.0, 0.0, length_m])
+
+
 def _label(row: dict[str, str]) -> str:
     rain = f", {_rate(row):g} mm/h" if "mm_per_h" in row["parameters"] else ""
     return f"{row['frequency_ghz']} GHz{rain} {row['polarisation']}".rstrip()
@@ -85,5 +126,8 @@ GROUP = Group(
     "weather",
     "Weather",
     "What rain and gases take of a kilometre of path, and what rain returns.",
-    (Case("tables", against_table, 10.0, quick=True),),
+    (
+        Case("tables", against_table, 10.0, quick=True),
+        Case("echo of rain", rain_volume, 15.0),
+    ),
 )

@@ -41,7 +41,7 @@ def dump(tree: Any) -> str:
                 link = socket.links[0]
                 source = f"{link.from_node.name!r}"
                 if len([s for s in link.from_node.outputs if s.enabled]) > 1:
-                    source += f".{link.from_socket.name}"
+                    source += f".{_today(link.from_socket.name)}"
                 lines.append(f"    {_label(node, index)} <- {source}")
             elif _matters(node, index):
                 lines.append(f"    {_label(node, index)} = {_value(socket)}")
@@ -51,8 +51,12 @@ def dump(tree: Any) -> str:
 def _label(node: Any, index: int) -> str:
     name = node.inputs[index].name
     same = sum(socket.name == name for socket in node.inputs)
-    shown = "Factor" if name == "Fac" else name  # Blender 5.2 renamed some
-    return f"{shown}[{index}]" if same > 1 else shown
+    return f"{_today(name)}[{index}]" if same > 1 else _today(name)
+
+
+def _today(name: str) -> str:
+    """A socket's name as Blender 5.2 has it, which renamed some."""
+    return "Factor" if name == "Fac" else name
 
 
 def _matters(node: Any, index: int) -> bool:

@@ -92,6 +92,7 @@ def expected_power(
     link: Link | None = None,
     points_to: Callable[[Paths], None] | None = None,
     footprints: TableFootprints | None = None,
+    volume: PathRows | None = None,
 ) -> ExpectedPower:
     """Compute the expected power of a frame of paths, on cells finer than the samples.
 
@@ -111,6 +112,8 @@ def expected_power(
         Called with the points that the paths are spread over, as paths of their own.
     footprints
         Takes the steps from ray to ray, which it then need not find again.
+    volume
+        Points of the air that return power, too, see :func:`.scattering.rain_rows`. None: none.
 
     Returns
     -------
@@ -132,6 +135,8 @@ def expected_power(
     smeared = _Smearing(radar, range_taper, doppler_taper, cells, cells_per_sample)
     sums = _TableSums(frame_input, cells, range_taper, receiver_gain, link, points_to, footprints)
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
+    if volume is not None and volume.size:
+        sums.add_volume(volume)
     for views in views_by_replicate(table.rows, table.record.replicates):
         for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
             total.add(values)
@@ -171,6 +176,7 @@ class _TableSums:
         self._band = waveform.carrier_hz, waveform.range_resolution_m, range_taper
         self._scale = receiver_gain * (self._record.carrier_hz / radar.waveform.carrier_hz) ** 2
         self.finer = np.zeros(cells.pulses * cells.ranges)
+        self._volume = np.zeros(self.finer.size)
         self.gaps = _Gaps(
             frame_input.range_limits_m,
             radar.waveform.range_resolution_m * self._record.replicates,
@@ -178,10 +184,22 @@ class _TableSums:
 
     def replicate(self, views: Iterable[tuple[Indices, PathRows]]) -> Real:
         """Powers in cells from the views of one replicate, (pulses x ranges,)."""
-        grid = np.zeros(self.finer.size)
+        grid = self._volume.copy()
         for number, rows in views:
             self._add_view(grid, number, rows)
         return grid
+
+    def add_volume(self, rows: PathRows) -> None:
+        """Add points that are the same in all replicates, before those."""
+        gain = self._gain(rows)
+        points = Points(
+            np.arange(rows.size), rows["length_m"], rows["range_rate_mps"], np.ones(rows.size)
+        )
+        for grid in (self._volume, self.finer):
+            self._cells.add(grid, points, self._scale * gain * rows["power_w"])
+        if self._points_to is not None:
+            radiance = gain * radiance_of(rows, self._record) * rows["solid_angle_sr"]
+            self._points_to(make_paths(radiance, np.array(rows["length_m"])))
 
     def _add_view(self, grid: Real, number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells

@@ -47,10 +47,10 @@ from ..maps import (
     range_doppler,
     range_process,
 )
-from ..paths import Paths, TableFootprints
+from ..paths import PathRows, Paths, TableFootprints
 from ..radar import Weather, find_suspicious_parameters
 from ..results import FrameResult
-from ..scattering import FrameSpeckle, table_footprints
+from ..scattering import FrameSpeckle, rain_paths, rain_rows, table_footprints
 from .options import ResolvedOptions
 
 #: Carriers that differ by more than this are worth a word about materials.
@@ -108,7 +108,7 @@ def frame_steps(
     budget = FrameBudget(frame_input, options.weather)
     speckled = frame_input.tables and options.echo_options.speckle_seed is not None
     footprints = table_footprints(frame_input) if speckled else None
-    expected = None
+    expected, rain = None, _rain(frame_input, options)
     if spread:
         expected = expected_power(
             frame_input,
@@ -118,6 +118,7 @@ def frame_steps(
             link=budget.link,
             points_to=profile_sum.add,  # the points of it make the profile
             footprints=footprints,
+            volume=rain,
         )
     wanted = _pulses_of_update(frame_input, 0)
     echo_sum = _EchoSum(frame_input, options, budget, footprints, wanted)
@@ -130,6 +131,7 @@ def frame_steps(
             profile_sum.add(paths)
         if not frame_input.tables:
             yield f"frame {number}: ring {ring + 1} of {frame_input.frame.rings}"
+    echo_sum.add_rain(rain)
     received = apply_receiver(_burst_echoes(echo_sum, frame_input, options), options.receiver)
     compressed, rd_map = _compressed_and_map(received.echoes, options)
     profile = profile_sum.result()
@@ -180,6 +182,7 @@ class _EchoSum:
         wanted: Mask | None = None,
     ) -> None:
         echo_options, receiver = options.echo_options, options.receiver
+        self._input, self._options = frame_input, options
         self.budget = budget
         self.speckle = FrameSpeckle(
             frame_input, echo_options.speckle_seed, options.speckle_cell_size_m, footprints
@@ -200,6 +203,12 @@ class _EchoSum:
         paths = self.budget.apply(paths)
         self._synthesizer.add(self.speckle.apply(paths))
         return paths
+
+    def add_rain(self, rows: PathRows | None) -> None:
+        """Add points of rain, which belong to no surface."""
+        if rows is not None and rows.size:
+            paths = rain_paths(rows, self._input, _rain_seed(self._input, self._options))
+            self._synthesizer.add(self.budget.apply(paths))
 
     def result(self) -> Echoes:
         return self._synthesizer.result()
@@ -228,7 +237,20 @@ def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -
     echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
     for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
         echo_sum.add(paths)
+    echo_sum.add_rain(_rain(update, options))
     return echo_sum.result()
+
+
+def _rain(frame_input: FrameInput, options: ResolvedOptions) -> PathRows | None:
+    """Points of the rain of a frame; None without. Every frame has drops of its own."""
+    if not (frame_input.tables and options.weather.rain_echo and options.weather.rain_mm_per_h):
+        return None
+    return rain_rows(frame_input, options.weather, _rain_seed(frame_input, options))
+
+
+def _rain_seed(frame_input: FrameInput, options: ResolvedOptions) -> int:
+    seed = options.echo_options.speckle_seed or 0
+    return seed * 1_000_003 + frame_input.frame.number
 
 
 def _compressed_and_map(

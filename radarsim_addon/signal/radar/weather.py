@@ -39,6 +39,17 @@ class Weather:
         "Rain polarisation", "Choose the polarisation that rain attenuates", "average",
         choices=choices_from(get_args(Polarisation)),
     )  # fmt: skip
+    rain_echo: bool = setting(
+        "Rain echo", "Add the echo of the rain itself within the field of view", False
+    )
+    wind_x_mps: float = setting(
+        "Wind along X", "Let the rain drift along the world's X", 0.0, unit="m/s",
+        minimum=-100.0, maximum=100.0,
+    )  # fmt: skip
+    wind_y_mps: float = setting(
+        "Wind along Y", "Let the rain drift along the world's Y", 0.0, unit="m/s",
+        minimum=-100.0, maximum=100.0,
+    )  # fmt: skip
     air_temperature_c: float = setting(
         "Air temperature", "Set the temperature of air and fog", 15.0, unit="degC",
         minimum=-20.0, maximum=50.0,
@@ -93,7 +104,10 @@ class Weather:
             eta = rain_reflectivity_per_m(carrier_hz, self.rain_mm_per_h)
             level_db = float(10 * np.log10(eta))
             rate = self.rain_mm_per_h
+            numbers = {"rain_mm_per_h": rate, "reflectivity_db": level_db}
             found.append(
-                finding("rain-echo-left-out", rain_mm_per_h=rate, reflectivity_db=level_db)
+                finding("rain-echo", **numbers)
+                if self.rain_echo
+                else finding("rain-echo-left-out", **numbers)
             )
         return found

@@ -9,6 +9,7 @@ from .amplitudes import amplitude, amplitude_history, path_amplitude
 from .antenna_gains import Link, antenna_motion
 from .frame_speckle import FrameSpeckle, table_footprints
 from .interference import interference_factors
+from .rain_volume import rain_paths, rain_rows
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
 
@@ -22,5 +23,7 @@ __all__ = [
     "interference_factors",
     "path_amplitude",
     "path_phasors",
+    "rain_paths",
+    "rain_rows",
     "table_footprints",
 ]
