@@ -92,6 +92,8 @@ class BurstMotion:
         self._names = names
         self._units = plan.metres_per_unit
         self.findings: list[Finding] = []
+        #: Images of the antennas that rows name.
+        self.images: Sequence[contract.ImageRecord] = ()
         #: Power with approximated motion, without a known body, and in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
@@ -290,8 +292,13 @@ class BurstMotion:
             bodies,
             tracks,
             self._plan.rendered[0],
+            images=self.images,
         )
         return self._scene
+
+    def moves(self, body: int) -> bool:
+        """Whether a body that was collected moves during the burst, after `sample`."""
+        return bool(self._scene.bodies[self._file_number[body] - 1].moving)
 
     def _stationary(self) -> FrameMotion:
         at_s, instant = self._plan.rendered

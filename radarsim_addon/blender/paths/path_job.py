@@ -41,6 +41,8 @@ from .clutter_weights import ClutterWeights
 from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
+from .mirror_paths import MirrorPaths
+from .obstacles import BodyMesh
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -87,6 +89,7 @@ class PathJob(MeasurementJob):
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         foreign = _holds_foreign_materials(view_layer)
         choice = options.range_encoding
         by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
@@ -185,6 +188,13 @@ class PathJob(MeasurementJob):
         self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
+
+    @property
+    def rays(self) -> int:
+        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        pixels = self._measurement.width_px * self._measurement.height_px
+        looks = len(self._measurement.frames) * self.options.visibility_updates
+        return pixels * looks * self.options.replicates * self.options.max_reflections
 
     @property
     def _span_s(self) -> float:
@@ -308,6 +318,19 @@ class PathJob(MeasurementJob):
             self._meshes,
             ways,
         )
+        mirrors = MirrorPaths(
+            motion.bodies,
+            hits,
+            units,
+            receiver,
+            tracer.transmitter_m,
+            self.plan.extent.from_receiver_m,
+            self._measurement,
+            self.options,
+            self._body_meshes,
+        )
+        tracer.images_m = mirrors.images_m
+        self.path_scene.lamps.place(mirrors.images_m / units)
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
@@ -319,6 +342,7 @@ class PathJob(MeasurementJob):
                 self._measurement.waveform.carrier_hz,
                 self._measurement.polarisation,
             ),
+            mirrors,
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),

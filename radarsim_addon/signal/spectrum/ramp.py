@@ -125,10 +125,11 @@ class RampTransform:
             widest_rad = 2 * np.pi * self._half * float(np.abs(bends).max())
             places, weights = self._basis(nodes_for(widest_rad, _NODES_SHARE * tolerance))
             found = np.zeros(self._n.size, dtype=np.complex128)
-            values = np.empty(own.size, dtype=np.complex128)
-            for place, weight in zip(places, weights, strict=True):
-                phasors(amplitude[rows], reduce_cycles(cycles[rows] - bends * place), values)
-                found += weight * transform(own, values)
+            values = np.empty((places.size, own.size), dtype=np.complex128)
+            for place, into in zip(places, values, strict=True):
+                phasors(amplitude[rows], reduce_cycles(cycles[rows] - bends * place), into)
+            for weight, spectrum in zip(weights, transform(own, values), strict=True):
+                found += weight * spectrum
             total += found * np.exp(-2j * np.pi * reduce_cycles(mean * self._square))
             most = max(most, places.size)
         return total, most
