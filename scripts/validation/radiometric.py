@@ -10,7 +10,17 @@ import numpy as np
 
 from .case import Bench, Case, Check, Group, absolute_check, power_check
 from .closed_forms import lambert_coefficient, plate_power
-from .scenes import acquire, add_plate, facing_plate, lambert, new_scene
+from .scenes import (
+    CARRIER_HZ,
+    EIRP_W,
+    acquire,
+    add_box,
+    add_plate,
+    facing_plate,
+    lambert,
+    new_scene,
+    wavelength,
+)
 
 ALBEDO = 0.6
 RANGES_M = (10.0, 100.0, 1000.0, 10000.0)
@@ -84,14 +94,58 @@ def bistatic(bench: Bench) -> list[Check]:
     return checks
 
 
+def street(bench: Bench) -> list[Check]:
+    """All directions from a car's roof in a street: ground below, and facades above the radar."""
+    height_m, side_m = 1.8, 8.0
+    scene = new_scene(90.0)
+    material = lambert(ALBEDO)
+    add_box("Ground", (-300, -300, -height_m - 1), (300, 300, -height_m), material)
+    houses = [(x, -120.0 + 20 * k, 10.0 + 3 * (k % 3)) for x in (-20.0, side_m) for k in range(12)]
+    for number, (x, y, top) in enumerate(houses):
+        low = (x, y, -height_m)
+        add_box(f"House {number}", low, (x + 12, y + 17, top - height_m), material)
+    for k in range(6):
+        corner = (-4.0 + 6 * (k % 2), -30.0 + 14 * k, -height_m)
+        add_box(f"Car {k}", corner, (corner[0] + 1.8, corner[1] + 4, 1.5 - height_m), material)
+    camera = scene.camera.data
+    camera.type = "PANO"
+    panorama = camera if hasattr(camera, "panorama_type") else camera.cycles
+    panorama.panorama_type = "EQUIRECTANGULAR"
+    run = acquire(bench, 512, 2, height_px=256)
+    rows = run.rows
+    aperture_m2 = wavelength(CARRIER_HZ) ** 2 / (4 * math.pi)
+    unit = EIRP_W / (4 * math.pi) * aperture_m2 * ALBEDO / math.pi
+    below = rows["direction"][:, 2] < -math.cos(math.radians(45))
+    # R = h / cos t and dA = 2 pi h^2 tan t / cos^2 t: cos^2 t / R^4 dA is 2 pi sin t cos^3 t / h^2
+    ground_w = unit * 2 * math.pi / height_m**2 * (1 - math.cos(math.radians(45)) ** 4) / 4
+    point = rows["last_scatterer_m"]
+    facade = (np.abs(np.abs(point[:, 0]) - side_m) < 1e-3) & (rows["direction"][:, 2] > 0)
+    facade_w = 0.0
+    for _, y, top in houses:
+        at_y = y + (np.arange(1700) + 0.5) / 100
+        at_z = (np.arange(2000) + 0.5) * (top - height_m) / 2000
+        squares = side_m**2 + at_y[:, None] ** 2 + at_z**2
+        facade_w += unit * float(np.sum(side_m**2 / squares**3)) * 0.01 * (top - height_m) / 2000
+    source = "radar equation integrated in closed form over the ground, by points over the facades"
+    found = (
+        ("ground within 45 degrees of the nadir", below, ground_w),
+        ("facades above the radar", facade, facade_w),
+    )
+    return [
+        power_check(f"street, {name}", want, float(rows["power_w"][chosen].sum()), BOUND_DB, source)
+        for name, chosen, want in found
+    ]
+
+
 GROUP = Group(
     "radiometric",
     "Radiometric chain",
     "A square metre of a Lambert surface (Diffuse BSDF, albedo 0.6) in watts: scene, renders, "
-    "table of paths, sum of powers.",
+    "table of paths, sum of powers. A street seen in all directions, poles included.",
     (
         Case("plate square on", lambda bench: ranges(bench, 0.0), 20.0, quick=True),
         Case("plate at 60 degrees", lambda bench: ranges(bench, 60.0), 20.0),
         Case("two sites", bistatic, 20.0),
+        Case("street in all directions", street, 20.0),
     ),
 )

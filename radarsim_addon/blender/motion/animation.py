@@ -21,13 +21,15 @@ from ..scene import action_curves, animation_curves, has_simulation_zone, is_sim
 _MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offset\w*|strength)$")
 
 
-def key_frames(first: float, last: float) -> list[float]:
+def key_frames(first: float, last: float, stretch: float = 1.0) -> list[float]:
     """Return frames at which an F-curve of the file may have a corner.
 
     Parameters
     ----------
     first, last
         Limits of these Blender frames.
+    stretch
+        Frames of the scene for each frame of the animation: its *Time Stretching*, new over old.
 
     Returns
     -------
@@ -35,6 +37,7 @@ def key_frames(first: float, last: float) -> list[float]:
         Ascending: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
     """
     found: set[float] = set()
+    first, last = first / stretch, last / stretch
     for action in bpy.data.actions:
         for curve in action_curves(action):
             found.update(_key_frames(curve, first, last))
@@ -42,7 +45,7 @@ def key_frames(first: float, last: float) -> list[float]:
         for curve in action_curves(strip.action):
             frames = (float(key.co[0]) for key in curve.keyframe_points)
             found.update(_in_scene(strip, np.unique([*frames]), first, last))
-    return sorted(found)
+    return sorted(frame * stretch for frame in found)
 
 
 def _key_frames(curve: Any, first: float, last: float) -> Iterator[float]:

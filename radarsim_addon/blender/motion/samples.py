@@ -49,6 +49,8 @@ class SamplingPlan:
         Fraction of the burst at which Cycles renders, 0 to 1.
     keys
         Frames at which animation may have corners, ascending.
+    stretch
+        Frames of the scene for each frame of the animation.
     """
 
     frame: int
@@ -59,6 +61,7 @@ class SamplingPlan:
     max_samples: int
     rendered_fraction: float = 0.0
     keys: Sequence[float] = ()
+    stretch: float = 1.0
 
     @property
     def frames(self) -> float:
@@ -90,7 +93,11 @@ class SamplingPlan:
         """Whether no key but one at this very time changes what Blender gives then."""
         frame = self.frame + at_s * self.fps
         apart = abs(self._nearest_key(frame) - frame)
-        return apart > 0.9 * _CLEAR_OF_KEYS or apart <= 2 * np.spacing(np.float32(frame))
+        return apart > 0.9 * self._clear_of_keys or apart <= 2 * np.spacing(np.float32(frame))
+
+    @property
+    def _clear_of_keys(self) -> float:
+        return _CLEAR_OF_KEYS * max(self.stretch, 1.0)
 
     def _nearest_key(self, frame: float) -> float:
         if not len(self.keys):
@@ -106,7 +113,7 @@ class SamplingPlan:
         if self.is_clear(found[0]):
             return found
         key = self._nearest_key(self.frame + found[0] * self.fps)
-        return self._at_frame(key + np.copysign(_CLEAR_OF_KEYS, frame - key))
+        return self._at_frame(key + np.copysign(self._clear_of_keys, frame - key))
 
     @functools.cached_property
     def window(self) -> tuple[float, float]:

@@ -284,6 +284,7 @@ class PathJob(MeasurementJob):
         """One of the renders of a burst."""
         units = self.plan.metres_per_unit
         last = self.options.visibility_updates - 1
+        stretch = self._scene.render.frame_map_new / self._scene.render.frame_map_old
         sampling = SamplingPlan(
             frame,
             self._fps(),
@@ -292,7 +293,8 @@ class PathJob(MeasurementJob):
             self._measurement.waveform.wavelength_m,
             self.options.motion_samples,
             render / last if last else 0.0,
-            key_frames(frame - 3, frame + 3 + self._span_s * self._fps()),
+            key_frames(frame - 3, frame + 3 + self._span_s * self._fps(), stretch),
+            stretch,
         )
         motion = BurstMotion(
             self._show,

@@ -117,14 +117,16 @@ def redraw_panels(context: Any) -> None:
 
 def _key(scene: Any) -> Any:
     """All that a record depends on besides the snapshot."""
-    radar = active_radar(scene)
+    radar, render = active_radar(scene), scene.render
     view, group = settings(radar), getattr(radar, RADAR_PROPERTY)
+    # Frames of the animation, which Time Stretching shows slower than the scene's.
+    fps = render.fps / shortest_decimal(render.fps_base) * render.frame_map_old
     return (
         # Looking for the antennas takes as long as all else: they are found when a scene is read.
         (radar, group.camera, group.light, scene.camera, view.sampling_mode),
         check_unit_scale(shortest_decimal(scene.unit_settings.scale_length)),
         any_material_echoes(radar),
-        scene.render.fps / shortest_decimal(scene.render.fps_base),
+        fps / render.frame_map_new,
         view.pulses / view.prf_hz,
         scene.frame_current_final,
     )

@@ -230,6 +230,24 @@ def test_keys_that_act_from_elsewhere(tmp_path: Path, how: str) -> None:
     assert bpy.context.scene.frame_current == 1
 
 
+@pytest.mark.parametrize("new", [50, 200, 300])
+@pytest.mark.parametrize("place", ["on", "just before", "just after", "amid"])
+def test_keys_of_an_animation_that_is_stretched(tmp_path: Path, place: str, new: int) -> None:
+    """Frame 18 of the scene shows frame 9 of the animation at a time stretching of 100 to 200."""
+    mh.scene_at(20.0, 1.0)
+    render = bpy.context.scene.render
+    render.frame_map_old, render.frame_map_new = 100, new
+    at = (18 + PLACES[place]) * 100 / new
+    car = mh.facets("Car", [(0, 0, 0)], 0.6)
+    curve = keyed(car, "LINEAR", (at - 8, 16.0), (at, 20.0), (at + 24, 44.0))
+    rate_mps, phase, record = errors(
+        tmp_path, LONG, lambda frame: value(curve, frame * 100 / new), 18
+    )
+    assert rate_mps < RATE_WITHIN_MPS
+    assert phase < PHASE_WITHIN
+    assert not record.findings
+
+
 @pytest.mark.parametrize("rate", [20, 150])
 @pytest.mark.parametrize("amplitude_m", [1e-2, 1e-4])
 def test_vibration_that_is_fast_for_the_samples(

@@ -287,3 +287,32 @@ def test_small_targets_around_a_pole_have_small_images(
     for name in ("Cube", "Cube.001", "Cube.002", "Cube.003"):
         echo = echo_of(run, name)
         assert 0 < echo.power_error_w < 0.1 * echo.power_w
+
+
+def test_a_street_in_all_directions(tmp_path: Path) -> None:
+    """Images of tiles at the poles are as wide as the view, and the sum below is a closed form."""
+    rs.new_scene()
+    wide_camera(-math.pi, math.pi, -math.pi / 2, math.pi / 2)
+    metal, height_m, width_px = lambert(), 1.8, 256
+    ground = [(-300, -300, -height_m), (300, -300, -height_m), (300, 300, -height_m)]
+    ph.quad("Ground", [*ground, (-300, 300, -height_m)], metal)
+    for x in (-14.0, 14.0):
+        for y in range(-100, 101, 20):
+            bpy.ops.mesh.primitive_cube_add(size=1, location=(x, y, 4.0))
+            bpy.context.object.scale = (12, 17, 11.6)
+            bpy.context.object.data.materials.append(metal)
+    run = ph.run_paths(
+        tmp_path, width_px=width_px, height_px=width_px // 2, options={"replicates": 2}
+    )
+    rows, receiver = run.table(), run.record().receiver
+    for tile in np.unique(rows["tile"]):
+        for replicate in (0, 1):
+            mine = rows[(rows["tile"] == tile) & (rows["replicate"] == replicate)]
+            col, row = grid_places(mine, receiver, 2)
+            assert col.max() < width_px and row.max() < width_px // 2
+            assert np.unique(row * width_px + col).size == mine.size
+    below = rows["direction"][:, 2] < -math.cos(math.pi / 4)
+    integral = 2 * math.pi / height_m**2 * (1 - 1 / 4) / 4
+    area = float(effective_area_m2(ph.C0_MPS / 5.3e9))
+    want = area * REFLECTANCE / math.pi * eirp_w() / (4 * math.pi) * integral
+    assert rows["power_w"][below].sum() == pytest.approx(want, rel=0.01)

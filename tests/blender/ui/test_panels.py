@@ -59,6 +59,15 @@ def test_the_panel_warns_of_an_ambiguous_velocity_before_the_render(
     assert "unambiguous velocity" not in drawn()
 
 
+def test_an_animation_that_is_stretched_is_slower(registered: None) -> None:
+    view = car_at(15.0)
+    bpy.context.scene.render.frame_map_new = 200
+    bpy.context.scene.frame_set(10)  # frame 5 of the animation
+    assert "PRF 7.71 kHz" in drawn()
+    view.prf_hz = 7_750.0
+    assert "unambiguous velocity" not in drawn()
+
+
 @pytest.mark.parametrize("mode", ["paths", "rings"])
 def test_redraws_do_not_walk_through_the_scene(
     registered: None, mode: str, monkeypatch: pytest.MonkeyPatch
