@@ -66,15 +66,20 @@ class AtomicFile:
         except OSError as error:
             raise cannot_write(path, error) from error
 
-    def commit(self) -> None:
-        """Make the file appear; `temporary` must be closed."""
+    def commit(self, sync: bool = True) -> None:
+        """Make the file appear; `temporary` must be closed.
+
+        Without `sync` a power failure may leave it damaged: for what is checked when it is read.
+        """
         try:
-            with open(self.temporary, "rb+") as stream:
-                os.fsync(stream.fileno())
+            if sync:
+                with open(self.temporary, "rb+") as stream:
+                    os.fsync(stream.fileno())
             os.replace(self.temporary, self.path)
         except OSError as error:
             raise cannot_write(self.path, error) from error
-        _sync_folder(self.path.parent)
+        if sync:
+            _sync_folder(self.path.parent)
 
     def discard(self) -> None:
         """Remove the temporary file where it is still there."""
@@ -83,8 +88,10 @@ class AtomicFile:
 
 
 @contextlib.contextmanager
-def replaced(path: Path) -> Iterator[Path]:
+def replaced(path: Path, sync: bool = True) -> Iterator[Path]:
     """Give an empty temporary file in the folder of `path`, with its suffix; rename it at the end.
+
+    `sync` is as for `AtomicFile.commit`.
 
     OutputError: the folder is missing, read-only or full, or `path` is a symbolic link.
     """
@@ -94,20 +101,20 @@ def replaced(path: Path) -> Iterator[Path]:
             yield file.temporary
         except OSError as error:
             raise cannot_write(path, error) from error
-        file.commit()
+        file.commit(sync)
     finally:
         file.discard()
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, sync: bool = True) -> None:
     """Write a text as UTF-8."""
-    with replaced(path) as temporary:
+    with replaced(path, sync) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_json(path: Path, data: Any) -> None:
+def write_json(path: Path, data: Any, sync: bool = True) -> None:
     """Write JSON without NaN or Inf."""
-    write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n", sync)
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -340,8 +340,9 @@ class RunRecord:
     """Plan of a run. ``fingerprint`` tells whether a stopped run may be continued.
 
     waveform and burst hold the fields of the waveform, see signal.waveform_files, and of Burst. An
-    LFM pulse carries no "kind". system is the power budget; null: the emitter's EIRP goes in all
-    directions, the receiver is isotropic.
+    LFM pulse carries no "kind". link_budget null: the emitter's EIRP goes in all directions, the
+    receiver is isotropic. range_stop_m 0: as far as the rings, with paths the scene, reach.
+    weather holds the fields of Weather; empty: clear air.
     """
 
     sampling_mode: str
@@ -360,7 +361,7 @@ class RunRecord:
     range_encoding_length_m: float
     extinction_length_m: float
     waveform: dict[str, Any]
-    burst: dict[str, float]
+    burst: dict[str, Any]
     blend_file: str
     fingerprint: str
     visibility_updates: int = 1
@@ -368,5 +369,8 @@ class RunRecord:
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
     link_budget: LinkBudget | None = None
+    range_start_m: float = 0.0
+    range_stop_m: float = 0.0
+    weather: dict[str, Any] = field(default_factory=dict)
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION

@@ -56,9 +56,12 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def write_record(path: Path, record: Any) -> None:
-    """Write a record as JSON; it appears whole or not at all."""
-    write_json(path, dataclasses.asdict(record))
+def write_record(path: Path, record: Any, sync: bool = True) -> None:
+    """Write a record as JSON; it appears whole or not at all.
+
+    Without `sync` it may be lost, or damaged, by a power failure.
+    """
+    write_json(path, dataclasses.asdict(record), sync)
 
 
 def read_record(path: Path, kind: type[Record]) -> Record:

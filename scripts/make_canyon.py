@@ -73,6 +73,7 @@ def build() -> Any:
     )
     radar = radarsim.add_radar(
         (0.0, 0.0, RADAR_HEIGHT_M),
+        preset="paper",
         carrier_hz=5.3e9,
         bandwidth_hz=140e6,
         chirp_duration_s=2.5e-6,

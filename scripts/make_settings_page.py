@@ -45,8 +45,8 @@ def page() -> str:
     add("Link budget", LinkBudget)
     for name, kind in PATTERNS.items():
         add(f"Antenna `{name}`", kind)
-    processing = {"Processing": ProcessOptions, "Receiver": Receiver, "Weather": Weather}
-    for title, kind in (processing | {"CFAR": Cfar}).items():
+    add("Weather (`radarsim render`, `radarsim process`)", Weather, render)
+    for title, kind in {"Processing": ProcessOptions, "Receiver": Receiver, "CFAR": Cfar}.items():
         add(f"{title} (`radarsim process`)", kind, declared(kind))
     return "\n".join(parts)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Blender half, and its interface for scripts.
 
-``add_radar``, ``settings``, ``material``, ``assign_material``, ``assign_by_name``, ``measure``,
-``process``: see :mod:`.headless.scripting`. They are loaded when they are first used: importing
-this package does not import bpy.
+``add_radar``, ``settings``, ``material``, ``set_clutter``, ``assign_material``,
+``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting`. They are loaded when
+they are first used: importing this package does not import bpy.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         material,
         measure,
         process,
+        set_clutter,
         settings,
     )
 
@@ -28,6 +29,7 @@ __all__ = [
     "material",
     "measure",
     "process",
+    "set_clutter",
     "settings",
 ]
 

@@ -22,6 +22,35 @@ PATHS = {
         "This power is missing from the path table.",
         "Use fewer transparent layers, or make them opaque.",
     ),
+    "clutter-of-several-materials": Kind(
+        "caution",
+        "{subjects} have several materials, one of them with a clutter model.",
+        "Bistatic echoes and second reflections of their clutter have the albedo towards the "
+        "receiver, not sigma0 of both angles. Backscatter is right.",
+        "Give the surface with the clutter model an object of its own.",
+    ),
+    "clutter-of-higher-orders": Kind(
+        "caution",
+        "{fraction:percent} of the received power has more than two reflections, one at least at a "
+        "surface with a clutter model.",
+        "Such paths have the albedo towards the receiver, not sigma0 of both angles.",
+        "Where they matter, compare with Max reflections of 2.",
+    ),
+    "clutter-beyond-angles": Kind(
+        "caution",
+        "The clutter model {model} of {subjects} holds for grazing angles of {low_deg:.3g} to "
+        "{high_deg:.3g} degrees. {fraction:percent} of the rays meet the surface outside it; all "
+        "meet it at {least_deg:.3g} to {most_deg:.3g} degrees.",
+        "There sigma0 is extrapolated (a table holds its nearest row), with an unknown error.",
+        "Take ranges with such angles out of the result, or use a table that holds them.",
+    ),
+    "clutter-on-flat-earth": Kind(
+        "caution",
+        "The surface of {subjects} is flat and reaches to {furthest_m:length}.",
+        "The Earth curves: from {range_m:length} on its sigma0 differs by more than 0.5 dB, at "
+        "most by {error_db:.2g} dB (4/3 of the Earth's radius).",
+        "Use shorter ranges, or a mesh that follows the Earth.",
+    ),
     "mixed-paths": Kind(
         "caution",
         "{fraction:percent} of the received power is in pixels that hold several paths (subsurface "

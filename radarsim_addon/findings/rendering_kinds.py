@@ -107,6 +107,29 @@ SCENE = {
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
         "Radar > Material > Beyond Band to Refuse.",
     ),
+    "clutter-not-connected": Kind(
+        "caution",
+        "The clutter models of {subjects} have no effect.",
+        "Only the physical Radar Material at the output of a material, without the thickness of a "
+        "thin sheet, has a lobe for sigma0. A link at its input Clutter Row replaces the model.",
+        "Choose Use Physical Inputs in the Material tab, or set Clutter to None.",
+    ),
+    "clutter-beyond-band": Kind(
+        "caution",
+        "The carrier, {carrier_hz:frequency}, is outside the band of the clutter model {model} of "
+        "{subjects}: {low_hz:frequency} to {high_hz:frequency}.",
+        "sigma0 is extrapolated (a table holds its nearest rows), with an unknown error.",
+        "Use a model or a table for this carrier.",
+    ),
+    "clutter-too-weak": Kind(
+        "caution",
+        "From a grazing angle of {grazing_deg:.3g} degrees on, the clutter of {subjects} may be "
+        "missing: sigma0 is {sigma0_db:.3g} dB there.",
+        "Cycles drops surfaces that return less than 1e-5 of the light, so no echo of such a "
+        "clutter model is rendered. What medium and roughness return is not affected.",
+        "Nothing, where the radar sees the surface below this angle, or where other echoes are "
+        "stronger. Else use a model with more sigma0.",
+    ),
     "total-reflection": Kind(
         "caution",
         "In {subjects}, {fraction:percent} of the waves that enter from the antennas arrive at a "
@@ -149,8 +172,10 @@ SCENE = {
     "not-a-layer": Kind(
         "info",
         "Less than {least_fraction:percent} of the surface of {subjects} is one pair of parallel "
-        "faces.",
-        "Absorption and delay inside are those of normal incidence, at any angle.",
+        "faces, or walls cross it, and less than {least_walls:percent} of it is walls, which are "
+        "six times as wide as they are thick.",
+        "Absorption and delay inside are those of normal incidence at any angle, or those of the "
+        "largest walls alone.",
         "For a thick wall, give the object the property {property}: three numbers, the normal of "
         "the wall in the axes of the object.",
     ),

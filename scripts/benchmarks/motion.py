@@ -153,7 +153,7 @@ def _new_scene(field_of_view_deg: float) -> Any:
     from radarsim_addon import blender as radarsim
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    radarsim.add_radar(field_of_view_deg=field_of_view_deg)
+    radarsim.add_radar(field_of_view_deg=field_of_view_deg, preset="paper")
     return bpy.context.scene
 
 

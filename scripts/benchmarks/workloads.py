@@ -54,6 +54,8 @@ def car() -> None:
         (0.0, 0.0, 0.7),
         (0.0, 50.0, 0.7),
         preset="automotive_77ghz",
+        field_of_view_deg=39.6,
+        range_stop_m=0.0,
         sampling_mode="paths",
         frame_mode="scene",
         width_px=64,

@@ -45,7 +45,7 @@ def new_scene(
     """An empty scene with a radar; the transmitter elsewhere if told so."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    rig = radarsim.add_radar(field_of_view_deg=fov_deg)
+    rig = radarsim.add_radar(field_of_view_deg=fov_deg, preset="paper")
     scene.unit_settings.system = "METRIC"
     scene.unit_settings.scale_length = metres_per_unit
     emitter = bpy.data.objects[EMITTER_NAME]

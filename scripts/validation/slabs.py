@@ -64,7 +64,7 @@ def measure(
     length over the expected; expected power of both passages.
     """
     new_scene(FOV_DEG)
-    add_plate("Plate", facing_plate((0.0, TARGET_M, 0.0), 2.0), _metal())
+    add_plate("Plate", facing_plate((0.0, TARGET_M, 0.0), 2.0), metal())
     if medium is None:
         wall = make_physical_material(
             "Wall", "index", carrier_hz=carrier_hz, n=index.real, k=index.imag
@@ -134,7 +134,7 @@ def several(bench: Bench) -> list[Check]:
             found = []
             for used in ((), media):
                 new_scene(0.2)
-                add_plate("Plate", facing_plate((0.0, 100.0, 0.0), 4.0), _metal())
+                add_plate("Plate", facing_plate((0.0, 100.0, 0.0), 4.0), metal())
                 powers, longer_m = np.ones(2), 0.0
                 for number, eps in enumerate(used):
                     index = complex(np.sqrt(eps))
@@ -172,7 +172,7 @@ def far(bench: Bench) -> list[Check]:
         found = []
         for used in (False, True):
             new_scene(max(1.0 / distance_m, 1e-3))
-            add_plate("Plate", facing_plate((0.0, distance_m, 0.0), 4.0), _metal())
+            add_plate("Plate", facing_plate((0.0, distance_m, 0.0), 4.0), metal())
             if used:
                 wall = make_physical_material(
                     "Wall", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
@@ -216,7 +216,7 @@ def hollow(bench: Bench) -> list[Check]:
             found = []
             for used in (False, True):
                 new_scene(0.3)
-                add_plate("Plate", facing_plate((0.0, target_m, 0.0), 2.0), _metal())
+                add_plate("Plate", facing_plate((0.0, target_m, 0.0), 2.0), metal())
                 if used:
                     wall = make_physical_material(
                         "Room", "index", carrier_hz=5.3e9, n=index.real, k=index.imag
@@ -237,7 +237,8 @@ def hollow(bench: Bench) -> list[Check]:
     return checks
 
 
-def _metal() -> object:
+def metal() -> object:
+    """Rough metal of the plates."""
     return nodes.make_material("Metal", METAL.real, METAL.imag, 0.0, 0.5, penetrable=False)
 
 

@@ -15,7 +15,6 @@ from radarsim_addon import contract
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.plan import PathOptions
-from radarsim_addon.blender.scene.rig import DEFAULT_EIRP_W
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
@@ -146,7 +145,7 @@ def mirror(name: str = "Mirror") -> Any:
 
 def irradiance(range_m: np.ndarray) -> np.ndarray:
     """Of the rig's transmitter at a distance from it, W/m^2."""
-    return DEFAULT_EIRP_W / (4 * np.pi * range_m**2)
+    return rs.EIRP_W / (4 * np.pi * range_m**2)
 
 
 def plate_at(y: float, size: float, material: Any, tilt_deg: float = 0.0) -> Any:

@@ -20,13 +20,15 @@ from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 BURST = Burst(1000.0, 128)
+#: Power of the light [W].
+EIRP_W = 1e6
 
 
 def new_scene() -> Any:
     """An empty scene with a radar at the origin that looks along +Y, +Z up."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    setup_rig(scene)
+    setup_rig(scene, eirp_w=EIRP_W)
     return scene
 
 

@@ -90,7 +90,7 @@ def test_two_radars_each_have_their_settings(empty: Any) -> None:
 
 
 def test_a_radar_is_measured_whichever_is_active(empty: Any, tmp_path: Path) -> None:
-    size = {"width_px": 8, "height_px": 8, "replicates": 1}
+    size = {"width_px": 8, "height_px": 8, "replicates": 1, "field_of_view_deg": 40.0}
     near = radarsim.add_radar((0, 0, 0), **size)
     far = radarsim.add_radar((0, -10, 0), **size)
     radarsim.assign_material(wall(20.0), radarsim.material(n=1e4, kappa=1e4, rms_slope=0.2))

@@ -123,13 +123,16 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: Proce
     findings: list[Finding] = []
     frames: list[int] = []
     try:
-        for event in process_run(job.folder, options, frames=job.own_frames):
+        for event in process_run(job.folder, options, frames=job.own_frames, resume=True):
             if stop.asked:
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
                 print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
                 findings += event.findings
                 frames.append(event.frame)
+            elif event.kept is not None:
+                findings += event.kept.findings
+                frames.append(event.kept.frame)
     finally:
         _print_findings([i for i in findings if i.code not in printed], frames, stream)
     print(f"radarsim: processed into {job.folder / 'products'}", file=stream, flush=True)

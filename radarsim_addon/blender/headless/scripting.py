@@ -20,7 +20,7 @@ import contextlib
 import math
 import operator
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,18 @@ from ...errors import ConfigError, SceneError
 from ...options import declared
 from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
-from ..materials import make_physical_material
+from ..materials import make_physical_material, set_clutter  # noqa: F401 - for scripts
 from ..nodes import assign_to
-from ..plan import PathOptions, preset_settings
-from ..rig_settings import RADAR_PROPERTY, Settings, carrier_hz, migrate_file, register
+from ..plan import DEFAULT_PRESET, PathOptions, radar_preset
+from ..rig_settings import (
+    RADAR_PROPERTY,
+    Settings,
+    apply_preset,
+    carrier_hz,
+    migrate_file,
+    register,
+    set_values,
+)
 from ..rig_settings import settings as settings_of
 from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
 from ..state import evaluated_depsgraph
@@ -47,7 +55,7 @@ def add_radar(
     look_at: Sequence[float] | None = None,
     *,
     field_of_view_deg: float | None = None,
-    preset: str | None = None,
+    preset: str = DEFAULT_PRESET,
     scene: Any = None,
     **values: Any,
 ) -> Any:
@@ -60,9 +68,9 @@ def add_radar(
     look_at : (3,), optional
         Point that the boresight goes through [Blender units]; None: level, along the world's +Y.
     field_of_view_deg
-        Full angle of the receiver's longer side [degrees]; None: that of a new camera.
+        Full angle of the receiver's longer side [degrees]; None: that of the preset.
     preset
-        Settings to begin with: "paper" or "automotive_77ghz".
+        Radar to begin with, such as "automotive_77ghz" or "paper"; docs/headless.md lists them.
     scene : bpy.types.Scene, optional
         None: the current one.
     **values
@@ -84,7 +92,8 @@ def add_radar(
     target = None if look_at is None else _point("Point to look at", look_at)
     rig = setup_rig(scene, _point("Location", location))
     try:
-        _set(settings(rig), {**(preset_settings(preset) if preset else {}), **values})
+        apply_preset(scene, rig, radar_preset(preset))
+        set_values(settings(rig), values)
         if field_of_view_deg is not None:
             if not 0 < field_of_view_deg < 180:
                 raise ConfigError(
@@ -100,15 +109,6 @@ def add_radar(
         bpy.data.batch_remove([part for part in made if part is not None])  # its camera, its light
         raise
     return rig
-
-
-def _set(view: Settings, values: Mapping[str, Any]) -> None:
-    """Set settings; a mapping holds those of an antenna."""
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            _set(getattr(view, name), value)
-        else:
-            setattr(view, name, value)
 
 
 def _look(rig: Any, target: Sequence[float]) -> None:

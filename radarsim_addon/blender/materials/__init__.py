@@ -6,9 +6,10 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
+from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
-from .layers import beyond_float32, interior_losses_db, is_entered, set_layer_normals
+from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .physical_materials import (
     EXACT_FACETS,
@@ -29,6 +30,8 @@ __all__ = [
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
+    "clutter_of",
+    "delays",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",
@@ -39,10 +42,13 @@ __all__ = [
     "refresh_materials",
     "roughness_of",
     "separate_averages",
+    "set_clutter",
+    "set_clutter_tables",
     "set_layer_normals",
     "settle_interiors",
     "settle_interiors_far_away",
     "slot_materials",
+    "table_files",
     "total_reflections",
     "update_materials",
 ]

@@ -23,7 +23,7 @@ from ..nodes.physical_material import EXTINCTION
 from ..nodes.radar_material import INDEX
 from ..state import SettingsRestorer, evaluated_objects
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials
-from .layers import FACES_LOSS_DB, MAX_LOSS_DB, is_entered, passes_by_polarisation, two_planes
+from .layers import FACES_LOSS_DB, MAX_LOSS_DB, delays, is_entered, two_planes
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Standard deviation of a depth, in float32 roundings of the distance (rms of walls at 5 and 20 km,
@@ -111,7 +111,7 @@ def settle_interiors_far_away(
     nepers = _ABSORPTION_ROUNDINGS * _EPS32 * range_encoding_length * math.log(10) / 10
     delay, errors, walls = False, {}, []
     for one in assigned_materials(depsgraph):
-        delay |= any(has_interior(m) or passes_by_polarisation(m) for m in one.materials)
+        delay |= any(map(delays, one.materials))
         entered = [material for material in one.materials if has_interior(material)]
         loss_db = losses_db.get(one.item.name, 0.0)
         shell = attributes.OBJECT_SHELL_THICKNESS in one.item

@@ -14,9 +14,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
-from ...array_types import Mask, Real
+from ...array_types import Real
 from ...findings import Finding, finding
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
@@ -26,11 +25,11 @@ from ..nodes.physical_material import EXTINCTION, KIND
 from ..nodes.sheet import KIND as SHEET_KIND
 from ..state import SettingsRestorer, evaluated_mesh, read_numbers
 from .assignments import assigned_materials
+from .wall_faces import PARALLEL, depths_behind, find_walls
+from .wall_modifier import store_thickness
 
 #: Minimum fraction of an object's surface with one pair of opposite normals for a layer.
 LAYER_SHARE = 0.6
-#: Maximum difference of the unit normals of parallel faces.
-_PARALLEL = 0.02
 #: Two-way absorption that Cycles can represent [dB]. For an echo of 1 W/(m^2 sr) without the wall,
 #: measured power and range are correct up to 360 dB, and the range is lost from 372 dB. Blender up
 #: to 4.5 returns zero from 122 dB.
@@ -47,14 +46,10 @@ _ALL = 1 - 1e-6
 _IN_PLANE = 1e-3
 #: Number of directions, by area, that are tried.
 _CANDIDATES = 8
-#: Maximum number of faces behind which the depth is measured.
-_MOST_DEPTHS = 500
-#: Maximum thickness of the walls of a shell, relative to the smallest dimension of the object, and
-#: maximum relative difference of their thicknesses.
-_THIN = 0.1
-_ONE_THICKNESS = 0.01
-#: Distance from a face at which its ray begins, relative to the size of the object.
-_OFF_FACE = 1e-6
+#: Maximum fraction of the walls of a layer that lie across another direction.
+_MOST_ACROSS = 0.01
+#: Minimum fraction of the surface of an object that consists of walls: the rest are rims.
+_WALL_SHARE = 0.75
 
 
 def layer_normal(normals: Real, areas: Real) -> Real | None:
@@ -68,11 +63,11 @@ def layer_normal(normals: Real, areas: Real) -> Real | None:
     # Opposite normals are one direction; rounding makes almost equal ones equal.
     sign = np.where(normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)] < 0, -1.0, 1.0)
     directions = normals * sign[:, None]
-    keys = np.round(directions / _PARALLEL).astype(np.int64)
+    keys = np.round(directions / PARALLEL).astype(np.int64)
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     by_cell = np.bincount(inverse.ravel(), areas, len(first))
     for cell in np.argsort(-by_cell)[:_CANDIDATES]:
-        near = np.abs(np.abs(directions @ directions[first[cell]]) - 1) < _PARALLEL**2 / 2
+        near = np.abs(np.abs(directions @ directions[first[cell]]) - 1) < PARALLEL**2 / 2
         if areas[near].sum() >= LAYER_SHARE * total:
             # The rule above can give almost equal directions opposite signs.
             flip = np.sign(directions[near] @ directions[first[cell]])
@@ -130,7 +125,7 @@ def two_planes(
     if faces is None:
         return None
     unit = normal / np.linalg.norm(normal)
-    along = np.abs(faces["normal"] @ unit) > 1 - _PARALLEL**2 / 2
+    along = np.abs(faces["normal"] @ unit) > 1 - PARALLEL**2 / 2
     height = (faces["center"] @ unit)[along]
     area = faces["area"][along, 0]
     if not area.sum() > 0:
@@ -162,31 +157,18 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
     list of Finding
         Names the objects that are no layers.
     """
-    others = []
+    others: list[str] = []
     entered = cache(is_entered)
     for item, materials in assigned_materials(depsgraph):
         if not any(map(entered, materials)):
             continue
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
-        normal = None if given is None else np.array(given, dtype=np.float64)
-        thickness = None
-        if normal is None:
-            normal = object_layer_normal(item, depsgraph)
-            if normal is not None:
-                thickness = object_layer_thickness(item, depsgraph, normal)
-            shell = None if thickness else shell_thickness(item, depsgraph)
-            if shell is not None:
-                recorder.set_item(item, attributes.OBJECT_SHELL_THICKNESS, shell)
-                item.update_tag()
-                continue
-            if normal is None:
-                others.append(item.name)
-                continue
-            recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
-        elif np.any(normal):
-            thickness = object_layer_thickness(item, depsgraph, normal)
-        if attributes.OBJECT_LAYER_THICKNESS not in item and thickness is not None:
-            recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
+        if given is None:
+            known = _set_what_is_found(recorder, item, depsgraph)
+            others += [] if known else [item.name]
+        elif np.any(given):
+            normal = np.array(given, dtype=np.float64)
+            _set_thickness(recorder, item, object_layer_thickness(item, depsgraph, normal))
         item.update_tag()
     if not others:
         return []
@@ -195,9 +177,39 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             "not-a-layer",
             *others,
             least_fraction=LAYER_SHARE,
+            least_walls=_WALL_SHARE,
             property=attributes.OBJECT_LAYER_NORMAL,
         )
     ]
+
+
+def _set_what_is_found(recorder: SettingsRestorer, item: Any, depsgraph: Any) -> bool:
+    """Set what an object says of its walls; returns whether these are all right."""
+    normal = object_layer_normal(item, depsgraph)
+    thickness = None if normal is None else object_layer_thickness(item, depsgraph, normal)
+    walls = None if thickness else find_walls(item, depsgraph)
+    several = walls is not None and bool(walls.wall.any())
+    if walls is not None and several and normal is not None:
+        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+        across = normal @ np.linalg.inv(linear)
+        several = walls.across(across / np.linalg.norm(across)) > _MOST_ACROSS
+    if walls is not None and several and walls.share >= _WALL_SHARE:
+        one = walls.one_thickness
+        if one is None and item.library is None:
+            store_thickness(recorder, item, walls.thickness)
+            one = float(np.median(walls.thickness[walls.wall]))
+        if one is not None:
+            recorder.set_item(item, attributes.OBJECT_SHELL_THICKNESS, one)
+            return True
+    if normal is not None:
+        recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
+        _set_thickness(recorder, item, thickness)
+    return normal is not None and not several
+
+
+def _set_thickness(recorder: SettingsRestorer, item: Any, thickness: float | None) -> None:
+    if attributes.OBJECT_LAYER_THICKNESS not in item and thickness is not None:
+        recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
 
 
 def is_entered(material: Any) -> bool:
@@ -233,37 +245,19 @@ def passes_by_polarisation(material: Any) -> bool:
     return sheet or is_entered(material)
 
 
-def _depths(item: Any, depsgraph: Any) -> tuple[Real, Real, Mask]:
-    """Return what is behind the largest faces of an object, across them, n of each.
+def delays(material: Any) -> bool:
+    """Return whether waves that pass a material are delayed: by its interior, or as thin panes.
 
-    Areas of the faces and depths [Blender units; the mesh may be open behind some: left out], and
-    whether the face behind is parallel.
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        False for None.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    nothing = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return nothing
-        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-        points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
-        areas = read_numbers(mesh.polygons, "area", 1).ravel().astype(np.float64)
-        corners = [tuple(face.vertices) for face in mesh.polygons]
-    tree = BVHTree.FromPolygons(points.tolist(), corners)
-    size = float(np.ptp(points, axis=0).max())
-    found = []
-    for face in np.argsort(-areas)[:_MOST_DEPTHS]:
-        around = points[list(corners[face])]
-        inward = np.cross(around[2] - around[1], around[1] - around[0])
-        length = np.linalg.norm(inward) * np.copysign(1.0, np.linalg.det(linear))
-        start = around.mean(axis=0) + _OFF_FACE * size * inward / length
-        _, normal, _, depth = tree.ray_cast(start, inward / length)
-        if depth is not None:
-            across = abs(np.dot(normal, inward / length))
-            found.append((areas[face], depth, across > 1 - _PARALLEL**2 / 2))
-    if not found:
-        return nothing
-    area, depth, parallel = zip(*found, strict=True)
-    return np.array(area), np.array(depth), np.array(parallel)
+    return has_interior(material) or passes_by_polarisation(material)
 
 
 def thinnest(item: Any, depsgraph: Any) -> float:
@@ -271,29 +265,13 @@ def thinnest(item: Any, depsgraph: Any) -> float:
 
     Tried are the largest faces; 0 for a mesh that is open behind all of them.
     """
-    depths = _depths(item, depsgraph)[1]
-    return float(depths.min()) if depths.size else 0.0
-
-
-def shell_thickness(item: Any, depsgraph: Any) -> float | None:
-    """Return the thickness of an object's walls in its own units; None unless all have the same.
-
-    A hollow room, or walls in several directions. Walls are thin against the object.
-    """
-    areas, depths, parallel = _depths(item, depsgraph)
-    linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
-    scales = np.linalg.svd(linear, compute_uv=False)
-    if not parallel.any() or np.ptp(scales) > _ONE_THICKNESS * scales.max():
-        return None
-    order = np.argsort(depths[parallel])
-    below = np.cumsum(areas[parallel][order])
-    thickness = float(depths[parallel][order][np.searchsorted(below, below[-1] / 2)])
-    alike = parallel & (np.abs(depths - thickness) <= _ONE_THICKNESS * thickness)
-    size = np.array(item.evaluated_get(depsgraph).dimensions).min()
-    thin = thickness <= _THIN * size
-    if not thin or areas[alike].sum() < MIN_PLATE_FRACTION * areas.sum():
-        return None
-    return float(thickness / scales.mean())
+    evaluated = item.evaluated_get(depsgraph)
+    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return 0.0
+        depth = depths_behind(mesh, linear).depth
+    return float(np.nanmin(depth)) if np.isfinite(depth).any() else 0.0
 
 
 def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:

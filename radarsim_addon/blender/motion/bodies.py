@@ -11,6 +11,7 @@ surfaces do.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -245,16 +246,15 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
 
 def _pairs_within(points: Real, centres: Real, radius: Real) -> tuple[Indices, Indices]:
     """Return pairs of points and of centres that are at most about these radii apart."""
-    try:
-        from scipy.spatial import cKDTree  # only here: most scenes need no scipy
-    except ImportError:  # some Blender programs
-        cKDTree = None
-    if cKDTree is not None and len(centres) >= _FEW:
-        reach = float(radius.max())
-        pairs = cKDTree(points).sparse_distance_matrix(
-            cKDTree(centres), reach, output_type="ndarray"
-        )
-        return pairs["i"], pairs["j"]
+    if len(centres) >= _FEW:
+        with contextlib.suppress(ImportError):  # some Blender programs have no scipy
+            from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
+
+            reach = float(radius.max())
+            pairs = cKDTree(points).sparse_distance_matrix(
+                cKDTree(centres), reach, output_type="ndarray"
+            )
+            return pairs["i"], pairs["j"]
     found = []
     for start in range(0, len(centres), _FEW):
         some = slice(start, start + _FEW)

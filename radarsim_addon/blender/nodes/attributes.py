@@ -40,9 +40,12 @@ layer's middle along the normal in the object's own units, 0. Its faces absorb a
 half of the layer, in place of the volume, whose depths Cycles rounds. Absent: the volume does."""
 
 OBJECT_SHELL_THICKNESS = "radarsim_shell_thickness"
-"""Custom property of an object whose walls are all of one thickness, in any directions: this
-thickness, in the object's own units. Each face absorbs and delays for half of the wall behind it,
-at its own angle, in place of the volume. 0 or absent: none."""
+"""Custom property of an object that consists of walls in any directions: their thickness, in the
+object's own units. Each face absorbs and delays for half of the wall behind it, at its own angle,
+in place of the volume. 0 or absent: none."""
+FACE_WALL_THICKNESS = "radarsim_wall_thickness"
+"""Attribute of the faces of such an object: the thickness of the wall behind each, in the object's
+own units. 0 or absent: that of the object."""
 
 # Path class of a render in the sampling mode "paths" (absent: all paths). Half-integers, so that no
 # comparison in a shader depends on rounding.

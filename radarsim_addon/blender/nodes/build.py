@@ -159,6 +159,12 @@ class TreeBuilder:
         """Return the value of a custom property of the shaded object as a vector."""
         return self._attribute("OBJECT", label, name)
 
+    def face_attribute(self, label: str, name: str) -> Any:
+        """Return the value of a float attribute of the shaded face; 0 without."""
+        return self.node(
+            "ShaderNodeAttribute", label, attribute_type="GEOMETRY", attribute_name=name
+        ).outputs["Fac"]
+
     def _attribute(self, owner: str, label: str, name: str) -> Any:
         return self.node(
             "ShaderNodeAttribute", label, attribute_type=owner, attribute_name=name

@@ -50,12 +50,16 @@ def wall_at_face(build: TreeBuilder, face_cosine: Any) -> Wall:
     math = build.math
     geometry = build.node("ShaderNodeNewGeometry", "Face of the wall").outputs
     back = geometry["Backfacing"]
-    own = _first(build, "Shell thickness", attributes.OBJECT_SHELL_THICKNESS)
-    # An instance may be scaled: the unit normal is 1/scale long in the object's units.
+    common = _first(build, "Shell thickness", attributes.OBJECT_SHELL_THICKNESS)
+    own = build.face_attribute("Wall thickness", attributes.FACE_WALL_THICKNESS)
+    known = math("GREATER_THAN", "face has its own", own, 0.0)
+    own = math("MULTIPLY", "own, in a shell", own, math("GREATER_THAN", "shell", common, 0.0))
+    own = build.select("Thickness of the wall", known, common, own)
+    # The object, or an instance, may be scaled, by axes.
+    upright = _to_object(build, "Normal, object", geometry["Normal"], "NORMAL")
+    upright = build.vector_math("NORMALIZE", "Unit normal, object", {0: upright})
     local = _to_object(build, "Normal in object units", geometry["Normal"])
-    length = build.node(
-        "ShaderNodeVectorMath", "1 / scale", {0: local}, operation="LENGTH"
-    ).outputs["Value"]
+    length = build.dot("1 / scale", upright, local)
     shell = math("DIVIDE", "Shell thickness, scaled", own, length)
 
     given = build.object_vector_attribute("Faces of the layer", attributes.OBJECT_LAYER_AT_FACES)

@@ -7,7 +7,8 @@ Surface::
     rough      Metallic (conductor)   code F(half vector), Beckmann: Kirchhoff's model in its
                                       geometric-optics limit
                Glossy                 code F(0), instead, up to Blender 4.5
-    either     Transparent            T x transmission  (not encoded: Ray Length continues)
+    either     Diffuse                code rho of :mod:`.clutter_lobe`, with a clutter model
+               Transparent            T x transmission  (not encoded: Ray Length continues)
 
 R and T are those of :mod:`.interface`, for the polarisation of the run. The Metallic BSDF
 evaluates Fresnel's equations at the facet that reflects, but has no colour input. The group
@@ -35,6 +36,7 @@ from typing import Any
 from ...physics.rough_transmission import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
+from .clutter_lobe import CLUTTER_ROW, add_clutter_lobe
 from .fresnel import cos_incidence
 from .interface import InterfacePower, excess, interface_power, wave_inside
 from .layer import interior_at_faces, internal_echoes, layer_cosine, wall_at_face
@@ -90,7 +92,8 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     through = build.transparent(
         "Transmission", build.scale("T, or 0 at the gate", passed, transmits)
     )
-    reflected = build.add_shaders("Reflection", mirror, rough)
+    reflected = build.add_shaders("Reflection of the interface", mirror, rough)
+    reflected = build.add_shaders("Reflection", reflected, add_clutter_lobe(build, code, reflects))
     build.group_output("Surface", build.add_shaders("Surface", reflected, through))
 
 
@@ -229,7 +232,7 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
 RADAR_PHYSICAL = GroupDefinition(
     kind=KIND,
     name="Radar Material, physical",
-    version=7,
+    version=8,
     description=(
         "Smooth or rough surface of a medium of complex index n + j kappa, with Fresnel losses, "
         "absorption and delay at the angle of the wave inside"
@@ -261,6 +264,12 @@ RADAR_PHYSICAL = GroupDefinition(
             "Factor on the power that passes each face at grazing incidence. Above 60 degrees the "
             "factor is linear in the cosine. Set from medium and roughness",
             1.0,
+        ),
+        factor_input(
+            CLUTTER_ROW,
+            "Place of the material's table of sigma0 in the image of all tables. 0 is a surface "
+            "without a clutter model. Set by a run",
+            0.0,
         ),
     ),
     draw=_draw,

@@ -23,6 +23,7 @@ from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
+from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
@@ -94,9 +95,9 @@ class _Measured:
 class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, and
-    `progress` is told of every tile. `no_echo` finds why a frame has no echo, from the names of
-    the objects that were seen.
+    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `hits` and
+    `clutter` correct vertices and powers of rows, and `progress` is told of every tile. `no_echo`
+    finds why a frame has no echo, from the names of the objects that were seen.
     """
 
     def __init__(
@@ -104,13 +105,14 @@ class FrameWork:
         tracer: ViewTracer,
         motion: BurstMotion,
         hits: HitPoints,
+        clutter: ClutterWeights,
         folder: Path,
         progress: Progress,
         no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits = hits
+        self._hits, self._clutter = hits, clutter
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -150,7 +152,7 @@ class FrameWork:
     def measure(self) -> Generator[PathTask, None, str]:
         """Make all renders of the frame; return the limit that ended the refinement.
 
-        Measured tiles stay on disk until `write`: where a run is stopped, the next one takes them.
+        Where a run is stopped before `write`, call `keep_tiles`: the next one takes them.
         """
         uniform = tiles = Tile(self._whole).split(self._options.tile_px)
         if self._options.refines:
@@ -163,6 +165,10 @@ class FrameWork:
         if not self._options.refines:
             return "all tiles"
         return (yield from self._refine())
+
+    def keep_tiles(self) -> None:
+        """Leave the measured tiles on disk."""
+        self._parts.write()
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
         """Boxes of the small objects that get tiles of their own."""
@@ -274,7 +280,7 @@ class FrameWork:
     def _trace(
         self, tile: Tile, number: int, key: str
     ) -> Generator[PathTask, None, tuple[TileRecord, list[ReplicatePowers]]]:
-        """Measure a tile replicate by replicate, each written before the next one."""
+        """Measure a tile replicate by replicate."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         quality, further = QualitySums(), QualitySums()
@@ -292,6 +298,7 @@ class FrameWork:
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -299,7 +306,6 @@ class FrameWork:
                 self._progress.replicates_measured(1, earlier=False)
         record = TileRecord(
             rows_of,
-            part.sha256,
             quality.numbers(),
             further.numbers(),
             sorted(quality.seen),
@@ -383,6 +389,9 @@ class FrameWork:
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
         findings += self._motion.findings
+        if self._clutter:
+            place_m = np.array(self._receiver.matrix_world)[:3, 3]
+            findings += self._clutter.findings(self._chunks(), place_m)
         # where it was not met, `stop_reason` says so
         if (
             target

@@ -17,6 +17,7 @@ from ...signal.paths import PathFlag, PathRows, TriangleMesh
 from ...vectors import are_finite, crosses, distances, dots, norms
 from ..motion import Bodies
 from ..state import Shape, read_triangles
+from .delayed_ways import DelayedWays
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Largest error of a hit point, in roundings of its distances from the origin and from the ray's
@@ -57,6 +58,8 @@ class HitPoints:
         Whether nothing in the scene lets power through, so that no path is delayed.
     meshes
         Meshes that Blender has not evaluated since they were read; more are added.
+    ways
+        Those to the transmitter; None where nothing delays what is seen directly.
     """
 
     def __init__(
@@ -66,10 +69,11 @@ class HitPoints:
         wavelength_m: float,
         opaque: bool,
         meshes: WeakKeyDictionary[Shape, TriangleMesh | None],
+        ways: DelayedWays | None = None,
     ) -> None:
         self._bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
-        self._opaque = opaque
+        self._opaque, self._ways = opaque, ways
 
     def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
         """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
@@ -112,6 +116,9 @@ class HitPoints:
             delay_m = mine["length_m"] - length_m
             undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
         encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
+        if self._ways is not None:
+            asked = np.flatnonzero(encoded & undelayed)
+            undelayed[asked] = ~self._ways.to(points_m[asked])
         hit = np.isfinite(way_m) & (~encoded | undelayed)
         sure, found_m, length_m = chosen[hit], found_m[hit], length_m[hit]
         rows["last_scatterer_m"][sure] = rows["first_scatterer_m"][sure] = found_m
@@ -180,6 +187,15 @@ class HitPoints:
         rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
 
     # -- meshes ------------------------------------------------------------------------------------
+
+    def normals(self, bodies: Indices, starts_m: Real, points_m: Real) -> Real:
+        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown."""
+        reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
+            points_m, starts_m
+        )
+        way, normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)
+        normal = np.where(np.isfinite(way)[:, None], normal, np.nan)
+        return np.asarray(normal / norms(normal)[:, None])
 
     def _hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real

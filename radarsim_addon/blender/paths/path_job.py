@@ -15,6 +15,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import bpy
+import numpy as np
 
 from ... import contract
 from ...errors import RadarSimError, SchemaError
@@ -28,13 +29,17 @@ from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import no_echo_findings
-from ..state import Shape, evaluated_depsgraph
+from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
+from .clutter_weights import ClutterWeights
+from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
+#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
+_ONE_PLACE = 1e-6
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
 
@@ -281,25 +286,37 @@ class PathJob(MeasurementJob):
         depsgraph = motion.begin()
         receiver, transmitter = self._antenna_records(depsgraph, units)
         receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
-        tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter)
+        ways = self._delayed_ways(motion.bodies.snapshot, receiver, transmitter)
+        tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter, ways)
         hits = HitPoints(
             motion.bodies,
             units,
             self._measurement.waveform.wavelength_m,
             self.path_scene.all_opaque,
             self._meshes,
+            ways,
         )
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
             motion,
             hits,
+            ClutterWeights(
+                hits,
+                motion.bodies,
+                self._measurement.waveform.carrier_hz,
+                self._measurement.polarisation,
+            ),
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
         )
-        stop_reason = yield from work.measure()
-        yield PathTask(tracer, 0, 0, None, "motion and path table")
+        try:
+            stop_reason = yield from work.measure()
+            yield PathTask(tracer, 0, 0, None, "motion and path table")
+        except BaseException:  # stopped, or failed
+            work.keep_tiles()
+            raise
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)
@@ -310,6 +327,21 @@ class PathJob(MeasurementJob):
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
         )
+
+    def _delayed_ways(
+        self,
+        snapshot: Snapshot,
+        receiver: contract.ReceiverRecord,
+        transmitter: contract.TransmitterRecord,
+    ) -> DelayedWays | None:
+        """Return the ways to the transmitter; None where they are those that the receiver sees."""
+        poses = np.array([one.matrix_world for one in (receiver, transmitter)], dtype=np.float64)
+        receiver_m, transmitter_m = poses[:, :3, 3]
+        apart_m = float(np.linalg.norm(transmitter_m - receiver_m))
+        together = apart_m <= _ONE_PLACE * self.plan.extent.from_receiver_m
+        if (together and receiver.kind != "orthographic") or not self._run.interiors.delay:
+            return None
+        return DelayedWays(snapshot, transmitter_m, self.plan.metres_per_unit)
 
     # -- progress of a frame -----------------------------------------------------------------------
 

@@ -34,6 +34,7 @@ from ..views import (
     rows_of_replicate,
     trace_replicate,
 )
+from .delayed_ways import DelayedWays
 from .tiles import Tile
 
 #: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
@@ -124,7 +125,10 @@ class PathTask:
 
 
 class ViewTracer:
-    """Makes the renders of one radar frame at one instant, to which the run's scene is set."""
+    """Makes the renders of one radar frame at one instant, to which the run's scene is set.
+
+    `ways` are those to the transmitter; None where nothing delays what is seen directly.
+    """
 
     def __init__(
         self,
@@ -133,12 +137,14 @@ class ViewTracer:
         instant: Instant,
         receiver: contract.ReceiverRecord,
         transmitter: contract.TransmitterRecord,
+        ways: DelayedWays | None,
     ) -> None:
         self.run, self.frame, self.instant = run, frame, instant
         self.receiver, self.transmitter = receiver, transmitter
         self.transmitter_m: Real = np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3]
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
+        self._ways = ways
 
     # -- one render --------------------------------------------------------------------------------
 
@@ -202,6 +208,7 @@ class ViewTracer:
             run.interiors.delay,
             run.interiors.sigma,
             run.interiors.absorption_sigma * run.plan.metres_per_unit,
+            None if self._ways is None else self._ways.to,
         )
         rows = rows_of_replicate(traced, shared, run.plan.metres_per_unit, self._vertex_map)
         return rows, ray_origins(traced, rays.origin_m), traced

@@ -4,7 +4,7 @@
 from .config_warnings import config_findings
 from .measurement import POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
-from .presets import preset_settings
+from .presets import DEFAULT_PRESET, PRESETS, RadarPreset, radar_preset
 from .records import fingerprint, run_record
 from .render_arguments import given_settings, parse_render_arguments, render_settings
 from .run_plan import (
@@ -22,13 +22,16 @@ from .run_settings import RunSettings
 from .window_settings import merged, shortest_decimal
 
 __all__ = [
+    "DEFAULT_PRESET",
     "FINEST_PITCH",
     "POLARISATIONS",
+    "PRESETS",
     "Extent",
     "Instant",
     "Measurement",
     "PathOptions",
     "Plan",
+    "RadarPreset",
     "RunSettings",
     "Task",
     "automatic_rings",
@@ -42,7 +45,7 @@ __all__ = [
     "merged",
     "parse_frames",
     "parse_render_arguments",
-    "preset_settings",
+    "radar_preset",
     "render_settings",
     "run_record",
     "shortest_decimal",

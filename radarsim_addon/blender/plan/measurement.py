@@ -6,13 +6,13 @@ The panel's float32 numbers and the headless script's options both end up in a `
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ...contract import MAX_PIXELS, MAX_RINGS, LinkBudget
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
-from ...signal.radar import AnyWaveform, Burst, Radar
+from ...signal.radar import AnyWaveform, Burst, Radar, Weather
 
 #: Blender's own limit is a little larger.
 LAST_FRAME = 999_999
@@ -90,6 +90,8 @@ class Measurement:
     link_budget
         Transmit power, antennas and losses, checked; None: the transmitter's EIRP in all
         directions. It changes no render.
+    weather
+        What the air takes. It changes no render either.
     """
 
     waveform: AnyWaveform
@@ -151,7 +153,20 @@ class Measurement:
         unit="m",
         minimum=0.0,
     )
+    range_start_m: float = setting(
+        "Range start", "Set the one-way range at which profile and map begin", 0.0, unit="m",
+        minimum=0.0, digits=1,
+    )  # fmt: skip
+    range_stop_m: float = setting(
+        "Range stop",
+        "Set the one-way range at which profile and map end. 0: where the scene ends",
+        0.0,
+        unit="m",
+        minimum=0.0,
+        digits=1,
+    )
     link_budget: LinkBudget | None = None
+    weather: Weather = field(default_factory=Weather)
     polarisation: str = setting(
         "Polarisation",
         "Choose the polarisation of waves that go through physical materials",
@@ -187,6 +202,11 @@ class Measurement:
             raise ConfigError(
                 f"Snapshot interval is {self.snapshot_interval_s!r} s; expected a positive time "
                 "between the two snapshots. 10 ms is a good value; one snapshot alone needs none."
+            )
+        if (self.range_start_m or self.range_stop_m) and self.range_stop_m <= self.range_start_m:
+            raise ConfigError(
+                f"The range limits are {self.range_start_m:g} m to {self.range_stop_m:g} m; "
+                "expected a stop beyond the start, or 0 for both: as far as the scene reaches."
             )
         if self.width_px * self.height_px > MAX_PIXELS:
             raise ConfigError(

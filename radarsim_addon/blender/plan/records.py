@@ -10,15 +10,21 @@ from typing import Any
 
 from ... import contract
 from ...findings import Finding
-from ...signal.radar import waveform_to_dict
+from ...signal.radar import Weather, waveform_to_dict
 from .run_plan import Plan
+
+#: What changes no render.
+_AFTER_RENDERING = (
+    "waveform", "burst", "link_budget", "frames", "rings", "weather",
+    "range_start_m", "range_stop_m",
+)  # fmt: skip
 
 
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     """Return a hash of everything that changes the pixels of a render.
 
-    Waveform, burst and link budget are excluded, because they come in after rendering. Frames are
-    excluded, because a run may resume with more of them.
+    Waveform, burst, link budget, weather and range limits are excluded, because they come in after
+    rendering. Frames are excluded, because a run may resume with more of them.
 
     Parameters
     ----------
@@ -35,7 +41,7 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
         SHA-256 in hexadecimal digits.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
-    for key in ("waveform", "burst", "link_budget", "frames", "rings"):
+    for key in _AFTER_RENDERING:
         del measurement[key]
     parts = {
         "measurement": measurement,
@@ -107,4 +113,7 @@ def run_record(
         findings=findings,
         versions=versions,
         link_budget=measurement.link_budget,
+        range_start_m=measurement.range_start_m,
+        range_stop_m=measurement.range_stop_m,
+        weather=dataclasses.asdict(measurement.weather) if measurement.weather != Weather() else {},
     )

@@ -10,7 +10,7 @@ from typing import Any
 from ...errors import ConfigError
 from ...option_arguments import add_arguments, add_share_arguments, finite_number, given
 from ...options import Declared, declared
-from ...signal.radar import WAVEFORM_KINDS, Burst
+from ...signal.radar import WAVEFORM_KINDS, Burst, Weather
 from .measurement import Measurement, parse_frames
 from .path_options import PathOptions
 from .run_settings import RunSettings
@@ -46,7 +46,7 @@ def render_settings() -> dict[str, Declared]:
     run = declared(RunSettings)
     names = ("sampling_mode", "extinction", "waveform_kind", "waveform_file")
     waveforms = [kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"]
-    others = merged(Measurement, PathOptions, Burst, *waveforms)
+    others = merged(Measurement, PathOptions, Burst, Weather, *waveforms)
     return {**{name: run[name] for name in names}, **others}
 
 

@@ -8,6 +8,7 @@ In: the settings that dataclasses declare. Out: property groups on the radar rig
 from .groups import Settings
 from .material import MATERIAL_PROPERTY, choose_medium
 from .migration import migrate_file, migrate_scene
+from .presets import apply_preset, load_preset, read_preset, save_preset, set_values
 from .radar import (
     RADAR_PROPERTY,
     RADAR_SETTINGS,
@@ -29,16 +30,21 @@ __all__ = [
     "RADAR_SETTINGS",
     "WAVEFORMS",
     "Settings",
+    "apply_preset",
     "beyond_band",
     "carrier_hz",
     "choose_medium",
+    "load_preset",
     "migrate_file",
     "migrate_scene",
     "output_folder",
     "read_link_budget",
     "read_measurement",
     "read_path_options",
+    "read_preset",
     "register",
+    "save_preset",
+    "set_values",
     "settings",
     "unregister",
 ]

@@ -23,6 +23,7 @@ from ...signal.radar import (
     WAVEFORM_KINDS,
     AnyWaveform,
     Burst,
+    Weather,
     load_radar,
     make_system,
     read_system,
@@ -37,7 +38,7 @@ RADAR_PROPERTY = "radarsim"
 #: Kinds of waveforms with settings; samples of an arbitrary one come from a file.
 WAVEFORMS = {name: kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"}
 RADAR_SETTINGS = merged(
-    RunSettings, Burst, *WAVEFORMS.values(), LinkBudget, Measurement, PathOptions
+    RunSettings, Burst, *WAVEFORMS.values(), LinkBudget, Measurement, PathOptions, Weather
 )
 ANTENNA_SETTINGS = merged(AntennaRecord, *PATTERNS.values())
 _ALL: dict[str, Declared | Mapping[str, Declared]] = {
@@ -209,14 +210,15 @@ def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement
     view = settings(active_radar(scene) if radar is None else radar)
     burst = view.record(Burst, **_of(Burst, given))
     waveform, burst = _radar(view, given, burst)
-    numbers = (
+    numbers: dict[str, Any] = (
         {"extinction_length_m": waveform.wavelength_m}
         if given.get("extinction", view.extinction) == "wavelength"
         else {}
     )
     numbers |= _of(Measurement, given)
-    frames = given.get("frames") or _frames(scene, view)
-    return view.record(Measurement, waveform=waveform, burst=burst, frames=frames, **numbers)
+    numbers["frames"] = given.get("frames") or _frames(scene, view)
+    numbers["weather"] = view.record(Weather, **_of(Weather, given))
+    return view.record(Measurement, waveform=waveform, burst=burst, **numbers)
 
 
 def _of(kind: type[Any], given: dict[str, Any]) -> dict[str, Any]:

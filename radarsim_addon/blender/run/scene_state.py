@@ -23,6 +23,7 @@ from ..materials import (
     beyond_float32,
     interior_losses_db,
     media_beyond_their_band,
+    set_clutter_tables,
     set_layer_normals,
     settle_interiors,
     settle_interiors_far_away,
@@ -290,6 +291,9 @@ class MeasurementSettings:
         failures = update_materials(carrier_hz, self._recorder, assigned, beyond)
         in_order = sorted(assigned, key=lambda material: str(material.name_full))
         failures += media_beyond_their_band(carrier_hz, beyond, in_order)
+        failures += set_clutter_tables(
+            self._recorder, assigned, carrier_hz, measurement.polarisation
+        )
         failures += settle_interiors(self._recorder, assigned)
         depsgraph = evaluated_depsgraph(self._view_layer)
         if measurement.polarisation == "average":

@@ -17,7 +17,7 @@ import numpy as np
 from ... import contract
 from ...array_types import Indices, Real
 from ...sidecar import file_sha256
-from ..materials import SURFACE_TYPES, roughness_of
+from ..materials import SURFACE_TYPES, clutter_of, roughness_of, table_files
 from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
@@ -298,6 +298,7 @@ def file_digest(just_opened: bool = False) -> str | None:
         return None
     paths = [Path(bpy.data.filepath)]
     paths += [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
+    paths += [path for material in bpy.data.materials for path in table_files(material)]
     digest = hashlib.sha256()
     for path in paths:
         try:
@@ -363,7 +364,9 @@ def _mesh_digest(snapshot: Snapshot, shape: Shape) -> bytes:
 def _material_text(material: Any) -> str:
     if material is None or material.node_tree is None:
         return repr(None if material is None else material.name)
-    return "\n".join([material.name, *_tree_text(material.node_tree)])
+    parts = [material.name, *_tree_text(material.node_tree), repr(clutter_of(material))]
+    parts += [file_sha256(path) for path in table_files(material) if path.is_file()]
+    return "\n".join(parts)
 
 
 def _tree_text(tree: Any) -> list[str]:

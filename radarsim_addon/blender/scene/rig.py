@@ -20,8 +20,6 @@ _RIG_NAME = "Radar"
 ACTIVE_RADAR_PROPERTY = "radarsim_rig"
 _RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
-#: EIRP of a new transmitter [W]: 1 kW into an antenna of 30 dB.
-DEFAULT_EIRP_W = 1e6
 #: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
 _SCALE_TOLERANCE = 1e-4
 
@@ -42,7 +40,9 @@ class Rig:
     emitter: Any
 
 
-def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+def setup_rig(
+    scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0), eirp_w: float = 1.0
+) -> Any:
     """Add a radar to a scene: an empty with a camera and a transmitter at its origin.
 
     Both move with the empty, which can be animated. Like a camera, the radar points along its own
@@ -54,17 +54,19 @@ def setup_rig(scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scene : bpy.types.Scene
     location
         Location of the radar, Blender units.
+    eirp_w
+        Power of the light [W].
 
     Returns
     -------
     bpy.types.Object
-        The empty.
+        The empty. Its settings have their initial values, see `apply_preset`.
     """
     empty = bpy.data.objects.new(_RIG_NAME, None)
     camera = bpy.data.objects.new(_RECEIVER_NAME, bpy.data.cameras.new(_RECEIVER_NAME))
     emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
     try:
-        emitter.data.energy = DEFAULT_EIRP_W
+        emitter.data.energy = eirp_w
         setup_emitter(emitter.data)
     except BaseException:
         bpy.data.lights.remove(emitter.data)

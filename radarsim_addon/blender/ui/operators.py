@@ -13,11 +13,19 @@ from ...findings import Finding
 from ...progress import ProgressLine, progress_text
 from ..headless import make_job, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
-from ..rig_settings import PROGRESS_PROPERTY, migrate_scene, output_folder, settings
+from ..plan import radar_preset
+from ..rig_settings import (
+    PROGRESS_PROPERTY,
+    apply_preset,
+    migrate_scene,
+    output_folder,
+    settings,
+)
 from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .placement import radar_pose
+from .preset_menu import preset_choice
 from .results import ProcessingJob, show_images
 from .shown_findings import findings_text, report_findings, reported
 
@@ -34,13 +42,17 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
     bl_label = "Set Up Radar"
     bl_options = {"REGISTER", "UNDO"}
 
+    preset: preset_choice("Radar to begin with")
+
     def execute(self, context: Any) -> set[str]:
         with reported(self):
             pose = radar_pose(context)
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
             if pose is not None:
                 empty.location, empty.rotation_euler = pose
-            migrate_scene(context.scene)  # settings of 0.1 that had no radar to go to
+            # Settings of 0.1 that had no radar to go to: what they do not name is as it was then.
+            if not migrate_scene(context.scene):
+                apply_preset(context.scene, empty, radar_preset(self.preset))
             for item in context.selected_objects:
                 item.select_set(False)
             empty.select_set(True)

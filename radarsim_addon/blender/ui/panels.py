@@ -46,6 +46,7 @@ from ..scene import (
 from ..state import Snapshot, take_snapshot
 from .fields import ActiveRadarPanel, RadarPanel, active_group, draw_fields, wrapped
 from .material_names import draw_suggestions
+from .preset_menu import RADARSIM_PT_presets
 from .shown_findings import draw_findings, read_findings
 
 #: How far the scene reaches, by what has been evaluated: panels draw at every move of the mouse.
@@ -55,8 +56,12 @@ _keyed_speeds: WeakKeyDictionary[Snapshot, dict[Any, dict[str, float]]] = WeakKe
 
 
 class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
-    bl_label = "Rig"
+    bl_label = "Radar"
     bl_idname = "RADARSIM_PT_rig"
+
+    def draw_header_preset(self, context: Any) -> None:
+        if active_group(context.scene) is not None:
+            RADARSIM_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -77,6 +82,7 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
         # With a link budget the light's power cancels: it is the light level of the renders.
         text = "Light" if group.use_link_budget else "EIRP"
         layout.prop(rig.emitter.data, "energy", text=text)
+        draw_fields(layout, group, RADAR_SETTINGS, "range_start_m", "range_stop_m")
 
 
 class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):

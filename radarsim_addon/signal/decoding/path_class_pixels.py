@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Mask, Real
 from ...vectors import are_finite, distances, dots, largest
 from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows
 from .cameras import PixelRays
@@ -94,6 +95,9 @@ class TileReplicate:
         rounds the depths inside.
     interior_sigma_m
         The same for the rounding of their absorption, which the range encoding shares [m].
+    delayed_to
+        Whether something delays the ways from the transmitter to points (n, 3), (n,); None where
+        what is seen directly is not delayed.
     """
 
     rays: PixelRays
@@ -107,6 +111,7 @@ class TileReplicate:
     interiors_delay: bool = False
     interior_sigma: float = 0.0
     interior_sigma_m: float = 0.0
+    delayed_to: Callable[[Real], Mask] | None = None
 
 
 @dataclass(frozen=True)
@@ -262,7 +267,11 @@ def _one_reflection(
         # What was passed is known to delay, if only by less than that noise.
         agrees &= pixels.depth == 0 or not shared.interiors_delay
         unencoded = ~np.isfinite(pixels.log_ratio) & (pixels.depth == 0)
-        by_encoding = ~(seen & (agrees | unencoded))
+        geometric = np.flatnonzero(seen & (agrees | unencoded))
+        if pixels.depth == 0 and shared.delayed_to is not None:
+            geometric = geometric[~shared.delayed_to(point_m[geometric])]
+        by_encoding = np.ones_like(seen)
+        by_encoding[geometric] = False
     # Behind transparent surfaces a delay below the encoding's noise would go unnoticed.
     exact = ~by_encoding & (pixels.depth == 0)
     return _Vertices(

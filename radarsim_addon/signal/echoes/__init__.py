@@ -4,7 +4,7 @@
 In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impairments where asked.
 """
 
-from .burst_interpolation import interpolate_renders, render_times_s
+from .burst_interpolation import interpolate_renders, pulses_of_render, render_times_s
 from .echoes import (
     MAX_SAMPLES,
     Echoes,
@@ -36,6 +36,7 @@ __all__ = [
     "one_channel",
     "only_channel",
     "pulse_times_s",
+    "pulses_of_render",
     "render_times_s",
     "synthesize",
     "synthesizer_for",

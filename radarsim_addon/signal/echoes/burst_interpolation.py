@@ -17,10 +17,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Mask, Real
 from ...errors import SchemaError
 from ..decoding import FrameInput
-from .echoes import Echoes
+from ..radar import Radar
+from .echoes import Echoes, pulse_times_s
 
 
 def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
@@ -60,13 +61,34 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
     return times
 
 
+def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
+    """Return at which pulses a render has any weight, in any channel.
+
+    Parameters
+    ----------
+    radar
+        Burst and channels.
+    shown_s
+        When each render shows the scene, ascending [s].
+    number
+        The render, counted from 0.
+
+    Returns
+    -------
+    ndarray of bool
+        (pulses,).
+    """
+    return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
+
+
 def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
     """Return the echoes of a burst from those of its renders.
 
     Parameters
     ----------
     parts
-        Echoes of each render for all pulses; from a generator, one at a time is in memory.
+        Echoes of each render, at least for the pulses of `pulses_of_render`; from a generator, one
+        at a time is in memory.
     shown_s
         When each render shows the scene, ascending [s].
 
@@ -81,16 +103,21 @@ def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Ec
 
 def _weighted(part: Echoes, shown_s: Sequence[float], number: int) -> Echoes:
     """Echoes of a render times its weight at each pulse of each channel."""
-    pulses = part.radar.burst.pulses
-    offsets_s = np.array([channel.start_offset_s for channel in part.radar.channels])
-    times_s = (part.slow_time_s + offsets_s[:, None]).ravel()
-    weight = interpolation_weights(times_s, shown_s)[number].reshape(-1, pulses)
-    rows = np.repeat(weight, part.samples.shape[1] // pulses, axis=1)
+    weight = _weights(part.radar, shown_s, number)
+    rows = np.repeat(weight, part.samples.shape[1] // part.radar.burst.pulses, axis=1)
     return dataclasses.replace(
         part,
         samples=rows[..., None] * part.samples,
         outside=part.outside * float(weight.mean()),
     )
+
+
+def _weights(radar: Radar, shown_s: Sequence[float], number: int) -> Real:
+    """Weight of a render at each pulse of each channel, (channels, pulses)."""
+    offsets_s = np.array([channel.start_offset_s for channel in radar.channels])
+    times_s = pulse_times_s(radar) + offsets_s[:, None]
+    weights = interpolation_weights(times_s.ravel(), shown_s)
+    return np.asarray(weights[number].reshape(times_s.shape))
 
 
 def _sum(total: Echoes, part: Echoes) -> Echoes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...array_types import Complex
+from ...array_types import Complex, Mask, Real
 from ..motion import AntennaMotion, PathMotion
 from ..paths import Paths, channel_lengths
 from ..radar import Channel, Radar
@@ -20,13 +20,29 @@ from .echoes import EchoOptions
 @dataclass(frozen=True)
 class ChannelPaths:
     """What makes lengths and amplitudes of paths in the channels of a radar. `link`: gains at every
-    pulse, None: those that the paths have; `antennas`: their motion, None: the link's.
+    pulse, None: those that the paths have; `antennas`: their motion, None: the link's; `wanted`:
+    pulses whose echoes are formed, (pulses,), None: all.
     """
 
     radar: Radar
     options: EchoOptions
     link: Link | None = None
     antennas: AntennaMotion | None = None
+    wanted: Mask | None = None
+
+    def rows_of(self, channel: Channel, rows: int) -> Mask:
+        """Return which of the rows of samples are formed: of wanted pulses with the channel."""
+        pulses = self.radar.burst.pulses
+        used = channel.active_mask(pulses)
+        if self.wanted is not None:
+            used = used & self.wanted
+        if not used.any():
+            used = np.arange(pulses) == 0  # a sum needs a pulse
+        return np.repeat(used, rows // pulses)
+
+    def times_of(self, channel: Channel, times_s: Real) -> Real:
+        """Return the times of the rows that are formed, out of those of all rows [s]."""
+        return np.asarray(times_s[self.rows_of(channel, times_s.size)])
 
     def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
         """Return the lengths of paths in a channel."""
@@ -54,17 +70,23 @@ class ChannelSums:
                 self._source.lengths_of(paths, channel), self._source.amplitudes_of(paths, channel)
             )
 
-    def results(self) -> list[Spectrum]:
-        """Spectra of all channels."""
-        return [total.result() for _, total in self._sums]
+    def results(self, times_s: Real) -> list[Spectrum]:
+        """Spectra of all channels for rows at these times; those of rows not formed are 0."""
+        return [self._in_rows(channel, total.result(), times_s) for channel, total in self._sums]
+
+    def _in_rows(self, channel: Channel, formed: Spectrum, times_s: Real) -> Spectrum:
+        used = self._source.rows_of(channel, times_s.size)
+        if formed.moving is None or used.all():
+            return replace(formed, times_s=times_s)
+        moving = np.zeros((times_s.size, formed.grid.count), dtype=np.complex128)
+        moving[used] = formed.moving
+        return replace(formed, moving=moving, times_s=times_s)
 
 
-def silence_inactive(samples: Complex, radar: Radar) -> Complex:
-    """Set the rows (channels, rows, samples) of pulses without their channel to 0, in place."""
-    for values, channel in zip(samples, radar.channels, strict=True):
-        if channel.active is not None:
-            active = channel.active_mask(radar.burst.pulses)
-            values[~np.repeat(active, values.shape[0] // active.size)] = 0
+def silence_unformed(samples: Complex, source: ChannelPaths) -> Complex:
+    """Set the rows (channels, rows, samples) that are not formed to 0, in place."""
+    for values, channel in zip(samples, source.radar.channels, strict=True):
+        values[~source.rows_of(channel, values.shape[0])] = 0
     return samples
 
 

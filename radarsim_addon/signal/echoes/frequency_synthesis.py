@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...array_types import Complex
+from ...array_types import Complex, Mask
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion
@@ -37,7 +37,7 @@ from ..spectrum import (
     SynthesisReport,
     check_finite,
 )
-from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
+from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_unformed
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
 
@@ -50,7 +50,8 @@ class StretchSynthesizer:
     :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
 
     Every echo within the waveform's own range is in the samples, whatever the window.
-    `oscillators`, one for each channel, put phase noise on (not for PMCW).
+    `oscillators`, one for each channel, put phase noise on (not for PMCW); with them all pulses are
+    formed.
 
     FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
     ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
@@ -65,6 +66,7 @@ class StretchSynthesizer:
         oscillators: Sequence[Oscillator] | None = None,
         link: Link | None = None,
         antennas: AntennaMotion | None = None,
+        wanted: Mask | None = None,
     ) -> None:
         self.radar = radar
         self.range_limits_m = check_window(range_limits_m)
@@ -82,7 +84,7 @@ class StretchSynthesizer:
         if isinstance(self._waveform, PmcwWaveform) and options.motion_within_pulse:
             self._code = CodeShape(replica(self._waveform), self._waveform.sampling_rate_hz)
         self._oscillators = oscillators
-        self._source = ChannelPaths(radar, options, link, antennas)
+        self._source = ChannelPaths(radar, options, link, antennas, wanted)
         self._sums = ChannelSums(self._source, self._accumulator)
         rows = line_times_s(radar).size
         self._noisy = [NoisyPathAccumulator(rows, count) for _ in oscillators or ()]
@@ -98,7 +100,9 @@ class StretchSynthesizer:
             middle_s = self._code.half_s
         return SpectrumAccumulator(
             self._grid,
-            line_times_s(self.radar) + middle_s + channel.start_offset_s,
+            self._source.times_of(channel, line_times_s(self.radar))
+            + middle_s
+            + channel.start_offset_s,
             tolerance=self._options.tolerance,
             method=self._options.slow_time_transform,
             backend=self._options.nufft_backend,
@@ -145,13 +149,20 @@ class StretchSynthesizer:
         """
         if self._noisy:
             return np.stack([noisy.values for noisy in self._noisy])
-        return np.stack([spectrum.values for spectrum in self._sums.results()])
+        return np.stack(
+            [spectrum.values for spectrum in self._sums.results(line_times_s(self.radar))]
+        )
+
+    def _spectra(self) -> list[Spectrum]:
+        return self._sums.results(line_times_s(self.radar))
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
         samples = self.response()
-        report = joined_report([spectrum.report for spectrum in self._sums.results()])
+        report = joined_report(
+            [spectrum.report for spectrum in self._sums.results(line_times_s(self.radar))]
+        )
         if self._noisy:
             report = joined_report([noisy.report(report, self._added) for noisy in self._noisy])
             # every path was added for two delays, but is lost only once
@@ -161,7 +172,7 @@ class StretchSynthesizer:
             code = 1.0 if self._code is not None else np.fft.fft(replica(waveform))
             samples = np.fft.ifft(np.fft.ifftshift(samples, axes=-1) * code)
         return Echoes(
-            silence_inactive(samples, self.radar),
+            silence_unformed(samples, self._source),
             waveform.grid_start_s,
             self.range_limits_m,
             self.radar,

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...array_types import Mask
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion
@@ -19,7 +20,7 @@ from ..paths import Paths
 from ..radar import Channel, Radar, replica, replica_count, replica_spectrum
 from ..scattering import Link
 from ..spectrum import FrequencyGrid, PulseShape, ReceiveWindow, SpectrumAccumulator, smooth_size
-from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_inactive
+from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_unformed
 from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
 
 #: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
@@ -43,6 +44,8 @@ class EchoSynthesizer:
         Antenna gains at every pulse; None: those that the paths have.
     antennas
         Motion of the antennas, for channels of elements away from their origins; None: the link's.
+    wanted
+        Pulses whose echoes are formed, (pulses,); those of the others are 0. None: all.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class EchoSynthesizer:
         *,
         link: Link | None = None,
         antennas: AntennaMotion | None = None,
+        wanted: Mask | None = None,
     ) -> None:
         self.range_limits_m = check_window(range_limits_m)
         self.radar = radar
@@ -88,18 +92,20 @@ class EchoSynthesizer:
             1 / radar.burst.prf_hz if options.range_folding else None,
             radar.waveform.carrier_hz,
         )
-        self._sums = ChannelSums(ChannelPaths(radar, options, link, antennas), self._accumulator)
+        self._source = ChannelPaths(radar, options, link, antennas, wanted)
+        self._sums = ChannelSums(self._source, self._accumulator)
 
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
         options = self._options
         return SpectrumAccumulator(
             self._grid,
-            pulse_times_s(self.radar) + channel.start_offset_s,
+            self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s,
             tolerance=options.tolerance,
             method=options.slow_time_transform,
             backend=options.nufft_backend,
             listening=self._window,
             pulse=self._pulse,
+            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
             chunk=options.chunk,
         )
 
@@ -109,7 +115,7 @@ class EchoSynthesizer:
 
     def result(self) -> Echoes:
         """Echoes of all paths added so far."""
-        spectra = self._sums.results()
+        spectra = self._sums.results(pulse_times_s(self.radar))
         size, pulses = self._grid.count, self.radar.burst.pulses
         # S has delays from the middle of the pulse; sample 0 is at first_s
         k = np.fft.fftfreq(size, 1 / size)
@@ -129,7 +135,7 @@ class EchoSynthesizer:
                 channel[pulse] = np.fft.ifft(line)[: self._count]
         report = joined_report([spectrum.report for spectrum in spectra])
         return Echoes(
-            silence_inactive(samples, self.radar),
+            silence_unformed(samples, self._source),
             self._first_s,
             self.range_limits_m,
             self.radar,

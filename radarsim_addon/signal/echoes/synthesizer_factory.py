@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ...array_types import Mask
 from ...contract import AmplitudeModel
 from ..motion import AntennaMotion
 from ..paths import Paths
@@ -26,6 +27,7 @@ def synthesizer_for(
     phase_noise_seed: int = 0,
     link: Link | None = None,
     antennas: AntennaMotion | None = None,
+    wanted: Mask | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
     """Return the synthesizer for the waveform's family.
 
@@ -43,6 +45,8 @@ def synthesizer_for(
         Antenna gains at every pulse; None: those that the paths have.
     antennas
         Motion of the antennas, for channels of elements away from their origins; None: the link's.
+    wanted
+        Pulses whose echoes are formed, (pulses,); those of the others are 0. None: all.
 
     Returns
     -------
@@ -55,15 +59,24 @@ def synthesizer_for(
         The range limits are empty or reversed, or the matrix of echoes is too large.
     """
     if radar.waveform.family == "pulse":
-        return EchoSynthesizer(radar, range_limits_m, options, link=link, antennas=antennas)
+        return EchoSynthesizer(
+            radar, range_limits_m, options, link=link, antennas=antennas, wanted=wanted
+        )
     oscillators = None
     if phase_noise is not None and takes_phase_noise_by_path(radar):
         oscillators = [
             LineOscillator(radar, phase_noise, phase_noise_seed, channel.start_offset_s)
             for channel in radar.channels
         ]
+        wanted = None  # the oscillators' factors are of all rows
     return StretchSynthesizer(
-        radar, range_limits_m, options, oscillators=oscillators, link=link, antennas=antennas
+        radar,
+        range_limits_m,
+        options,
+        oscillators=oscillators,
+        link=link,
+        antennas=antennas,
+        wanted=wanted,
     )
 
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -32,11 +32,12 @@ from ..paths import (
     Paths,
     Points,
     Steps,
+    TableFootprints,
     make_paths,
     radiance_of,
     spread,
     steps_of,
-    tiles_by_replicate,
+    views_by_replicate,
 )
 from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
 from ..runs import RadarFrame
@@ -89,6 +90,7 @@ def expected_power(
     cells_per_sample: int = 2,
     link: Link | None = None,
     points_to: Callable[[Paths], None] | None = None,
+    footprints: TableFootprints | None = None,
 ) -> ExpectedPower:
     """Compute the expected power of a frame of paths, on cells finer than the samples.
 
@@ -106,6 +108,8 @@ def expected_power(
         Antennas and losses; None: no gains but `receiver_gain`.
     points_to
         Called with the points that the paths are spread over, as paths of their own.
+    footprints
+        Takes the steps from ray to ray, which it then need not find again.
 
     Returns
     -------
@@ -125,9 +129,9 @@ def expected_power(
     radar, table = frame_input.radar, frame_input.table
     cells = _Cells(radar, frame_input.range_limits_m, cells_per_sample)
     smeared = _Smearing(radar, range_taper, doppler_taper, cells, cells_per_sample)
-    sums = _TableSums(frame_input, cells, receiver_gain, link, points_to)
+    sums = _TableSums(frame_input, cells, receiver_gain, link, points_to, footprints)
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
-    for views in tiles_by_replicate(table.rows, table.record.replicates):
+    for views in views_by_replicate(table.rows, table.record.replicates):
         for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
             total.add(values)
     finer_profile, finer_map = smeared(sums.finer)
@@ -156,7 +160,9 @@ class _TableSums:
         receiver_gain: float,
         link: Link | None,
         points_to: Callable[[Paths], None] | None,
+        footprints: TableFootprints | None,
     ) -> None:
+        self._footprints = footprints
         radar, self._record = frame_input.radar, frame_input.table.record
         self._cells, self._link, self._points_to = cells, link, points_to
         self._scale = receiver_gain * (self._record.carrier_hz / radar.waveform.carrier_hz) ** 2
@@ -166,19 +172,21 @@ class _TableSums:
             radar.waveform.range_resolution_m * self._record.replicates,
         )
 
-    def replicate(self, views: Iterable[PathRows]) -> Real:
+    def replicate(self, views: Iterable[tuple[Indices, PathRows]]) -> Real:
         """Powers in cells from the views of one replicate, (pulses x ranges,)."""
         grid = np.zeros(self.finer.size)
-        for rows in views:
-            self._add_view(grid, rows)
+        for number, rows in views:
+            self._add_view(grid, number, rows)
         return grid
 
-    def _add_view(self, grid: Real, rows: PathRows) -> None:
+    def _add_view(self, grid: Real, number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells
         gain = self._gain(rows)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
         steps = steps_of(rows, record.receiver, record.replicates)
+        if self._footprints is not None:
+            self._footprints.take(number, rows, steps)
         self.gaps.add(rows, steps)
         for part in spread(rows, steps, *cells.spacing):
             cells.add(grid, part, record.replicates * power)

@@ -7,7 +7,14 @@ radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 
 from .channel_motion import channel_lengths
 from .flags import PATH_FLAGS, Flags, PathFlag
-from .footprints import Points, Steps, spread, steps_of, tiles_by_replicate
+from .footprints import (
+    Points,
+    Steps,
+    spread,
+    steps_of,
+    tiles_by_replicate,
+    views_by_replicate,
+)
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
 from .replicates import edge_variances, lone_variances, replicate_offset_px
@@ -56,5 +63,6 @@ __all__ = [
     "steps_of",
     "tiles_by_replicate",
     "usable",
+    "views_by_replicate",
     "write_table",
 ]

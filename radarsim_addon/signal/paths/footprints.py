@@ -330,11 +330,32 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
     ------
     iterator of ndarray
     """
+    for views in views_by_replicate(table, replicates):
+        yield (rows for _, rows in views)
+
+
+def views_by_replicate(
+    table: PathRows, replicates: int
+) -> Iterator[Iterator[tuple[Indices, PathRows]]]:
+    """Yield, for each replicate, an iterator as `tiles_by_replicate`, with numbers of the rows.
+
+    Parameters
+    ----------
+    table
+        Rows of a frame, tile by tile and in each of them replicate by replicate.
+    replicates
+        Number of replicates.
+
+    Yields
+    ------
+    iterator of (ndarray, ndarray)
+        Numbers of the rows in the table, and the rows, (n,) each.
+    """
     starts, stops = view_limits(table)
     replicate = np.asarray(table["replicate"])[starts]
     for number in range(replicates):
         mine = np.flatnonzero(replicate == number)
-        yield (_rows_with_length(table[starts[i] : stops[i]]) for i in mine)
+        yield (_rows_with_length(table, starts[i], stops[i]) for i in mine)
 
 
 def view_limits(table: PathRows) -> tuple[Indices, Indices]:
@@ -345,7 +366,7 @@ def view_limits(table: PathRows) -> tuple[Indices, Indices]:
     return starts, np.append(starts[1:], table.size)[: starts.size]
 
 
-def _rows_with_length(view: PathRows) -> PathRows:
-    rows = np.asarray(view)
-    kept = usable(rows)
-    return rows if kept.all() else rows[kept]
+def _rows_with_length(table: PathRows, start: int, stop: int) -> tuple[Indices, PathRows]:
+    rows = np.asarray(table[start:stop])
+    kept = np.flatnonzero(usable(rows))
+    return start + kept, rows if kept.size == rows.size else rows[kept]

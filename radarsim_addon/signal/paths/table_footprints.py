@@ -8,11 +8,16 @@ that over its place, so that speckle, which belongs to places on the surface, st
 
 from __future__ import annotations
 
-import numpy as np
+import functools
+from typing import NamedTuple
 
-from ...array_types import Indices, Real
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Indices, Mask, Real
 from ...contract import PathsRecord
 from .footprints import (
+    Steps,
     along_steps,
     places_in_pixels,
     points_along,
@@ -26,6 +31,16 @@ from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
 _POINTS_A_ROW = 4
+
+
+class _Split(NamedTuple):
+    """Rows of several points (n,) in rising order, what their steps lie between, (n, 2, 2, 2), and
+    how many points they have across and up, (n, 2).
+    """
+
+    rows: Indices
+    between: NDArray[np.signedinteger]
+    along: NDArray[np.int16]
 
 
 class TableFootprints:
@@ -44,28 +59,48 @@ class TableFootprints:
     def __init__(
         self, record: PathsRecord, table: PathRows, cell_m: float, cell_mps: float
     ) -> None:
-        self._table = table
+        self._record, self._table = record, table
+        self._cell = cell_m, cell_mps
         self._receiver_m = np.array(record.receiver.matrix_world)[:3, 3]
         self._emitter_m = np.array(record.transmitter.matrix_world)[:3, 3]
         self._orthographic = record.receiver.kind == "orthographic"
-        none = np.zeros(0, dtype=np.intp)
-        rows, between, along = [none], [none.reshape(0, 2, 2, 2)], [none.reshape(0, 2)]
-        for start, stop in zip(*view_limits(table), strict=True):
-            view = np.asarray(table[start:stop])
-            kept = usable(view)
-            for axis in range(3):
-                kept &= np.isfinite(view["last_scatterer_m"][:, axis])
-            number = np.flatnonzero(kept)
-            mine = view if number.size == view.size else view[number]
-            steps = steps_of(mine, record.receiver, record.replicates)
-            points = points_along(steps, cell_m, cell_mps, _POINTS_A_ROW)
-            several = np.flatnonzero(points.max(axis=1, initial=1) > 1)
-            rows.append(start + number[several])
-            between.append(start + number[steps.between[several]])
-            along.append(points[several])
-        #: Rows of several points in rising order, what their steps lie between, and how many.
-        self._rows, self._between = np.concatenate(rows), np.concatenate(between)
-        self._along = np.concatenate(along)
+        self._views: dict[int, _Split] = {}
+        self._starts, self._stops = view_limits(table)
+
+    def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
+        """Take the steps of a view from who needs them too.
+
+        Parameters
+        ----------
+        number, rows
+            From `views_by_replicate`, (n,) each.
+        steps
+            From `steps_of`.
+        """
+        if number.size and _placed(rows).all():
+            self._add(int(np.searchsorted(self._starts, number[0], "right")) - 1, number, steps)
+
+    def _add(self, view: int, number: Indices, steps: Steps) -> None:
+        along = points_along(steps, *self._cell, _POINTS_A_ROW)
+        several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
+        # 44 bytes a row, for half of the rows of a scene: numbers no longer than they have to be
+        kind: type[np.signedinteger] = np.int32 if self._table.size < 1 << 31 else np.int64
+        between: NDArray[np.signedinteger] = number[steps.between[several]].astype(kind)
+        self._views[view] = _Split(number[several], between, along[several].astype(np.int16))
+
+    @functools.cached_property
+    def _split(self) -> _Split:
+        """The rows of all views in rising order; views that nobody gave are looked at here."""
+        record = self._record
+        for view, (start, stop) in enumerate(zip(self._starts, self._stops, strict=True)):
+            if view not in self._views:
+                rows = np.asarray(self._table[start:stop])
+                kept = np.flatnonzero(usable(rows) & _placed(rows))
+                rows = rows if kept.size == rows.size else rows[kept]
+                self._add(view, start + kept, steps_of(rows, record.receiver, record.replicates))
+        parts = [self._views.pop(view) for view in range(self._starts.size)]
+        none = np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros((0, 2), np.int16)
+        return _Split(*map(np.concatenate, zip(none, *parts, strict=True)))
 
     def points(self, numbers: Indices) -> tuple[Indices, PathRows]:
         """Return the points of some rows, themselves as rows of a table.
@@ -82,12 +117,13 @@ class TableFootprints:
             and solid angle, (points,) each.
         """
         rows = self._table[_as_slice(numbers)]
-        place = np.searchsorted(self._rows, numbers)
-        split = np.append(self._rows, -1)[place] == numbers
+        found = self._split
+        place = np.searchsorted(found.rows, numbers)
+        split = np.append(found.rows, -1)[place] == numbers
         chosen = place[split]
         if not chosen.size:
             return np.arange(rows.size), rows
-        along, between = self._along[chosen], self._between[chosen]
+        along, between = (a[chosen].astype(np.intp) for a in (found.along, found.between))
         counts = np.ones(rows.size, dtype=np.intp)
         counts[split] = along.prod(axis=1)
         index = np.repeat(np.arange(rows.size), counts)
@@ -120,6 +156,14 @@ class TableFootprints:
         for name in ("power_w", "solid_angle_sr"):
             points[name][mine] *= share
         return index, points
+
+
+def _placed(rows: PathRows) -> Mask:
+    """Which rows have a known last vertex, (n,)."""
+    found = np.ones(rows.size, dtype=bool)
+    for axis in range(3):
+        found &= np.isfinite(rows["last_scatterer_m"][:, axis])
+    return found
 
 
 def _as_slice(rows: Indices) -> Indices | slice:

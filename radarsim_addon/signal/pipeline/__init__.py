@@ -8,6 +8,7 @@ from ..results import FrameResult
 from .cli import main
 from .frame import process_frame
 from .frame_processor import FrameProcessor
+from .kept_frames import KeptFrame
 from .measured_findings import frame_findings
 from .options import ProcessOptions, ResolvedOptions
 from .process import Progress, process_run
@@ -16,6 +17,7 @@ from .process_arguments import parse_process_arguments
 __all__ = [
     "FrameProcessor",
     "FrameResult",
+    "KeptFrame",
     "ProcessOptions",
     "Progress",
     "ResolvedOptions",

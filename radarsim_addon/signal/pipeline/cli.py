@@ -19,7 +19,7 @@ from ...option_arguments import share_of
 from ...terminal_text import printable
 from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
-from .console import frame_lines
+from .console import frame_lines, kept_lines
 from .frame_processor import process_by_workers
 from .info_command import print_run
 from .merge_command import add_merge_parser, merge_parts
@@ -105,37 +105,45 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as stop:
-        print("radarsim: Interrupted; files written so far are whole.", file=sys.stderr)
+        text = "Interrupted; files written so far are whole. The same command resumes."
+        print(f"radarsim: {text}", file=sys.stderr)
         return getattr(stop, "exit_code", 130)  # 128 + SIGINT, as in shells
 
 
 def _process(chosen: argparse.Namespace) -> int:
-    options, frames = process_options(chosen), chosen_frames(chosen)
+    options, numbers = process_options(chosen), chosen_frames(chosen)
     live = sys.stderr.isatty()
     events = process_run(
         chosen.folder,
         options,
         out=chosen.out,
-        frames=frames,
+        frames=numbers,
         allow_incomplete=chosen.allow_incomplete,
+        resume=not chosen.again,
     )
     findings: list[Finding] = []
     seen: list[int] = []
     try:
         for event in events:
+            lines: list[str] = []
             if isinstance(event, FrameResult):
-                if live:
-                    print(end="\r\x1b[K", file=sys.stderr)
-                print("\n".join(frame_lines(event)))
-                findings += event.findings
-                seen.append(event.frame)
+                lines, found, frames = frame_lines(event), event.findings, [event.frame]
+            elif event.kept is not None:
+                lines, found = kept_lines(event.kept), event.kept.findings
+                frames = [event.kept.frame]
             elif event.finding is not None:
-                findings.append(event.finding)
-                seen += event.finding.frames
+                found, frames = [event.finding], list(event.finding.frames)
             elif event.file is not None:
-                print(event.text)
-            elif live:
-                _show(event)
+                lines, found, frames = [event.text], [], []
+            else:
+                if live:
+                    _show(event)
+                continue
+            if lines:
+                print("\r\x1b[K" if live else "", end="", file=sys.stderr)
+                print("\n".join(lines))
+            findings += found
+            seen += frames
     finally:  # of the frames that are done, whatever ended the run
         for line in finding_lines(findings, seen):
             print(line)

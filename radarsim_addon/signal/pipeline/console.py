@@ -12,6 +12,7 @@ from ..detection import Detection, Peak, target_count, velocity_before_folding_m
 from ..maps import RangeDopplerMap, level_unit
 from ..pictures import cell_width, decimals_for, fixed
 from ..results import FrameResult
+from .kept_frames import KeptFrame
 
 Subcommands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 """Where a parser of arguments collects its commands."""
@@ -67,6 +68,11 @@ def detection_lines(
     if len(targets) > most:
         lines.append(f"{len(targets) - most} more targets in the files")
     return lines
+
+
+def kept_lines(kept: KeptFrame) -> list[str]:
+    """For people, that a frame was done before."""
+    return [f"frame {kept.frame}: done before, {len(kept.files)} files in {kept.map.path.parent}"]
 
 
 def frame_lines(result: FrameResult) -> list[str]:

@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 from collections.abc import Generator
 
+from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
@@ -29,6 +30,7 @@ from ..echoes import (
     ReceivedSignal,
     apply_receiver,
     interpolate_renders,
+    pulses_of_render,
     render_times_s,
     synthesizer_for,
 )
@@ -45,10 +47,10 @@ from ..maps import (
     range_doppler,
     range_process,
 )
-from ..paths import Paths
+from ..paths import Paths, TableFootprints
 from ..radar import Weather, find_suspicious_parameters
 from ..results import FrameResult
-from ..scattering import FrameSpeckle
+from ..scattering import FrameSpeckle, table_footprints
 from .options import ResolvedOptions
 
 #: Carriers that differ by more than this are worth a word about materials.
@@ -92,7 +94,6 @@ def frame_steps(
 ) -> Generator[str, None, FrameResult]:
     """Process one radar frame step by step, as `process_frame`; yield what was done."""
     number, radar = frame_input.frame.number, frame_input.radar
-    echo_sum = _EchoSum(frame_input, options)
     statistics_sum, folds = StatisticsSum(radar, options.receiver_gain), DopplerFolds(radar)
     profile_sum = ProfileAccumulator(
         radar,
@@ -104,6 +105,22 @@ def frame_steps(
     )
     # What is expected of a pixel is spread over all that it covers, where that is known.
     spread = bool(frame_input.tables) and options.amplitude_model == "radar-equation"
+    budget = FrameBudget(frame_input, options.weather)
+    speckled = frame_input.tables and options.echo_options.speckle_seed is not None
+    footprints = table_footprints(frame_input) if speckled else None
+    expected = None
+    if spread:
+        expected = expected_power(
+            frame_input,
+            range_taper=options.range_taper,
+            doppler_taper=options.doppler_taper,
+            receiver_gain=options.receiver_gain,
+            link=budget.link,
+            points_to=profile_sum.add,  # the points of it make the profile
+            footprints=footprints,
+        )
+    wanted = _pulses_of_update(frame_input, 0)
+    echo_sum = _EchoSum(frame_input, options, budget, footprints, wanted)
     chunks = iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps)
     for ring, chunk in enumerate(chunks):
         paths = echo_sum.add(chunk)
@@ -115,7 +132,6 @@ def frame_steps(
             yield f"frame {number}: ring {ring + 1} of {frame_input.frame.rings}"
     received = apply_receiver(_burst_echoes(echo_sum, frame_input, options), options.receiver)
     compressed, rd_map = _compressed_and_map(received.echoes, options)
-    expected = _expected(frame_input, options, echo_sum, profile_sum) if spread else None
     profile = profile_sum.result()
     statistics = statistics_sum.result(received.echoes.outside)
     report = echo_sum.budget.report(
@@ -155,11 +171,18 @@ def frame_steps(
 class _EchoSum:
     """Echoes of one render of a burst: adds up paths with their amplitudes."""
 
-    def __init__(self, frame_input: FrameInput, options: ResolvedOptions) -> None:
+    def __init__(
+        self,
+        frame_input: FrameInput,
+        options: ResolvedOptions,
+        budget: FrameBudget,
+        footprints: TableFootprints | None = None,
+        wanted: Mask | None = None,
+    ) -> None:
         echo_options, receiver = options.echo_options, options.receiver
-        self.budget = FrameBudget(frame_input, options.weather)
+        self.budget = budget
         self.speckle = FrameSpeckle(
-            frame_input, echo_options.speckle_seed, options.speckle_cell_size_m
+            frame_input, echo_options.speckle_seed, options.speckle_cell_size_m, footprints
         )
         self._synthesizer = synthesizer_for(
             frame_input.radar,
@@ -169,6 +192,7 @@ class _EchoSum:
             phase_noise_seed=receiver.phase_noise_seed,
             link=self.budget.link,
             antennas=self.budget.antennas,
+            wanted=wanted,
         )
 
     def add(self, paths: Paths) -> Paths:
@@ -186,14 +210,23 @@ def _burst_echoes(first: _EchoSum, frame_input: FrameInput, options: ResolvedOpt
     updates = len(frame_input.tables)
     if updates < 2:
         return first.result()
-    later = (_echoes_of(frame_input.of_update(n), options) for n in range(1, updates))
+    later = (_echoes_of(frame_input, n, options) for n in range(1, updates))
     parts = itertools.chain([first.result()], later)
     return interpolate_renders(parts, render_times_s(frame_input))
 
 
-def _echoes_of(frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
-    echo_sum = _EchoSum(frame_input, options)
-    for paths in iter_path_chunks(frame_input, max_range_rate_mps=options.max_range_rate_mps):
+def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
+    """Pulses that a visibility update takes part in; None: all."""
+    if len(frame_input.tables) < 2:
+        return None
+    return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
+
+
+def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -> Echoes:
+    """Echoes of one of the later visibility updates."""
+    update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
+    echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
+    for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
         echo_sum.add(paths)
     return echo_sum.result()
 
@@ -204,23 +237,6 @@ def _compressed_and_map(
     compressed = range_process(echoes, options.range_taper)
     filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
     return compressed, range_doppler(filtered, options.doppler_taper)
-
-
-def _expected(
-    frame_input: FrameInput,
-    options: ResolvedOptions,
-    echo_sum: _EchoSum,
-    profile_sum: ProfileAccumulator,
-) -> ExpectedPower:
-    """Expected power with its errors; the points of it make the profile."""
-    return expected_power(
-        frame_input,
-        range_taper=options.range_taper,
-        doppler_taper=options.doppler_taper,
-        receiver_gain=options.receiver_gain,
-        link=echo_sum.budget.link,
-        points_to=profile_sum.add,
-    )
 
 
 def _moving_targets(

@@ -15,7 +15,7 @@ from ..distributed import Reply, run_frames
 from ..pictures import MapFile, map_file
 from ..results import FrameResult
 from ..runs import open_run
-from .console import frame_lines
+from .console import frame_lines, kept_lines
 from .process import Products, open_products, products_folder
 from .process_arguments import chosen_frames, process_options
 
@@ -34,7 +34,8 @@ class FrameProcessor:
         options = process_options(chosen).for_run(run)
         # the coordinator has made the folder
         folder = products_folder(run, chosen.out).absolute()
-        self._products = Products(run, options, folder, chosen.allow_incomplete)
+        resume = not chosen.again
+        self._products = Products(run, options, folder, chosen.allow_incomplete, resume)
 
     def about(self) -> dict[str, Any]:
         """Return all frames of the run."""
@@ -46,14 +47,13 @@ class FrameProcessor:
         skipped = self._products.skipped(source)
         if skipped is not None:
             return {"findings": [to_json(skipped)]}
+        kept = self._products.kept(source)
+        if kept is not None:
+            return _reply(kept_lines(kept), kept.findings, kept.map) | {"earlier": True}
         *_, result = self._products.process(source)
         assert isinstance(result, FrameResult)
-        described = dataclasses.asdict(map_file(result, self._products.folder))
-        return {
-            "lines": frame_lines(result),
-            "findings": [to_json(item) for item in result.findings],
-            "map": described | {"path": str(described["path"])},
-        }
+        shown = map_file(result, self._products.folder)
+        return _reply(frame_lines(result), result.findings, shown)
 
     def stop(self) -> None:
         """End now: what is half written is removed on the way."""
@@ -61,6 +61,11 @@ class FrameProcessor:
 
     def close(self) -> None:
         """Nothing is kept open."""
+
+
+def _reply(lines: list[str], findings: list[Finding], shown: MapFile) -> dict[str, Any]:
+    described = dataclasses.asdict(shown) | {"path": str(shown.path)}
+    return {"lines": lines, "findings": [to_json(f) for f in findings], "map": described}
 
 
 def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:

@@ -137,7 +137,9 @@ def _print_quality(record: PathsRecord) -> None:
 def _noise_rows(run: Run) -> list[tuple[str, str]]:
     """What float32 costs at the far end of the rings."""
     record = run.record
-    noise_m = _CODE_NOISE * max(record.range_encoding_length_m, 2 * run.range_limits_m[1]) / 2
+    noise_m = (
+        _CODE_NOISE * max(record.range_encoding_length_m, 2 * record.rings * record.ring_step_m) / 2
+    )
     rows = [("range rounding", f"about {noise_m:.1g} m a pixel (float32 range code)")]
     if record.snapshots == 2:
         rate_mps = 2**0.5 * noise_m / record.snapshot_interval_s

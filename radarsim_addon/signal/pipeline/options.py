@@ -41,7 +41,7 @@ class ProcessOptions:
     receiver
         Noise, ADC, phase noise, see :class:`.echoes.receiver.Receiver`; ideal by default.
     weather
-        Rain, fog and gases, see :class:`.radar.Weather`; clear air by default.
+        Rain, fog and gases, see :class:`.radar.Weather`; None: the run's own.
     cfar
         Detector, see :class:`.detection.Cfar`; None: no detections.
     """
@@ -102,7 +102,7 @@ class ProcessOptions:
     )  # fmt: skip
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)
-    weather: Weather = dataclasses.field(default_factory=Weather)
+    weather: Weather | None = None
     thermal_noise: bool = setting(
         "Thermal noise", "Add the thermal noise of the link budget", False, old_flags=("--noise",)
     )
@@ -152,6 +152,7 @@ class ProcessOptions:
             "link_budget": link_budget,
             "radar": self.radar or run.radar,
             "receiver": self._receiver(link_budget),
+            "weather": self.weather or run.weather,
             "limits_m": check_window(self.range_limits_m or run.range_limits_m),
         }
         return ResolvedOptions(**(vars(self) | settled))
@@ -178,16 +179,17 @@ class ResolvedOptions(ProcessOptions):
 
     Parameters
     ----------
-    amplitude_model, radar
+    amplitude_model, radar, weather
         As in `ProcessOptions`, never None.
     limits_m
         One-way ranges (start, stop) of all frames [m].
-    receiver, weather, cfar
+    receiver, cfar
         As in `ProcessOptions`.
     """
 
     amplitude_model: AmplitudeModel
     radar: Radar
+    weather: Weather
     limits_m: tuple[float, float]
 
     @property
@@ -205,9 +207,9 @@ class ResolvedOptions(ProcessOptions):
 
     @property
     def writers(self) -> tuple[str, ...]:
-        """Names of the writers of result files, pictures apart."""
+        """Names of the writers of result files, pictures and summary apart."""
         wanted = {"hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products}
-        return ("npz", "json", "csv", *(name for name, wish in wanted.items() if wish))
+        return ("npz", "csv", *(name for name, wish in wanted.items() if wish))
 
     def open(self, frame: RadarFrame) -> FrameInput:
         """Open a frame with the radar, link budget and range limits of these options.

@@ -11,6 +11,7 @@ bounded by one frame, however many there are, as long as the caller lets go of t
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,10 +31,12 @@ from ..pictures import (
     save_figure,
 )
 from ..pictures import figure as figures
+from ..products import SUMMARY_ENDING
 from ..radar import make_system
-from ..results import FrameResult, remove_stale, write_result
+from ..results import FrameResult, frame_file, remove_stale, write_result
 from ..runs import RadarFrame, Run, open_run
 from .frame import frame_steps
+from .kept_frames import Fingerprints, KeptFrame, kept_frame
 from .options import ProcessOptions, ResolvedOptions
 
 #: The moving picture of all frames' maps, in the folder of the products.
@@ -56,6 +59,8 @@ class Progress:
         Why a frame was skipped.
     file
         What was written for all frames together.
+    kept
+        A frame whose products were there already.
     """
 
     done: int
@@ -63,6 +68,7 @@ class Progress:
     text: str
     finding: Finding | None = None
     file: Path | None = None
+    kept: KeptFrame | None = None
 
 
 def process_run(
@@ -72,6 +78,7 @@ def process_run(
     out: str | Path | None = None,
     frames: Sequence[int] | None = None,
     allow_incomplete: bool = False,
+    resume: bool = False,
 ) -> Iterator[Progress | FrameResult]:
     """Process a run frame by frame.
 
@@ -87,6 +94,9 @@ def process_run(
         Frames to process; all where None.
     allow_incomplete
         Skip frames whose renders are not all there, instead of raising.
+    resume
+        Keep products that are there, made of the same renders with the same settings by the same
+        software. Such a frame yields a Progress, no result.
 
     Yields
     ------
@@ -108,7 +118,7 @@ def process_run(
     settled = (options or ProcessOptions()).for_run(run)
     chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
     with open_products(run, settled, out, allow_incomplete) as products:
-        yield from _process_frames(products, chosen)
+        yield from _process_frames(replace(products, resume=resume), chosen)
 
 
 @dataclass(frozen=True)
@@ -119,6 +129,11 @@ class Products:
     options: ResolvedOptions
     folder: Path
     allow_incomplete: bool = False
+    resume: bool = False
+
+    @functools.cached_property
+    def _fingerprints(self) -> Fingerprints:
+        return Fingerprints(self.run, self.options, self.draws)
 
     @property
     def draws(self) -> bool:
@@ -135,15 +150,29 @@ class Products:
 
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
         """Open, process and write a frame; yield what was done, the result in the end."""
-        options, folder = self.options, self.folder
+        options, folder, number = self.options, self.folder, frame.number
+        fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
         result = yield from frame_steps(options.open(frame), options)
+        # A summary tells that the others are whole and its own.
+        remove_file(summary)
         files = write_result(result, folder, options.writers)
-        yield f"frame {frame.number}: products"
+        yield f"frame {number}: products"
         if self.draws:
             files += write_result(result, folder, ["png"])
-        yield f"frame {frame.number}: pictures"
-        remove_stale(folder, frame.number, files)
+        yield f"frame {number}: pictures"
+        remove_stale(folder, number, [*files, summary])
+        result = replace(result, files=tuple(files), fingerprint=fingerprint)
+        files += write_result(result, folder, ["json"])
         yield replace(result, files=tuple(files))
+
+    def kept(self, frame: RadarFrame) -> KeptFrame | None:
+        """Return a frame whose products are there; None where it has to be processed."""
+        if not self.resume or not self._summary(frame).is_file():
+            return None
+        return kept_frame(self.folder, frame, self._fingerprints.of(frame))
+
+    def _summary(self, frame: RadarFrame) -> Path:
+        return frame_file(self.folder, frame.number, SUMMARY_ENDING)
 
     def skipped(self, frame: RadarFrame) -> Finding | None:
         """Why a frame is left out; FrameFileError: it is incomplete and must not be."""
@@ -217,6 +246,12 @@ def _process_frames(
         if skipped is not None:
             finished += steps
             yield Progress(finished, total, f"frame {frame.number} skipped", skipped)
+            continue
+        kept = products.kept(frame)
+        if kept is not None:
+            finished += steps
+            maps.append(kept.map)
+            yield Progress(finished, total, f"frame {frame.number} kept", kept=kept)
             continue
         for event in products.process(frame):
             if isinstance(event, FrameResult):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 
 from ...errors import ConfigError
 from ...option_arguments import add_arguments, add_share_arguments, given, share_of
@@ -63,6 +64,7 @@ def add_process_parser(commands: Subcommands) -> None:
     add_arguments(group, cfar, *list(cfar)[1:], defaults=True)
     group = process.add_argument_group("files")
     add_arguments(group, options, *files, defaults=True)
+    group.add_argument("--again", action="store_true", help="Process frames that are done too")
     group.add_argument(
         "--allow-incomplete", action="store_true", help="Skip frames that are not all there"
     )
@@ -81,7 +83,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
         raise ConfigError(
             f"{flags} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
         )
-    options = given(chosen, declared(ProcessOptions))
+    options, air = given(chosen, declared(ProcessOptions)), given(chosen, declared(Weather))
     if chosen.shard is not None and options.setdefault("animate", False):
         raise ConfigError(
             "--animate with --shard: the animation shows all frames, and a shard has a part of "
@@ -90,7 +92,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
     return ProcessOptions(
         radar=radar,
         receiver=Receiver(**given(chosen, declared(Receiver))),
-        weather=Weather(**given(chosen, declared(Weather))),
+        weather=dataclasses.replace(open_run(chosen.folder).weather, **air) if air else None,
         cfar=Cfar(**cfar) if "kind" in cfar else None,
         **options,
     )

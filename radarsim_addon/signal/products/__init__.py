@@ -6,6 +6,7 @@ registers its writers; :func:`.results.write_result` calls them by name.
 """
 
 from . import detection_files, frame_products, hdf5, sigmf
+from .frame_products import SUMMARY_ENDING
 from .ring_products import write_products
 
-__all__ = ["detection_files", "frame_products", "hdf5", "sigmf", "write_products"]
+__all__ = ["SUMMARY_ENDING", "detection_files", "frame_products", "hdf5", "sigmf", "write_products"]

@@ -7,6 +7,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...atomic_files import write_arrays, write_json
 from ...findings import merge, to_json
 from ..echoes import ReceivedSignal
@@ -51,11 +53,15 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
     return files
 
 
-@result_writer("json", "_summary.json")
+#: Ending of the file that is written last: a frame that has one is whole.
+SUMMARY_ENDING = "_summary.json"
+
+
+@result_writer("json", SUMMARY_ENDING)
 def write_summary(result: FrameResult, folder: Path) -> list[Path]:
     """Write numbers and findings of a frame as ``_summary.json``; see docs/files.md."""
     radar, report = result.rd_map.radar, result.echoes.report
-    path = frame_file(folder, result.frame, "_summary.json")
+    path = frame_file(folder, result.frame, SUMMARY_ENDING)
     write_json(
         path,
         {
@@ -74,6 +80,13 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
             "link_budget": result.budget.summary(),
             "findings": [to_json(found) for found in merge(result.findings)],
+            "map": {
+                "strongest": float(result.rd_map.power.max()),
+                "median": float(np.median(result.rd_map.power)),
+                "noise_power": result.map_noise_power,
+            },
+            "files": {file.name: file.stat().st_size for file in result.files},
+            "fingerprint": result.fingerprint,
         },
     )
     return [path]

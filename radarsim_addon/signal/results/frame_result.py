@@ -61,6 +61,8 @@ class FrameResult:
         Targets that CFAR found; None without CFAR.
     files
         Files that hold the result, once they are written.
+    fingerprint
+        Hash of all that the files are made of; empty: not known.
     """
 
     source: FrameInput
@@ -79,6 +81,7 @@ class FrameResult:
     speckle: SpeckleReport | None = None
     detections: Detections | None = None
     files: tuple[Path, ...] = ()
+    fingerprint: str = ""
 
     @property
     def frame(self) -> int:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run's folder: its plan, its completeness, and its renders one at a time.
 
-Nothing is read before it is needed and nothing is kept, so the memory does not grow with
-the number of frames or rings.
+Nothing is kept, so the memory does not grow with the number of frames or rings.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import math
 from collections.abc import Iterator
@@ -35,7 +35,8 @@ from ...contract import (
 from ...errors import ConfigError, FrameFileError, SchemaError
 from ...old_names import GROUND_TRUTH_FILE_0_1
 from ...sidecar import file_sha256, read_record
-from ..radar import Radar, burst_from_dict, waveform_from_dict
+from ...typed_json import from_json
+from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
 #: Slack between numbers of the plan and of a sidecar: Blender's float32 rounds them.
@@ -302,8 +303,14 @@ class Run:
 
     @property
     def range_limits_m(self) -> tuple[float, float]:
-        """One-way ranges that the rings cover: (0, rings x step) [m]."""
-        return 0.0, self.record.rings * self.record.ring_step_m
+        """One-way ranges of profile and map: the plan's, else those that the rings cover [m]."""
+        record = self.record
+        return record.range_start_m, record.range_stop_m or record.rings * record.ring_step_m
+
+    @property
+    def weather(self) -> Weather:
+        """Rain, fog and gases of the plan."""
+        return from_json(Weather, self.record.weather, f"{self.path / RUN_FILE}: weather")
 
 
 def open_run(path: str | Path) -> Run:
@@ -386,13 +393,8 @@ def _radar(record: RunRecord, where: Path) -> Radar:
 
 def _ranges_text(numbers: list[int]) -> str:
     """Frame numbers as text that stays short: "1-10, 15"."""
-    parts: list[str] = []
-    first = last = numbers[0]
-    for number in [*numbers[1:], None]:
-        if number is not None and number == last + 1:
-            last = number
-            continue
-        parts.append(f"{first}" if first == last else f"{first}-{last}")
-        if number is not None:
-            first = last = number
+    parts = []
+    for _, pairs in itertools.groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+        found = [number for _, number in pairs]
+        parts.append(f"{found[0]}-{found[-1]}" if len(found) > 1 else f"{found[0]}")
     return "frame " + ", ".join(parts if len(parts) < 12 else [*parts[:12], "..."])

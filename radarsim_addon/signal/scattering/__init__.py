@@ -7,7 +7,7 @@ exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 
 from .amplitudes import amplitude, amplitude_history, path_amplitude
 from .antenna_gains import Link, antenna_motion
-from .frame_speckle import FrameSpeckle
+from .frame_speckle import FrameSpeckle, table_footprints
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
 
@@ -20,4 +20,5 @@ __all__ = [
     "antenna_motion",
     "path_amplitude",
     "path_phasors",
+    "table_footprints",
 ]

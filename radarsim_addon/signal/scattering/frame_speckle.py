@@ -34,10 +34,16 @@ class FrameSpeckle:
         Of the realisation; None: no speckle.
     cell_m
         Edge of a scatterer's cell [m]; None: from the footprints of the pixels.
+    footprints
+        From `table_footprints`; None: they are found here.
     """
 
     def __init__(
-        self, frame_input: FrameInput, seed: int | None, cell_m: float | None = None
+        self,
+        frame_input: FrameInput,
+        seed: int | None,
+        cell_m: float | None = None,
+        footprints: TableFootprints | None = None,
     ) -> None:
         self._speckle: SurfaceSpeckle | None = None
         waveform, scene = frame_input.radar.waveform, frame_input.ground_truth
@@ -46,13 +52,7 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
-        pulses, prf_hz = frame_input.radar.burst.pulses, frame_input.radar.burst.prf_hz
-        self._footprints = TableFootprints(
-            record,
-            table.rows,
-            _CELLS * waveform.range_resolution_m,
-            _CELLS * waveform.wavelength_m * prf_hz / 2 / pulses,
-        )
+        self._footprints = footprints or table_footprints(frame_input)
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
             record,
@@ -145,6 +145,27 @@ class FrameSpeckle:
     def report(self) -> SpeckleReport | None:
         """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
+
+
+def table_footprints(frame_input: FrameInput) -> TableFootprints:
+    """Return what rows of a frame's table are spread over, in points as near as its echoes ask.
+
+    Parameters
+    ----------
+    frame_input
+        Radar frame of the sampling mode "paths".
+
+    Returns
+    -------
+    TableFootprints
+    """
+    waveform, burst, table = frame_input.radar.waveform, frame_input.radar.burst, frame_input.table
+    return TableFootprints(
+        table.record,
+        table.rows,
+        _CELLS * waveform.range_resolution_m,
+        _CELLS * waveform.wavelength_m * burst.prf_hz / 2 / burst.pulses,
+    )
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:

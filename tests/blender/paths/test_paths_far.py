@@ -14,7 +14,6 @@ from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.scene.rig import DEFAULT_EIRP_W
 from radarsim_addon.physics.radar_equation import monostatic_power_w, to_db
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -33,7 +32,7 @@ def far_target(half_m: float) -> float:
     ph.quad("Target", target, metal)
     reach = math.sqrt(x**2 + y**2 + z**2)
     sigma = 4 * 0.9998 * (2 * s) ** 2 * (y / reach) ** 2
-    return float(monostatic_power_w(DEFAULT_EIRP_W, sigma, reach, ph.C0_MPS / 5.3e9))
+    return float(monostatic_power_w(rs.EIRP_W, sigma, reach, ph.C0_MPS / 5.3e9))
 
 
 def test_tiles_zoom_in_on_a_far_target(tmp_path: Path) -> None:
@@ -132,7 +131,7 @@ def test_plate_from_10_m_to_10_km(tmp_path: Path, code: str) -> None:
         seen = to_point / np.linalg.norm(to_point, axis=1, keepdims=True)
         assert np.abs(seen - rows["direction"]).max() < 0.2 * 1.6 / 32 / range_m + 1e-9
         sigma = 4 * albedo * size**2 * math.cos(math.radians(tilt)) ** 2
-        want = monostatic_power_w(DEFAULT_EIRP_W, sigma, range_m, ph.C0_MPS / 77e9)
+        want = monostatic_power_w(rs.EIRP_W, sigma, range_m, ph.C0_MPS / 77e9)
         levels_db.append(float(to_db(rows["power_w"].sum() / want)))
     assert np.abs(levels_db).max() < 0.05
     assert np.ptp(levels_db[1:]) < 0.01
@@ -163,5 +162,5 @@ def test_sphere_from_10_m_to_10_km(tmp_path: Path) -> None:
         reach = np.linalg.norm(to_radar, axis=1)
         cosine = np.maximum(np.sum(normal * to_radar, axis=1) / reach, 0.0)
         sigma = 4 * 0.9998 * area * cosine**2
-        want = monostatic_power_w(DEFAULT_EIRP_W, sigma, reach, ph.C0_MPS / 77e9).sum()
+        want = monostatic_power_w(rs.EIRP_W, sigma, reach, ph.C0_MPS / 77e9).sum()
         assert abs(float(to_db(rows["power_w"].sum() / want))) < 0.05

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -89,6 +91,23 @@ def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
     assert run.job.path_scene.renders < theirs.renders - 20
     assert not tiles[1].parent.exists()
     assert (run.job.done, run.job.total) == (whole.job.done, whole.job.total)
+
+
+def test_small_scenes_need_no_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Importing its trees and matrices takes a second, which is more than all else but Cycles."""
+
+    class Forbidden(ModuleType):
+        def __getattr__(self, name: str) -> None:
+            raise AssertionError(f"{self.__name__} is used")
+
+    for name in ("scipy", "scipy.spatial", "scipy.sparse"):
+        monkeypatch.setitem(sys.modules, name, Forbidden(name))
+    with pytest.raises(AssertionError, match="is used"):
+        from scipy.spatial import cKDTree  # noqa: F401
+    ps.furnished_scene(clutter=False)
+    options = {"max_reflections": 2, "replicates": 1}
+    table = ph.run_paths(tmp_path, options=options, width_px=16, height_px=16).table()
+    assert np.all(table["last_body"][table["order"] == 2] > 0)
 
 
 def test_same_seed_same_bits(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import make_physical_material
-from radarsim_addon.blender.materials.layers import shell_thickness
+from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.physics.slab import slab_power
 from tests.blender import path_helpers as ph
@@ -241,17 +241,20 @@ def test_hollow_room(
 
 def test_what_is_a_shell() -> None:
     rs.new_scene()
-    depsgraph = bpy.context.evaluated_depsgraph_get
+
+    def walls(*scale: float) -> Any:
+        hollow.scale = scale
+        bpy.context.view_layer.update()
+        found = find_walls(hollow, bpy.context.evaluated_depsgraph_get())
+        assert found is not None
+        return found
+
     hollow = room((10.0, 10.0, 3.0), 30.0, 0.2, 4.2)
-    hollow.scale = (2.0, 2.0, 2.0)
-    bpy.context.view_layer.update()
-    assert shell_thickness(hollow, depsgraph()) == pytest.approx(0.2, rel=1e-4)
-    hollow.scale = (2.0, 1.0, 1.0)  # walls of two thicknesses
-    bpy.context.view_layer.update()
-    assert shell_thickness(hollow, depsgraph()) is None
-    hollow.scale = (1.0, 1.0, 1.0)
+    for scale in ((2.0, 2.0, 2.0), (2.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
+        found = walls(*scale)
+        assert found.one_thickness == pytest.approx(0.2, rel=2e-5)
+        assert found.share == pytest.approx(1.0) and found.wall.all()
     hollow.modifiers["Walls"].thickness = 1.4  # a block with a small cavity
-    bpy.context.view_layer.update()
-    assert shell_thickness(hollow, depsgraph()) is None
+    assert walls(1.0, 1.0, 1.0).share < 0.75
     hollow.modifiers.clear()  # solid
-    assert shell_thickness(hollow, depsgraph()) is None
+    assert not walls(1.0, 1.0, 1.0).wall.any()

@@ -28,7 +28,7 @@ from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.option_arguments import add_arguments, given
 from radarsim_addon.options import Declared, declared
 from radarsim_addon.signal import Cfar, ProcessOptions, Receiver
-from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst
+from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 from radarsim_addon.typed_json import from_json
 from scripts.make_settings_page import PAGE, page
 
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.blender
 
 KINDS = [
     RunSettings, Burst, Measurement, PathOptions, LinkBudget, AntennaRecord, ProcessOptions,
-    Receiver, Cfar, *WAVEFORM_KINDS.values(), *PATTERNS.values(),
+    Receiver, Cfar, Weather, *WAVEFORM_KINDS.values(), *PATTERNS.values(),
 ]  # fmt: skip
 ALL = [(kind, item) for kind in KINDS for item in declared(kind).values()]
 IDS = [f"{kind.__name__}.{item.name}" for kind, item in ALL]
@@ -160,5 +160,5 @@ def test_the_page_is_up_to_date() -> None:
 def test_what_the_window_holds_is_declared_once() -> None:
     assert merged(
         RunSettings, Burst, *(k for n, k in WAVEFORM_KINDS.items() if n != "arbitrary"),
-        LinkBudget, Measurement, PathOptions,
+        LinkBudget, Measurement, PathOptions, Weather,
     ) == RADAR_SETTINGS  # fmt: skip

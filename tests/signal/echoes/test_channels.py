@@ -14,7 +14,13 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal.detection import find_peaks
-from radarsim_addon.signal.echoes import PhaseNoise, Receiver, apply_receiver, synthesizer_for
+from radarsim_addon.signal.echoes import (
+    Echoes,
+    PhaseNoise,
+    Receiver,
+    apply_receiver,
+    synthesizer_for,
+)
 from radarsim_addon.signal.echoes.echoes import EchoOptions
 from radarsim_addon.signal.echoes.frequency_synthesis import StretchSynthesizer
 from radarsim_addon.signal.maps import mti_cancel, range_doppler, range_process
@@ -23,9 +29,11 @@ from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.paths import PATH_DTYPE, geometry_of, make_paths, motion_of_rows
 from radarsim_addon.signal.products.sigmf import write_sigmf
 from radarsim_addon.signal.radar import (
+    AnyWaveform,
     Burst,
     Channel,
     Element,
+    FmcwWaveform,
     PmcwWaveform,
     Radar,
     Waveform,
@@ -180,6 +188,40 @@ def test_pulses_of_a_later_channel_meet_the_scene_later() -> None:
     size = np.abs(first).max()
     assert np.abs(second - later).max() < 1e-7 * size
     assert np.abs(second - first).max() > size
+
+
+@pytest.mark.parametrize(
+    "waveform",
+    [
+        Waveform(5.3e9, 50e6, 2.5e-6, 60e6),
+        FmcwWaveform(77e9, 300e6, 256, 10e6),
+        PMCW,
+    ],
+    ids=lambda waveform: waveform.kind,
+)
+def test_only_wanted_pulses_are_formed(waveform: AnyWaveform) -> None:
+    """A channel that rests, and a render that counts for four pulses: the others cost nothing."""
+    active = tuple(n % 2 == 0 for n in range(16))
+    channels = (Channel(active=active), Channel(start_offset_s=100e-6))
+    wanted = (np.arange(16) >= 5) & (np.arange(16) < 9)
+    paths = make_paths(np.array([1.0, 3.0]), np.array([30.0, 41.0]), np.array([0.0, 12.0]))
+
+    def formed(mask: np.ndarray | None) -> Echoes:
+        synthesizer = synthesizer_for(
+            Radar(waveform, BURST, channels), (5.0, 30.0), EchoOptions(tolerance=1e-9), wanted=mask
+        )
+        synthesizer.add(paths)
+        return synthesizer.result()
+
+    every, some = formed(None), formed(wanted)
+    rows = np.repeat(wanted, every.samples.shape[1] // 16)
+    assert not some.samples[:, ~rows].any()
+    assert not some.samples[0, ~np.repeat(active, rows.size // 16)].any()
+    size = np.abs(every.samples).max()
+    assert np.abs(some.samples[:, rows] - every.samples[:, rows]).max() < 1e-8 * size
+    assert np.abs(some.samples[1, rows]).min(axis=0).max() > 0.1 * size
+    assert some.report is not None
+    assert some.report.pulses * 16 <= 4 * rows.size
 
 
 def test_what_is_not_known_is_named() -> None:

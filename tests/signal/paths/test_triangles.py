@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.paths import TriangleMesh
+from radarsim_addon.signal.paths.triangles import _sorted_places
 
 Array = np.ndarray[Any, Any]
 
@@ -198,3 +199,12 @@ def test_points_off_the_mesh_and_empty_meshes() -> None:
     for triangles in (np.empty((0, 3), np.int32), np.array([[0, 1, 2]], np.int32)):
         empty = TriangleMesh(line, triangles)
         assert np.isnan(empty.hit(origin, directions, np.zeros((2, 3)), 1e-3)[0]).all()
+
+
+@pytest.mark.parametrize("bits", [6, 16, 17, 24])
+def test_buckets_are_sorted_stably(bits: int) -> None:
+    """Also more of them than 16 bits hold, by Python's own stable sort."""
+    bucket = np.random.default_rng(bits).integers(0, 1 << bits, 3000)
+    bucket[1000:2000] = bucket[:1000]
+    expected = sorted(range(bucket.size), key=lambda place: int(bucket[place]))
+    assert _sorted_places(bucket, 1 << bits).tolist() == expected

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Powers of paths over surfaces with a clutter model: exact where Cycles' lobe is not.
+
+The lobe of :mod:`..nodes.clutter_lobe` is exact in backscatter. Into another direction it is a
+Lambert lobe of the albedo that is seen. A vertex with the grazing angles psi_s towards the previous
+vertex (on the receiver's side) and psi_i towards the next one has the weight
+
+    w = (f + sigma_b / (4 pi sin psi_i sin psi_s)) / (f + rho(psi_s) / pi)
+
+with f what the rough interface scatters, and sigma_b = sqrt(sigma0(psi_i) sigma0(psi_s)), which is
+reciprocal. Orders 1 and 2 are weighted at all vertices; of higher ones vertices are unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Indices, Mask, Real
+from ...errors import ConfigError
+from ...findings import Finding, finding
+from ...physics.clutter import ClutterModel
+from ...physics.facets import facet_scattering
+from ...signal.paths import PathRows
+from ...vectors import dots, norms
+from ..materials import EXACT_FACETS, clutter_of
+from ..motion import Bodies
+from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
+from ..nodes.group_search import group_input
+from ..nodes.physical_material import EXTINCTION, INDEX, ROUGHNESS, SMOOTH_BELOW
+from .hit_points import HitPoints
+
+#: Cosine between the direction of a mirrored ray and a segment above which a smooth surface has
+#: reflected it like a mirror: 1 minus the square of what Cycles rounds, over 2.
+_MIRRORED = 1 - 1e-9
+#: Rows of a frame from which the findings are told.
+_LOOKED_AT = 4096
+#: Radius of the Earth with the standard refraction, 4/3 of 6371 km [m].
+_EARTH_M = 8.495e6
+#: Error of sigma0 by the flat model above which it is told [dB].
+_CURVED_DB = 0.5
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Of a material with a clutter model: what Cycles renders of it, and its limits."""
+
+    material: str
+    model: ClutterModel
+    table_db: Real
+    index: complex
+    alpha: float
+
+    def sigma0(self, sine: Real) -> Real:
+        """sigma0 as the lobe's table gives it, at sines of grazing angles."""
+        place = np.cbrt(np.arcsin(np.minimum(sine, 1.0)) * 2 / np.pi)
+        known = np.cbrt(table_angles_rad() * 2 / np.pi)
+        return np.asarray(10 ** (np.interp(place, known, self.table_db) / 10))
+
+
+class ClutterWeights:
+    """Weights the rows of a frame whose vertices lie on surfaces with a clutter model.
+
+    Parameters
+    ----------
+    hits
+        Finds the normals where rays hit.
+    bodies
+        Those whose numbers the rows have.
+    carrier_hz, polarisation
+        Of the run.
+    """
+
+    def __init__(
+        self, hits: HitPoints, bodies: Bodies, carrier_hz: float, polarisation: str
+    ) -> None:
+        self._hits, self._carrier_hz = hits, carrier_hz
+        self._surfaces: list[_Surface] = []
+        known: dict[str, int] = {}
+        self._several: set[str] = set()
+        of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
+        for number, shape in enumerate(bodies.snapshot.shapes):
+            for material in {one for one in shape.materials if one is not None}:
+                clutter = clutter_of(material)
+                if clutter is None or group_input(material, CLUTTER_ROW) is None:
+                    continue
+                if len(set(shape.materials)) > 1:
+                    self._several.add(shape.original.name)
+                    continue
+                if material.name_full not in known:
+                    table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)
+                    known[material.name_full] = len(self._surfaces) + 1
+                    self._surfaces.append(_surface(material, clutter.model, table_db))
+                of_shape[number] = known[material.name_full]
+        #: Number of the surface of each body, from 1; 0: none. Body 0 is unknown.
+        self._of_body = np.concatenate([[0], of_shape[bodies.shape]]).astype(np.intp)
+
+    def __bool__(self) -> bool:
+        return bool(self._surfaces or self._several)
+
+    def apply(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
+        """Multiply powers of labelled, refined rows; rays start at `origin_m`, (3,) or (n, 3)."""
+        if not self._surfaces:
+            return
+        origins_m = np.broadcast_to(origin_m, (rows.size, 3))
+        for order in (1, 2):
+            first, last = (self._of_body[rows[name]] > 0 for name in ("first_body", "last_body"))
+            concerned = np.flatnonzero((rows["order"] == order) & (first | last))
+            if order == 1 and np.all(origins_m[concerned] == transmitter_m):
+                continue  # backscatter is exact
+            mine, start_m = rows[concerned], origins_m[concerned]
+            first_m, last_m = mine["first_scatterer_m"], mine["last_scatterer_m"]
+            before_m = start_m if order == 1 else first_m
+            weight = self._weights(mine["last_body"], last_m, before_m, transmitter_m, order == 1)
+            if order == 2:
+                weight *= self._weights(mine["first_body"], first_m, start_m, last_m, True)
+            rows["power_w"][concerned] *= weight
+
+    def _weights(
+        self, bodies: Indices, vertex_m: Real, before_m: Real, after_m: Real, seen_first: bool
+    ) -> Real:
+        """Weights of vertices on bodies between two points, (n,); 1 without a clutter model.
+
+        `seen_first`: the receiver sees the vertex itself, and the albedo is not limited.
+        """
+        weight, surface = np.ones(bodies.size), self._of_body[bodies]
+        chosen = np.flatnonzero(surface)
+        if not chosen.size:
+            return weight
+        vertex_m, before_m = vertex_m[chosen], before_m[chosen]
+        after_m = np.broadcast_to(after_m, (bodies.size, 3))[chosen]
+        back, onward = _unit(before_m - vertex_m), _unit(after_m - vertex_m)
+        # the first vertex is known along its ray, the last one along that of the transmitter
+        known_from_m = before_m if seen_first else after_m
+        normal = self._hits.normals(bodies[chosen], known_from_m, vertex_m)
+        normal = np.where(dots(normal, back)[:, None] < 0, -normal, normal)
+        for number, one in enumerate(self._surfaces, start=1):
+            here = np.flatnonzero(surface[chosen] == number)
+            n, s, i = normal[here], back[here], onward[here]
+            sine_s, sine_i = dots(n, s), dots(n, i)
+            fits = (sine_s > 0) & (sine_i > 0)  # not through the surface, and with a normal
+            if one.alpha == 0:
+                fits &= dots(2 * sine_s[:, None] * n - s, i) < _MIRRORED
+            here, n, s, i = here[fits], n[fits], s[fits], i[fits]
+            sine_s, sine_i = sine_s[fits], sine_i[fits]
+            facets = np.zeros(here.size)
+            if one.alpha > 0:
+                facets = facet_scattering(one.index, one.alpha, n, s, i, EXACT_FACETS)
+            sigma_s, sigma_i = one.sigma0(sine_s), one.sigma0(sine_i)
+            albedo = sigma_s / (4 * sine_s**2)
+            rendered = facets + (albedo if seen_first else np.minimum(albedo, 1.0)) / np.pi
+            true = facets + np.sqrt(sigma_s * sigma_i) / (4 * np.pi * sine_i * sine_s)
+            weight[chosen[here]] = true / rendered
+        return weight
+
+    # -- what to know of the result ----------------------------------------------------------------
+
+    def findings(self, chunks: Iterable[PathRows], receiver_m: Real) -> list[Finding]:
+        """Find what a user should know of the clutter in the rows of a frame."""
+        found = [finding("clutter-of-several-materials", *sorted(self._several))]
+        found = found if self._several else []
+        if not self._surfaces:
+            return found
+        seen: list[PathRows] = []
+        total = later = 0.0
+        for rows in chunks:
+            total += float(rows["power_w"].sum())
+            first, last = (self._of_body[rows[name]] for name in ("first_body", "last_body"))
+            met = (first > 0) | (last > 0)
+            later += float(rows["power_w"][met & (rows["order"] > 2)].sum())
+            seen.append(rows[met & (rows["order"] == 1)])
+        if later > 0.01 * total:
+            found.append(finding("clutter-of-higher-orders", fraction=later / total))
+        count = sum(part.size for part in seen)
+        if count:
+            step = -(-count // _LOOKED_AT)
+            found += self._seen_findings(np.concatenate(seen)[::step], receiver_m)
+        return found
+
+    def _seen_findings(self, rows: PathRows, receiver_m: Real) -> list[Finding]:
+        """Of rows of order 1: angles at which a model does not hold, and the Earth's curvature."""
+        found = []
+        surface = self._of_body[rows["last_body"]]
+        point_m = rows["last_scatterer_m"]
+        normal = self._hits.normals(rows["last_body"], point_m - rows["direction"], point_m)
+        grazing = np.arcsin(np.minimum(np.abs(dots(normal, rows["direction"])), 1.0))
+        range_m = norms(point_m - receiver_m)
+        for number, one in enumerate(self._surfaces, start=1):
+            mine = (surface == number) & np.isfinite(grazing)
+            if not mine.any():
+                continue
+            psi, reach_m = grazing[mine], range_m[mine]
+            outside = ~one.model.is_valid(one.model.band_hz[0], psi)
+            if outside.any():
+                found.append(_beyond_angles(one, psi, outside))
+            found += _curvature(one, psi, reach_m)
+        return found
+
+
+def _beyond_angles(one: _Surface, grazing_rad: Real, outside: Mask) -> Finding:
+    low_deg, high_deg = np.degrees(one.model.grazing_rad)
+    return finding(
+        "clutter-beyond-angles",
+        one.material,
+        fraction=float(np.mean(outside)),
+        model=one.model.name,
+        least_deg=float(np.degrees(grazing_rad.min())),
+        most_deg=float(np.degrees(grazing_rad.max())),
+        low_deg=float(low_deg),
+        high_deg=float(high_deg),
+    )
+
+
+def _curvature(one: _Surface, grazing_rad: Real, range_m: Real) -> list[Finding]:
+    """Find from which range on a level surface would curve away below the ray."""
+    curved = np.maximum(grazing_rad - range_m / (2 * _EARTH_M), 1e-7)
+    error_db = 10 * np.log10(one.sigma0(np.sin(grazing_rad)) / one.sigma0(np.sin(curved)))
+    beyond = np.abs(error_db) > _CURVED_DB
+    if not beyond.any():
+        return []
+    return [
+        finding(
+            "clutter-on-flat-earth",
+            one.material,
+            range_m=float(range_m[beyond].min()),
+            error_db=float(np.abs(error_db).max()),
+            furthest_m=float(range_m.max()),
+        )
+    ]
+
+
+def _surface(material: Any, model: ClutterModel, table_db: Real) -> _Surface:
+    def value(name: str) -> float:
+        socket = group_input(material, name)
+        if socket is None:
+            raise ConfigError(
+                f"Material {material.name!r} has a clutter model and a link at {name}, so the "
+                "scattering into other directions is unknown. Remove the link."
+            )
+        return float(socket.default_value)
+
+    roughness = value(ROUGHNESS)
+    index = complex(value(INDEX), value(EXTINCTION))
+    alpha = roughness**2 if roughness > SMOOTH_BELOW else 0.0
+    return _Surface(
+        material.name, model, table_db.astype(np.float32).astype(np.float64), index, alpha
+    )
+
+
+def _unit(vectors: Real) -> Real:
+    return np.asarray(vectors / norms(vectors)[:, None])
