@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 from typing import TYPE_CHECKING
 from unittest import mock
 
@@ -18,8 +19,11 @@ from radarsim_addon.signal.pipeline import main
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 COMMANDS_PAGE = "reference/commands.md"
+#: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
 
 The command `radarsim` has the subcommands below. `blender -b FILE -P scripts/render_radar.py -- OPTIONS`
@@ -34,6 +38,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
     files.append(File.generated(config, COMMANDS_PAGE, content=commands_page()))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Name files outside of ``docs`` by their paths in the repository, without a link."""
+    if "/" in page.file.src_uri:
+        return markdown
+    return _OUTSIDE.sub(r"\1 (`\2`)", markdown)
 
 
 def commands_page() -> str:
