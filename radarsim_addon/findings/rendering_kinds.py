@@ -10,14 +10,29 @@ SCENE = {
         "caution",
         "No Radar Material is assigned to {subjects}.",
         "These objects cast a radar shadow and return no echo.",
-        "Select them and choose Radar > Material > Assign to Selected, or Assign by Name.",
+        "Select them and choose Radar > Scene > Assign to Selected, or Assign by Name.",
     ),
     "optical-material": Kind(
         "caution",
         "Materials made for light, or none: {subjects}.",
         "The powers of their echoes follow colour and gloss in the visible, not the material at "
         "the carrier.",
-        "Choose Radar > Material > Assign by Name, review the list, then Apply.",
+        "Choose Radar > Scene > Assign by Name, review the list, then Apply.",
+    ),
+    "rendered-at-whole-frames": Kind(
+        "caution",
+        "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
+        "and soft bodies that are not baked, and cache files without Vertex Interpolation.",
+        "Range rates from two snapshots are too small for them or 0, and further renders of a "
+        "burst show them where they were.",
+        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, or "
+        "measure by paths with one render per burst.",
+    ),
+    "camera-markers": Kind(
+        "info",
+        "Markers bind other cameras to frames of the timeline: {subjects}.",
+        "The receiver is {receiver!r} at all frames of this run.",
+        "To receive with another camera, measure again with it on the transmitter's parent.",
     ),
     "object-without-surface": Kind(
         "caution",
@@ -30,6 +45,13 @@ SCENE = {
         "These materials scatter light below their surface: {subjects}.",
         "Their echoes are spread over larger ranges.",
         "Set Subsurface to 0 in each material.",
+    ),
+    "smooth-across-edges": Kind(
+        "caution",
+        "{subjects} are shaded smooth across sharp edges: up to {fraction:percent} of a surface "
+        "has normals that are off by more than {angle_deg:g} degrees.",
+        "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
+        "Choose Object > Shade Auto Smooth, or Shade Flat.",
     ),
     "mesh-open": Kind(
         "error",
@@ -50,6 +72,21 @@ SCENE = {
         "These objects have an interior, but their normals point inwards: {subjects}.",
         "Depths are counted outside the objects.",
         "Choose Mesh > Normals > Recalculate Outside, or Flip.",
+    ),
+    "shells-overlap": Kind(
+        "caution",
+        "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies inside "
+        "another part of the mesh.",
+        "Cycles counts the interior once where they overlap, and each face inside takes its part "
+        "of the power: what passes there comes out too weak and too near.",
+        "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
+    ),
+    "inside-a-wall": Kind(
+        "caution",
+        "Something lies within the material of a wall: {subjects}.",
+        "These walls absorb and delay at their faces, each for half of the wall, and not by the "
+        "depth inside.",
+        "Move it out, or make this wall an object of its own, a plain box near the radar.",
     ),
     "coincident-faces": Kind(
         "error",
@@ -105,7 +142,7 @@ SCENE = {
         "reflection and by a factor {absorption_ratio:.3g} in absorption: error class "
         "{error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
-        "Radar > Material > Beyond Band to Refuse.",
+        "Radar > Advanced > Beyond Band to Refuse.",
     ),
     "clutter-not-connected": Kind(
         "caution",
@@ -160,7 +197,7 @@ SCENE = {
         "Range encoding is Materials, and rough physical materials return several reflections.",
         "Cycles rounds their three channels separately: lengths from order 2 on are off by up to "
         "1e-5 of the range encoding length, and paths are flagged as mixed that are not.",
-        "Choose Radar > Sampling > Range Encoding: Automatic.",
+        "Choose Radar > Advanced > Range Encoding: Automatic.",
     ),
     "medium-not-connected": Kind(
         "caution",
@@ -214,6 +251,12 @@ SETTINGS = {
         "animation {animation_s:.4g} s.",
         "The maximum unambiguous velocity is only {max_unambiguous_velocity_mps:.3g} m/s.",
         "Raise the PRF or send fewer pulses. Check the unit of the PRF: hertz everywhere.",
+    ),
+    "scene-beyond-range-limits": Kind(
+        "info",
+        "The scene reaches {farthest_m:.6g} m, and the range limits end at {range_stop_m:g} m.",
+        "Profile and map leave out the echoes from beyond.",
+        "Raise Range Stop, or set both range limits to 0: as far as the scene reaches.",
     ),
     "scene-beyond-rings": Kind(
         "caution",

@@ -15,7 +15,7 @@ Arrays are in arrays.py, tables in antenna_table.py.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +24,15 @@ from numpy.typing import ArrayLike
 from ..array_types import Real
 from ..errors import ConfigError
 from .checks import real_array
+
+
+@cache
+def gauss_legendre(count: int) -> tuple[Real, Real]:
+    """Nodes and weights on [-1, 1], (count,) each: found once, as it takes as long as a frame."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes.setflags(write=False)
+    weights.setflags(write=False)
+    return nodes, weights
 
 
 class Antenna(Protocol):
@@ -163,7 +172,7 @@ def sphere_mean(antenna: Antenna, latitudes: int = 181, longitudes: int = 360) -
     Gauss-Legendre in the cosine of the angle from boresight, each hemisphere separately since many
     patterns end at 90 degrees; equal steps around boresight.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(latitudes)
+    nodes, weights = gauss_legendre(latitudes)
     phi = 2 * np.pi * (np.arange(longitudes) + 0.5) / longitudes
     total = 0.0
     for centre in (-0.5, 0.5):
@@ -293,7 +302,7 @@ class Gaussian:
         About 16 ln2 / (az_3dB el_3dB) for narrow beams.
         """
         # Separable in (azimuth, elevation): two line integrals, over the part that matters.
-        nodes, weights = np.polynomial.legendre.leggauss(200)
+        nodes, weights = gauss_legendre(200)
 
         def line(width: float, limit: float, cosine: bool) -> float:
             reach = min(limit, 4 * width)
@@ -370,6 +379,6 @@ class Aperture:
 def _panels(size: float) -> tuple[Real, Real]:
     """Return Gauss-Legendre nodes and weights on [0, 1], 10 per wavelength of `size`."""
     count = int(np.ceil(size)) + 1
-    nodes, weights = np.polynomial.legendre.leggauss(10)
+    nodes, weights = gauss_legendre(10)
     starts = np.arange(count)[:, None] / count
     return (starts + (nodes + 1) / (2 * count)).ravel(), np.tile(weights / (2 * count), count)

@@ -23,18 +23,27 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import SURFACE_TYPES, Interiors, assigned_materials, has_rough_facets
+from ..materials import (
+    SURFACE_TYPES,
+    Interiors,
+    assigned_materials,
+    has_no_faces,
+    has_rough_facets,
+    objects_in_walls,
+)
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import no_echo_findings
+from ..scene import is_hidden_at_times, no_echo_findings
 from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
+from .mirror_paths import MirrorPaths
+from .obstacles import BodyMesh
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -81,6 +90,7 @@ class PathJob(MeasurementJob):
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         foreign = _holds_foreign_materials(view_layer)
         choice = options.range_encoding
         by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
@@ -93,6 +103,9 @@ class PathJob(MeasurementJob):
     def _config_findings(self) -> list[Finding]:
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
+
+    def _renders_between_frames(self) -> bool:
+        return self.options.visibility_updates > 1
 
     def _averaged_paths(self) -> str:
         if not self.deterministic:
@@ -176,6 +189,13 @@ class PathJob(MeasurementJob):
         self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
+
+    @property
+    def rays(self) -> int:
+        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        pixels = self._measurement.width_px * self._measurement.height_px
+        looks = len(self._measurement.frames) * self.options.visibility_updates
+        return pixels * looks * self.options.replicates * self.options.max_reflections
 
     @property
     def _span_s(self) -> float:
@@ -284,6 +304,7 @@ class PathJob(MeasurementJob):
             render=render,
         )
         depsgraph = motion.begin()
+        motion.findings += self._in_walls(depsgraph)
         receiver, transmitter = self._antenna_records(depsgraph, units)
         receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
         ways = self._delayed_ways(motion.bodies.snapshot, receiver, transmitter)
@@ -296,6 +317,19 @@ class PathJob(MeasurementJob):
             self._meshes,
             ways,
         )
+        mirrors = MirrorPaths(
+            motion.bodies,
+            hits,
+            units,
+            receiver,
+            tracer.transmitter_m,
+            self.plan.extent.from_receiver_m,
+            self._measurement,
+            self.options,
+            self._body_meshes,
+        )
+        tracer.images_m = mirrors.images_m
+        self.path_scene.lamps.place(mirrors.images_m / units)
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
@@ -307,6 +341,7 @@ class PathJob(MeasurementJob):
                 self._measurement.waveform.carrier_hz,
                 self._measurement.polarisation,
             ),
+            mirrors,
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
@@ -327,6 +362,12 @@ class PathJob(MeasurementJob):
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
         )
+
+    def _in_walls(self, depsgraph: Any) -> list[Finding]:
+        """Find what lies in walls at this moment."""
+        items = (self.rig.camera, self.rig.emitter)
+        antennas = [item.evaluated_get(depsgraph).matrix_world.translation for item in items]
+        return objects_in_walls(depsgraph, antennas)
 
     def _delayed_ways(
         self,
@@ -363,7 +404,13 @@ def _assigned(view_layer: Any) -> set[Any]:
 
 def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    shown = [o for o in bpy.data.objects if o.type in SURFACE_TYPES and not o.hide_render]
+    shown = [
+        one
+        for one in bpy.data.objects
+        if one.type in SURFACE_TYPES
+        and not has_no_faces(one)
+        and (not one.hide_render or is_hidden_at_times(one))
+    ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
     return not all(is_radar_material(material) for material in materials)

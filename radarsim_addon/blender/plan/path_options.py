@@ -98,6 +98,15 @@ class PathOptions:
         soft_maximum=16,
         old_flags=("--renders-per-burst",),
     )
+    mirror_images: int = setting(
+        "Mirror images",
+        "Set the most images of the transmitter in planar mirrors (smooth Radar Materials), and in "
+        "pairs of them; each is one more view. Mirrors count as reflections. 0: none",
+        8,
+        minimum=0,
+        maximum=64,
+        soft_maximum=16,
+    )
     range_encoding: str = setting(
         "Range encoding",
         "Choose what carries the range encoding",

@@ -22,7 +22,7 @@ from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
-from .projections import NEAR_CLIP_UNITS, aim, camera_kind
+from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
 from .rig import (
     ACTIVE_RADAR_PROPERTY,
     Rig,
@@ -34,8 +34,20 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
-from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
+from .simulations import (
+    has_simulation_zone,
+    is_simulated_body,
+    renders_whole_frames_only,
+    simulation_frames,
+)
+from .smooth_shading import check_normals
+from .visibility import (
+    hiding_is_animated,
+    is_hidden_at_times,
+    show_as_rendered,
+    show_what_ever_renders,
+    show_what_renders,
+)
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -53,6 +65,7 @@ __all__ = [
     "antennas_of",
     "camera_kind",
     "check_meshes",
+    "check_normals",
     "check_poses",
     "check_vertices",
     "disabled_drivers",
@@ -62,9 +75,11 @@ __all__ = [
     "echoing_boxes",
     "evaluated_poses",
     "find_rig",
+    "frame_edges",
     "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",
+    "is_hidden_at_times",
     "is_simulated_body",
     "is_transmitter",
     "isolate",
@@ -75,11 +90,13 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "renders_whole_frames_only",
     "replace_material",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_as_rendered",
+    "show_what_ever_renders",
     "show_what_renders",
     "simulation_frames",
     "suggest_materials",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import bpy
@@ -12,10 +13,10 @@ from ...errors import ConfigError, RadarSimError
 from ...options import declared
 from ...physics.radar_equation import monostatic_power_w, to_db
 from ...signal.detection import predicted_snr
-from ...signal.radar import PATTERNS, RadarSystem, make_system
-from ..rig_settings import read_link_budget, read_measurement
+from ...signal.radar import PATTERNS, Radar, RadarSystem, make_system
+from ..rig_settings import own_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
-from .fields import ActiveRadarPanel, active_group, draw_fields, wrapped
+from .fields import ActiveRadarPanel, active_group, draw_fields, draw_state, split, wrapped
 from .shown_findings import reported
 
 
@@ -67,13 +68,24 @@ class RADARSIM_OT_remove_patterns(bpy.types.Operator):
 class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Link Budget"
     bl_idname = "RADARSIM_PT_system"
+    bl_parent_id = "RADARSIM_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: Any) -> None:
         self.layout.prop(active_group(context.scene), "use_link_budget", text="")
 
+    def draw_header_preset(self, context: Any) -> None:
+        group = active_group(context.scene)
+        if not group.use_link_budget:
+            draw_state(self, "light as EIRP")
+        elif group.transmitter.kind != "table":  # not read at every redraw
+            with contextlib.suppress(RadarSimError):
+                system = scene_system(context.scene)
+                if system is not None:
+                    draw_state(self, f"EIRP {to_db(eirp_w(system)) + 30:.1f} dBm")
+
     def draw(self, context: Any) -> None:
-        layout = self.layout
+        layout = split(self.layout)
         group = active_group(context.scene)
         if not group.use_link_budget:
             text = "The light's power is the EIRP in all directions."
@@ -93,7 +105,7 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             return
         try:
             system = scene_system(context.scene)
-            lines = budget_lines(system, read_measurement(context.scene).radar)
+            lines = _shown_lines(system, read_measurement(context.scene).radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
@@ -103,10 +115,41 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
 
 
 def scene_system(scene: Any) -> RadarSystem | None:
-    """The scene's link budget with its antennas; None where none is used."""
+    """The scene's link budget with its antennas; None where none is used.
+
+    The last ones are kept: the gain of an antenna is an integral, and panels draw all the time.
+    """
     wavelength_m = read_measurement(scene).waveform.wavelength_m
-    record = read_link_budget(active_radar(scene), wavelength_m)
-    return None if record is None else make_system(record, wavelength_m)
+    record = own_link_budget(active_radar(scene))
+    if record is None:
+        return None
+    key = (repr(record), wavelength_m)
+    if key not in _systems:
+        if len(_systems) >= _MOST_KEPT:
+            _systems.clear()
+        _systems[key] = make_system(record, wavelength_m)
+    return _systems[key]
+
+
+def _shown_lines(system: RadarSystem | None, radar: Radar) -> list[str]:
+    """Return `budget_lines`, kept for the system and the radar that were drawn last."""
+    if _lines.get("of") != (system, radar):
+        _lines.update({"of": (system, radar), "text": budget_lines(system, radar)})
+    found: list[str] = _lines["text"]
+    return found
+
+
+#: Link budgets whose antennas are kept.
+_MOST_KEPT = 8
+_systems: dict[tuple[str, float], RadarSystem] = {}
+_lines: dict[str, Any] = {}
+
+
+def eirp_w(system: RadarSystem) -> float:
+    """What goes into the peak of the transmitter's pattern [W]."""
+    record = system.record
+    gain = system.transmitter.peak_gain
+    return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
 
 
 def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
@@ -115,7 +158,6 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
         return []
     gains = (system.transmitter.peak_gain, system.receiver.peak_gain)
     record = system.record
-    eirp_w = record.transmit_power_w * gains[0] / 10 ** (record.transmit_loss_db / 10)
     noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
     power_w = float(
         monostatic_power_w(
@@ -124,7 +166,7 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
     ) / system.loss  # fmt: skip
     found = [
         f"Peak gains: {to_db(gains[0]):.2f} and {to_db(gains[1]):.2f} dBi",
-        f"EIRP: {eirp_w:.4g} W ({to_db(eirp_w):.2f} dBW)",
+        f"EIRP: {eirp_w(system):.4g} W ({to_db(eirp_w(system)) + 30:.2f} dBm)",
         f"1 m² at 1 km: {to_db(power_w) + 30:.2f} dBm",
     ]
     if noise_w > 0:

@@ -7,7 +7,6 @@ import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,9 @@ from ...array_types import Real
 from ...atomic_files import replaced
 from ...errors import FrameFileError
 from ..results import FrameResult, frame_file
-from .figure import lay_out, new_figure
+from .figure import new_figure
 from .map import ColourScale, MapAxes, draw_map, floor_db_of, joined_level, map_axes
+from .sheet import TALL_TEXT, Sheet
 
 #: Pictures per second.
 FRAMES_PER_SECOND = 5
@@ -130,17 +130,10 @@ def _pictures(
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield the pictures of maps, of which the first was read: (height, width, 3)."""
     figure = new_figure(8, 6.5)
-    figure.set_dpi(_DPI)
     axes = _axes_of(first)
     axis, picture = draw_map(figure, first["power"], axes, scale)
-    title = axis.set_title(" ", fontsize=10)
-    lay_out(figure)
-    canvas: Any = figure.canvas
-    changing = [picture, *axis.spines.values(), title]  # in the order in which they are drawn
-    for artist in changing:
-        artist.set_animated(True)
-    canvas.draw()
-    empty = canvas.copy_from_bbox(figure.bbox)
+    title = axis.set_title(TALL_TEXT, fontsize=10)
+    sheet = Sheet(figure, [picture, *axis.spines.values(), title], _DPI)
     for item in maps:
         arrays = first if item is maps[0] else _read(item.path)
         if not all(np.array_equal(arrays[n], first[n]) for n in ("doppler_hz", "range_m")):
@@ -150,10 +143,7 @@ def _pictures(
             )
         picture.set_data(joined_level(arrays["power"], axes, scale))
         title.set_text(f"Range-Doppler map, frame {item.frame}, t = {item.time_s:.3f} s")
-        canvas.restore_region(empty)
-        for artist in changing:
-            axis.draw_artist(artist)
-        yield np.array(canvas.buffer_rgba())[..., :3]
+        yield sheet.picture()
 
 
 def _read(path: Path) -> Mapping[str, Real]:

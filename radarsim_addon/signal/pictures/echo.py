@@ -3,18 +3,21 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...array_types import Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
 from ..maps import power_to_db, power_unit
-from .cells import cell_axis, strongest
+from .cells import CellAxis, cell_axis, strongest
 from .figure import new_figure, scale_on_top
-from .numbers import frequency_unit, range_unit, reference_text, time_unit
+from .numbers import Unit, frequency_unit, range_unit, reference_text, time_unit
+from .sheet import TALL_TEXT, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +29,8 @@ _LINE_BEGINS = {"fmcw": "ramp", "stepped": "ramp of steps", "pmcw": "code"}
 _SPAN_DB = 60.0
 #: Maximum number of drawn cells along fast time and over the pulses.
 _MOST_SAMPLES, _MOST_PULSES = 900, 280
+#: Real parts are drawn in units in which their limit is below this.
+_WIDEST = 999.0
 
 
 def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
@@ -44,50 +49,162 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
     matplotlib.figure.Figure
         The picture.
     """
+    scale = _Scale.of(echoes)
+    if echoes.plane.shape[0] > 1:
+        burst = _Burst(_axes_of(echoes))
+        burst.show(echoes, scale, title)
+        return burst.figure
     figure = new_figure(10, 6)
     first, second = figure.subplots(2, 1, sharex=True)
-    samples = echoes.plane
-    magnitude = np.abs(samples)
-    top = float(magnitude.max(initial=0.0))
-    clock = time_unit(float(np.abs(echoes.fast_time_s).max()))
-    # echoes fall with the square of range: scale the real part so that far ones show too
-    limit = float(np.quantile(magnitude, 0.95)) or top or 1.0
-    power_of_ten = 3 * math.floor(math.log10(limit) / 3)
-    scale = 10.0**power_of_ten
-    watts = echoes.amplitude_model == "radar-equation"
-    unit = r"\sqrt{\mathrm{W}}" if watts else r"B\,r^2"
-    value_text = (
-        f"Re $s$ [$10^{{{power_of_ten}}}\\,{unit}$]" if power_of_ten else f"Re $s$ [${unit}$]"
-    )
-    level_text = (
-        f"$|s|$ [dB re strongest{reference_text(top**2, power_unit(echoes.amplitude_model))}]"
-    )
-    if samples.shape[0] == 1:
-        time = echoes.fast_time_s / clock.size
-        first.plot(time, power_to_db(magnitude[0] ** 2, top**2 or 1.0, -_SPAN_DB), lw=0.8)
-        first.set_ylim(-_SPAN_DB, 3)
-        first.set_ylabel(level_text)
-        second.plot(time, samples[0].real / scale, lw=0.8)
-        second.set_ylabel(value_text)
-        for axis in (first, second):
-            axis.grid(alpha=0.3)
-            axis.set_xlim(float(time[0]), float(time[-1]))
-        title = f"{title}, one pulse"
-    else:
-        _draw_burst(figure, first, second, echoes, magnitude, clock.size, limit / scale, scale)
-        figure.axes[-2].set_ylabel(level_text)
-        figure.axes[-1].set_ylabel(f"{value_text}, 95 % of $|s|$ within" if top else "Re $s$")
-        for axis in (first, second):
-            axis.set_ylabel(_row_text(echoes))
-    if not top:
-        for axis in (first, second):
-            axis.text(
-                0.5, 0.5, "no echo", fontsize=14, ha="center", va="center",
-                color="0.5", transform=axis.transAxes,
-            )  # fmt: skip
-    _label_times(first, second, echoes, clock.name, clock.size)
-    figure.suptitle(title, fontsize=10)
+    samples, clock = echoes.plane[0], _axes_of(echoes)
+    time = echoes.fast_time_s / clock.time.size
+    power = np.abs(samples) ** 2
+    first.plot(time, power_to_db(power, scale.top**2 or 1.0, -_SPAN_DB), lw=0.8)
+    first.set_ylim(-_SPAN_DB, 3)
+    first.set_ylabel(scale.level_text)
+    second.plot(time, samples.real / scale.size, lw=0.8)
+    second.set_ylabel(scale.value_text)
+    for axis in (first, second):
+        axis.grid(alpha=0.3)
+        axis.set_xlim(float(time[0]), float(time[-1]))
+    if not scale.top:
+        _say_empty(first, second)
+    _label_times(first, second, clock)
+    figure.suptitle(f"{title}, one pulse", fontsize=10)
     return figure
+
+
+def draw_echo(echoes: Echoes, title: str) -> NDArray[np.uint8] | None:
+    """The picture of `plot_echo` of a burst, (height, width, 3); None of a single pulse."""
+    if echoes.plane.shape[0] == 1:
+        return None
+    burst, sheet = _sheet(_axes_of(echoes))
+    burst.show(echoes, _Scale.of(echoes), title)
+    return sheet.picture()
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """What the axes of a picture are made of: time, its unit, kind of waveform, rows."""
+
+    across: CellAxis
+    along: CellAxis
+    time: Unit
+    line_begins: str
+    range_unit: Unit
+    row_text: str
+
+
+def _axes_of(echoes: Echoes) -> _Axes:
+    unit = time_unit(float(np.abs(echoes.fast_time_s).max()))
+    waveform = echoes.radar.waveform
+    # each sample of a line holds the echoes of all ranges
+    return _Axes(
+        cell_axis(echoes.fast_time_s, _MOST_SAMPLES, unit.size),
+        cell_axis(np.arange(echoes.plane.shape[0], dtype=np.float64), _MOST_PULSES),
+        unit,
+        _LINE_BEGINS[waveform.kind] if waveform.family == "line" else "",
+        range_unit(float(echoes.fast_time_s[-1]) * SPEED_OF_LIGHT_MPS / 2),
+        _row_text(echoes),
+    )
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Strongest magnitude, largest real part drawn, unit of real parts, and texts of both."""
+
+    top: float
+    limit: float
+    size: float
+    level_text: str
+    value_text: str
+
+    @classmethod
+    def of(cls, echoes: Echoes) -> _Scale:
+        magnitude = np.abs(echoes.plane)
+        top = float(magnitude.max(initial=0.0))
+        # echoes fall with the square of range: scale the real part so that far ones show too
+        limit = float(np.quantile(magnitude, 0.95)) or top or 1.0
+        power_of_ten = 3 * math.floor(math.log10(limit) / 3)
+        watts = echoes.amplitude_model == "radar-equation"
+        unit = r"\sqrt{\mathrm{W}}" if watts else r"B\,r^2"
+        reference = reference_text(top**2, power_unit(echoes.amplitude_model))
+        times = f"10^{{{power_of_ten}}}\\," if power_of_ten else ""
+        return cls(
+            top,
+            limit,
+            10.0**power_of_ten,
+            f"$|s|$ [dB re strongest{reference}]",
+            f"Re $s$ [${times}{unit}$]",
+        )
+
+
+class _Burst:
+    """Figure of a burst: magnitude above, real part below, each with its colour bar."""
+
+    def __init__(self, axes: _Axes) -> None:
+        self.figure = new_figure(10, 6)
+        first, second = self.axes = self.figure.subplots(2, 1, sharex=True)
+        self._steps = axes.along.step, axes.across.step
+        common: dict[str, Any] = {"aspect": "auto", "origin": "lower", "interpolation": "nearest"}
+        ends = axes.across.high, axes.across.end
+        tops = axes.along.high, axes.along.end
+        self.images = [
+            axis.imshow(
+                np.zeros((1, 1)), cmap=colours, vmin=low, vmax=high,
+                extent=(axes.across.low, end, axes.along.low, top), **common,
+            )
+            for axis, colours, low, high, end, top in zip(
+                (first, second), ("viridis", "RdBu_r"), (-_SPAN_DB, -_WIDEST), (0.0, _WIDEST),
+                ends, tops, strict=True,
+            )
+        ]  # fmt: skip
+        self.bars = [
+            self.figure.colorbar(image, ax=axis, extend=extend)
+            for image, axis, extend in zip(
+                self.images, (first, second), ("neither", "both"), strict=True
+            )
+        ]
+        for axis in (first, second):
+            axis.set_xlim(axes.across.low, axes.across.end)
+            axis.set_ylim(axes.along.low, axes.along.end)
+            axis.set_ylabel(axes.row_text)
+        _label_times(first, second, axes)
+
+    def show(self, echoes: Echoes, scale: _Scale, title: str) -> None:
+        """Fill the figure."""
+        joined = strongest(np.abs(echoes.plane), self._steps)
+        self.images[0].set_data(power_to_db(joined**2, scale.top**2 or 1.0, -_SPAN_DB))
+        self.images[1].set_data(echoes.plane.real / scale.size)
+        self.images[1].set_clim(-scale.limit / scale.size, scale.limit / scale.size)
+        within = f"{scale.value_text}, 95 % of $|s|$ within" if scale.top else "Re $s$"
+        for bar, text in zip(self.bars, (scale.level_text, within), strict=True):
+            bar.ax.set_ylabel(text)
+        if not scale.top:
+            _say_empty(*self.axes)
+        self.figure.suptitle(title, fontsize=10)
+
+
+@functools.lru_cache(maxsize=4)
+def _sheet(axes: _Axes) -> tuple[_Burst, Sheet]:
+    burst = _Burst(axes)
+    first, second = burst.bars
+    first.ax.set_ylabel(f"$|s|$ {TALL_TEXT}")
+    second.ax.set_ylabel(rf"$\sqrt{{|s|}}$ {TALL_TEXT}")
+    changing = [
+        part for axis, image in zip(burst.axes, burst.images, strict=True)
+        for part in (image, *axis.spines.values())
+    ]  # fmt: skip
+    title = burst.figure.suptitle(TALL_TEXT, fontsize=10)
+    return burst, Sheet(burst.figure, [*changing, first.ax.yaxis.label, second.ax, title])
+
+
+def _say_empty(*axes: Axes) -> None:
+    for axis in axes:
+        axis.text(
+            0.5, 0.5, "no echo", fontsize=14, ha="center", va="center",
+            color="0.5", transform=axis.transAxes,
+        )  # fmt: skip
 
 
 def _row_text(echoes: Echoes) -> str:
@@ -99,54 +216,11 @@ def _row_text(echoes: Echoes) -> str:
     return f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})"
 
 
-def _draw_burst(
-    figure: Figure,
-    first: Axes,
-    second: Axes,
-    echoes: Echoes,
-    magnitude: Real,
-    second_size: float,
-    limit: float,
-    scale: float,
-) -> None:
-    """Draw both images with their colour bars, the last two axes of the figure."""
-    pulses = np.arange(magnitude.shape[0], dtype=np.float64)
-    common: dict[str, Any] = {"aspect": "auto", "origin": "lower", "interpolation": "nearest"}
-    across = cell_axis(echoes.fast_time_s, _MOST_SAMPLES, second_size)
-    along = cell_axis(pulses, _MOST_PULSES)
-    joined = strongest(magnitude, (along.step, across.step))
-    top = float(magnitude.max(initial=0.0))
-    picture = first.imshow(
-        power_to_db(joined**2, top**2 or 1.0, -_SPAN_DB),
-        vmin=-_SPAN_DB,
-        vmax=0,
-        cmap="viridis",
-        extent=(across.low, across.high, along.low, along.high),
-        **common,
-    )
-    figure.colorbar(picture, ax=first)
-    picture = second.imshow(
-        echoes.plane.real / scale,
-        vmin=-limit,
-        vmax=limit,
-        cmap="RdBu_r",
-        extent=(across.low, across.end, along.low, along.end),
-        **common,
-    )
-    figure.colorbar(picture, ax=second, extend="both")
-    for axis in (first, second):
-        axis.set_xlim(across.low, across.end)
-        axis.set_ylim(along.low, along.end)
-
-
-def _label_times(first: Axes, second: Axes, echoes: Echoes, name: str, size: float) -> None:
+def _label_times(first: Axes, second: Axes, axes: _Axes) -> None:
     second.ticklabel_format(axis="x", useOffset=False)
-    if echoes.radar.waveform.family == "line":
-        # each sample holds the echoes of all ranges
-        begun = _LINE_BEGINS[echoes.radar.waveform.kind]
-        second.set_xlabel(f"time since the {begun} began [{name}]")
+    if axes.line_begins:
+        second.set_xlabel(f"time since the {axes.line_begins} began [{axes.time.name}]")
         return
-    second.set_xlabel(f"fast time since the middle of the pulse [{name}]")
-    length = range_unit(float(echoes.fast_time_s[-1]) * SPEED_OF_LIGHT_MPS / 2)
-    factor = SPEED_OF_LIGHT_MPS / 2 * size / length.size
-    scale_on_top(first, factor, f"one-way range of the echo's middle [{length.name}]")
+    second.set_xlabel(f"fast time since the middle of the pulse [{axes.time.name}]")
+    factor = SPEED_OF_LIGHT_MPS / 2 * axes.time.size / axes.range_unit.size
+    scale_on_top(first, factor, f"one-way range of the echo's middle [{axes.range_unit.name}]")

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Pixels per inch of files.
+DPI = 120
+
 
 def has_matplotlib() -> bool:
     """Whether matplotlib is installed.
@@ -100,7 +103,7 @@ def lay_out(figure: Figure) -> None:
         figure.set_layout_engine("none")
 
 
-def save_figure(figure: Figure, path: str | Path, dpi: int = 120) -> Path:
+def save_figure(figure: Figure, path: str | Path, dpi: int = DPI) -> Path:
     """Write a figure as PNG under a temporary name, then rename it.
 
     Parameters

@@ -12,6 +12,7 @@ from .figure import lay_out
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
     from matplotlib.text import Annotation
     from matplotlib.transforms import Bbox
 
@@ -43,16 +44,8 @@ def number_points(
     """
     if not points:
         return []
-    line = importlib.import_module("matplotlib.lines").Line2D
     from_bounds = importlib.import_module("matplotlib.transforms").Bbox.from_bounds
-    handles = [
-        line([], [], ls="", marker=f"${number}$", color="black", mew=0, label=text)
-        for number, text in enumerate(texts, start=1)
-    ]
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=len(texts), fontsize=8, frameon=False,
-        handletextpad=0.2,
-    )  # fmt: skip
+    list_texts(figure, texts)
     lay_out(figure)
     pixel = figure.dpi / 72
     frame = axis.get_window_extent().padded(-_HALF_PT * pixel)
@@ -85,3 +78,16 @@ def number_points(
         note.set_in_layout(False)  # or the axes would shrink for it
         notes.append(note)
     return notes
+
+
+def list_texts(figure: Figure, texts: Sequence[str]) -> Legend:
+    """List numbered texts below the axes of a figure."""
+    line = importlib.import_module("matplotlib.lines").Line2D
+    handles = [
+        line([], [], ls="", marker=f"${number}$", color="black", mew=0, label=text)
+        for number, text in enumerate(texts, start=1)
+    ]
+    return figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(texts), fontsize=8, frameon=False,
+        handletextpad=0.2,
+    )  # fmt: skip

@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...array_types import Real
 from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
 from ..maps import RangeDopplerMap, power_to_db
 from .cells import CellAxis, cell_axis, strongest
-from .figure import new_figure, scale_on_top
-from .labels import number_points
+from .figure import lay_out, new_figure, scale_on_top
+from .labels import list_texts, number_points
 from .numbers import (
     Unit,
     cell_width,
@@ -27,6 +29,7 @@ from .numbers import (
     speed_unit,
     with_minus,
 )
+from .sheet import TALL_TEXT, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,26 +134,33 @@ def draw_map(
     figure: Figure, power: Real, axes: MapAxes, scale: ColourScale
 ) -> tuple[Axes, AxesImage]:
     """Draw a map (Doppler, ranges) into an empty figure; return its axes and image."""
+    axis, image, bar = empty_map(figure, axes, scale.floor_db)
+    image.set_data(joined_level(power, axes, scale))
+    _label_colours(axis, bar, scale)
+    return axis, image
+
+
+def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
+    """Draw the axes of a map into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
     image = axis.imshow(
-        joined_level(power, axes, scale),
+        np.zeros((1, 1)),
         aspect="auto",
         origin="lower",
         extent=(axes.doppler.low, axes.doppler.high, axes.ranges.low, axes.ranges.high),
-        vmin=scale.floor_db,
+        vmin=floor_db,
         vmax=0,
         cmap="viridis",
         interpolation="nearest",
     )
     axis.set_xlim(axes.doppler.low, axes.doppler.end)
     axis.set_ylim(axes.ranges.low, axes.ranges.end)
-    _draw_colours(figure, axis, image, scale)
-    _label_axes(axis, axes)
-    return axis, image
-
-
-def _draw_colours(figure: Figure, axis: Axes, image: AxesImage, scale: ColourScale) -> None:
     bar = figure.colorbar(image, ax=axis, pad=0.02)
+    _label_axes(axis, axes)
+    return axis, image, bar
+
+
+def _label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
     if not scale.reference > 0:
         bar.set_label("power [dB]")
         axis.text(
@@ -237,22 +247,87 @@ def plot_range_doppler(
     matplotlib.figure.Figure
         The picture.
     """
+    axes, scale = _of_map(rd_map, noise_power, unit, floor_db)
+    figure = new_figure(8, 6.5)
+    axis, _ = draw_map(figure, rd_map.plane_power, axes, scale)
+    axis.set_title(title, fontsize=10)
+    _mark_targets(axis, axes, targets, left_out)
+    _number_targets(figure, axis, rd_map, axes, foremost(rd_map, peaks, targets))
+    return figure
+
+
+def draw_range_doppler(
+    rd_map: RangeDopplerMap,
+    peaks: Sequence[Peak],
+    title: str,
+    *,
+    targets: Sequence[Detection],
+    left_out: int,
+    noise_power: float,
+    unit: str,
+) -> NDArray[np.uint8]:
+    """The picture of `plot_range_doppler`, (height, width, 3)."""
+    axes, scale = _of_map(rd_map, noise_power, unit)
+    chosen = foremost(rd_map, peaks, targets)
+    lines = [_label_text(item, rd_map, axes).count("\n") for item in chosen]
+    parts = _sheet(axes, scale.floor_db, len(lines), max(lines, default=0))
+    parts.image.set_data(joined_level(rd_map.plane_power, axes, scale))
+    _label_colours(parts.axis, parts.bar, scale)
+    parts.axis.title.set_text(title)  # it keeps its place above the upper scale
+    _mark_targets(parts.axis, axes, targets, left_out)
+    _number_targets(parts.figure, parts.axis, rd_map, axes, chosen)
+    return parts.sheet.picture()
+
+
+class _Parts(NamedTuple):
+    """A figure for maps of some axes, and what changes in it."""
+
+    figure: Figure
+    axis: Axes
+    image: AxesImage
+    bar: Colorbar
+    sheet: Sheet
+
+
+@functools.lru_cache(maxsize=8)
+def _sheet(axes: MapAxes, floor_db: float, texts: int, lines: int) -> _Parts:
+    """Sheet with room for so many texts of so many lines more than one."""
+    figure = new_figure(8, 6.5)
+    axis, image, bar = empty_map(figure, axes, floor_db)
+    title = axis.set_title(TALL_TEXT, fontsize=10)
+    bar.set_label(TALL_TEXT)
+    room = list_texts(figure, [TALL_TEXT + lines * f"\n{TALL_TEXT}"] * texts) if texts else None
+    changing = [image, *axis.spines.values(), title, bar.ax.yaxis.label]
+    lay_out(figure)
+    if room is not None:
+        room.remove()
+    return _Parts(figure, axis, image, bar, Sheet(figure, changing))
+
+
+def _of_map(
+    rd_map: RangeDopplerMap, noise_power: float, unit: str, floor_db: float | None = None
+) -> tuple[MapAxes, ColourScale]:
+    """Axes and colours of a map's picture."""
     power, radar = rd_map.plane_power, rd_map.radar
     top = float(power.max(initial=0.0))
     floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
     axes = map_axes(
         rd_map.doppler_hz, rd_map.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
     )
-    figure = new_figure(8, 6.5)
-    axis, _ = draw_map(figure, power, axes, ColourScale(top, floor_db, noise_power, unit))
-    axis.set_title(title, fontsize=10)
-    _mark_targets(axis, axes, targets, left_out)
-    chosen = foremost(rd_map, peaks, targets)
+    return axes, ColourScale(top, floor_db, noise_power, unit)
+
+
+def _number_targets(
+    figure: Figure,
+    axis: Axes,
+    rd_map: RangeDopplerMap,
+    axes: MapAxes,
+    chosen: Sequence[Peak | Detection],
+) -> None:
     spots = [_place(item, axes) for item in chosen]
     for spot in spots:
         axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
     number_points(figure, axis, spots, [_label_text(item, rd_map, axes) for item in chosen])
-    return figure
 
 
 def _mark_targets(axis: Axes, axes: MapAxes, targets: Sequence[Detection], left_out: int) -> None:

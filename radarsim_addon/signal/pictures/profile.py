@@ -3,20 +3,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...array_types import Real
 from ..detection import LeadingEdge
 from ..echoes import only_channel
 from ..maps import ExpectedPower, PowerProfile, RangeProfiles, power_to_db
-from .figure import new_figure
-from .labels import number_points
+from .figure import lay_out, new_figure
+from .labels import list_texts, number_points
 from .map import BELOW_NOISE_DB, SPAN_DB
 from .numbers import Unit, decimals_for, fixed, range_unit, reference_text, with_minus
+from .sheet import TALL_TEXT, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,25 +72,33 @@ def plot_range_profile(
     matplotlib.figure.Figure
         The picture.
     """
+    shown = _Shown.of(
+        compressed, profile, edges, expected, floor_db, noise_power, unit, reference_ranges_m
+    )
     figure = new_figure(10, 4.5)
-    axis, curves = figure.subplots(), _curves(compressed, profile)
-    top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
-    noise_db = 10 * math.log10(noise_power / top) if noise_power > 0 and top > 0 else None
-    if floor_db is None:
-        floor_db = -SPAN_DB if noise_db is None else _floor_db(noise_db)
-    farthest_m = max((float(np.abs(curve.range_m).max()) for curve in curves), default=0.0)
-    scale = _Scale(top or 1.0, floor_db, range_unit(farthest_m))
-    _draw_curves(axis, curves, scale)
-    _draw_error(axis, expected, scale)
-    if noise_db is not None:
-        _draw_noise(axis, noise_db, noise_power, unit)
-    _draw_references(axis, reference_ranges_m, scale)
-    axis.set_ylabel(f"power [dB re strongest{reference_text(top, unit)}]" if top else "power [dB]")
+    axis = _empty_axes(figure, shown.scale, shown.ends)
     axis.set_title(title, fontsize=10)
-    source = profile or compressed
-    cell_m = 1.0 if source is None else source.radar.waveform.range_resolution_m
-    _draw_edges(figure, axis, edges, scale, cell_m, bool(top))
+    shown.draw(figure, axis)
     return figure
+
+
+def draw_range_profile(
+    compressed: RangeProfiles,
+    profile: PowerProfile,
+    edges: Sequence[LeadingEdge],
+    title: str,
+    *,
+    expected: ExpectedPower | None,
+    noise_power: float,
+    unit: str,
+) -> NDArray[np.uint8]:
+    """The picture of `plot_range_profile`, (height, width, 3)."""
+    shown = _Shown.of(compressed, profile, edges, expected, None, noise_power, unit)
+    scale = dataclasses.replace(shown.scale, reference=1.0)
+    figure, axis, sheet = _sheet(scale, shown.ends, len(shown.texts))
+    axis.title.set_text(title)
+    shown.draw(figure, axis)
+    return sheet.picture()
 
 
 class _Curve(NamedTuple):
@@ -98,7 +111,8 @@ class _Curve(NamedTuple):
     colour: str
 
 
-class _Scale(NamedTuple):
+@dataclass(frozen=True)
+class _Scale:
     """Power of 0 dB, lowest level, and unit of range."""
 
     reference: float
@@ -107,6 +121,103 @@ class _Scale(NamedTuple):
 
     def level_db(self, power: Real) -> Real:
         return power_to_db(power, self.reference, self.floor_db)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What a picture shows: `ends` of its ranges, `spots` and `texts` of the edges, and its
+    arguments; `top` is the strongest power.
+    """
+
+    curves: list[_Curve]
+    scale: _Scale
+    ends: tuple[float, float] | None
+    top: float
+    spots: list[tuple[float, float]]
+    texts: list[str]
+    expected: ExpectedPower | None
+    noise_power: float
+    unit: str
+    references_m: Sequence[float]
+
+    @classmethod
+    def of(
+        cls,
+        compressed: RangeProfiles | None,
+        profile: PowerProfile | None,
+        edges: Sequence[LeadingEdge],
+        expected: ExpectedPower | None,
+        floor_db: float | None,
+        noise_power: float,
+        unit: str,
+        references_m: Sequence[float] = (),
+    ) -> _Shown:
+        curves = _curves(compressed, profile)
+        top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
+        if floor_db is None:
+            known = noise_power > 0 and top > 0
+            floor_db = _floor_db(10 * math.log10(noise_power / top)) if known else -SPAN_DB
+        farthest_m = max((float(np.abs(curve.range_m).max()) for curve in curves), default=0.0)
+        scale = _Scale(top or 1.0, floor_db, range_unit(farthest_m))
+        ends = None
+        if curves and curves[0].range_m.size > 1:
+            low, high = (curves[0].range_m[[0, -1]] / scale.length.size).tolist()
+            ends = low, high
+        source = profile or compressed
+        cell_m = 1.0 if source is None else source.radar.waveform.range_resolution_m
+        spots, texts = _edge_spots(edges, scale, cell_m)
+        return cls(
+            curves, scale, ends, top, spots, texts, expected, noise_power, unit, references_m
+        )
+
+    def draw(self, figure: Figure, axis: Axes) -> None:
+        """Fill the axes, and list the edges below."""
+        length, top = self.scale.length, self.top
+        for curve in self.curves:
+            level_db = self.scale.level_db(curve.power)
+            x = curve.range_m / length.size
+            axis.plot(x, level_db, label=curve.text, lw=curve.width, color=curve.colour)
+        _draw_error(axis, self.expected, self.scale)
+        if self.noise_power > 0 and top > 0:
+            noise_db = 10 * math.log10(self.noise_power / top)
+            _draw_noise(axis, noise_db, self.noise_power, self.unit)
+        _draw_references(axis, self.references_m, self.scale)
+        text = f"power [dB re strongest{reference_text(top, self.unit)}]" if top else "power [dB]"
+        axis.set_ylabel(text)
+        if self.spots:
+            label = "half-power leading edge"
+            axis.plot(*zip(*self.spots, strict=True), "v", color="C3", ms=6, label=label)
+        if not top:
+            axis.text(0.5, 0.5, "no echo", fontsize=14, ha="center", transform=axis.transAxes)
+        elif axis.get_legend_handles_labels()[1]:
+            axis.legend(fontsize=8, loc="best")
+        number_points(figure, axis, self.spots, self.texts, colour="C3", back="white", left=True)
+
+
+def _empty_axes(figure: Figure, scale: _Scale, ends: tuple[float, float] | None) -> Axes:
+    axis = figure.subplots()
+    if ends is not None:
+        axis.set_xlim(*ends)
+    axis.set_ylim(scale.floor_db, _HEADROOM_DB)
+    axis.ticklabel_format(useOffset=False)
+    axis.set_xlabel(f"one-way range [{scale.length.name}]")
+    axis.grid(alpha=0.3)
+    return axis
+
+
+@functools.lru_cache(maxsize=8)
+def _sheet(
+    scale: _Scale, ends: tuple[float, float] | None, texts: int
+) -> tuple[Figure, Axes, Sheet]:
+    """Sheet with room for so many texts."""
+    figure = new_figure(10, 4.5)
+    axis = _empty_axes(figure, scale, ends)
+    title, label = axis.set_title(TALL_TEXT, fontsize=10), axis.set_ylabel(TALL_TEXT)
+    room = list_texts(figure, [TALL_TEXT] * texts) if texts else None
+    lay_out(figure)
+    if room is not None:
+        room.remove()
+    return figure, axis, Sheet(figure, [title, label])
 
 
 def _curves(compressed: RangeProfiles | None, profile: PowerProfile | None) -> list[_Curve]:
@@ -126,22 +237,6 @@ def _curves(compressed: RangeProfiles | None, profile: PowerProfile | None) -> l
 def _floor_db(noise_db: float) -> float:
     """Return the lowest level [dB] of a picture whose noise has this level."""
     return min(5.0 * math.floor((noise_db - BELOW_NOISE_DB) / 5), -20.0)
-
-
-def _draw_curves(axis: Axes, curves: Sequence[_Curve], scale: _Scale) -> None:
-    """Draw the curves, and the axes that fit the first one."""
-    length = scale.length
-    for curve in curves:
-        level_db = scale.level_db(curve.power)
-        x = curve.range_m / length.size
-        axis.plot(x, level_db, label=curve.text, lw=curve.width, color=curve.colour)
-    if curves and curves[0].range_m.size > 1:
-        ends = curves[0].range_m[[0, -1]] / length.size
-        axis.set_xlim(float(ends[0]), float(ends[1]))
-    axis.set_ylim(scale.floor_db, _HEADROOM_DB)
-    axis.ticklabel_format(useOffset=False)
-    axis.set_xlabel(f"one-way range [{length.name}]")
-    axis.grid(alpha=0.3)
 
 
 def _draw_noise(axis: Axes, noise_db: float, noise_power: float, unit: str) -> None:
@@ -170,27 +265,15 @@ def _draw_error(axis: Axes, expected: ExpectedPower | None, scale: _Scale) -> No
     axis.fill_between(x, low, high, color="C0", alpha=0.3, lw=0, label=text)
 
 
-def _draw_edges(
-    figure: Figure,
-    axis: Axes,
-    edges: Sequence[LeadingEdge],
-    scale: _Scale,
-    cell_m: float,
-    any_echo: bool,
-) -> None:
-    """Mark and number the leading edges, and draw the legend of the axes."""
-    length = scale.length
-    digits = decimals_for(cell_m / length.size)
-    spots, texts = [], []
+def _edge_spots(
+    edges: Sequence[LeadingEdge], scale: _Scale, cell_m: float
+) -> tuple[list[tuple[float, float]], list[str]]:
+    """Places of the leading edges in the picture, and their ranges as text."""
+    length, spots, texts = scale.length, [], []
     for edge in edges:
         half_db = edge.level_db - 10 * math.log10(2 * scale.reference)
         if half_db >= scale.floor_db:
             spots.append((edge.range_m / length.size, half_db))
+            digits = decimals_for(cell_m / length.size)
             texts.append(f"{fixed(spots[-1][0], digits)} {length.name}")
-    if spots:
-        axis.plot(*zip(*spots, strict=True), "v", color="C3", ms=6, label="half-power leading edge")
-    if not any_echo:
-        axis.text(0.5, 0.5, "no echo", fontsize=14, ha="center", transform=axis.transAxes)
-    elif axis.get_legend_handles_labels()[1]:
-        axis.legend(fontsize=8, loc="best")
-    number_points(figure, axis, spots, texts, colour="C3", back="white", left=True)
+    return spots, texts

@@ -112,13 +112,26 @@ class Type1:
         self._gridding: _Gridding | None = None
 
     def __call__(self, points: Real, values: Complex) -> Complex:
-        """F[k] of points within [-pi, pi] and complex values."""
+        """F[k] of points within [-pi, pi] and complex values (n,), or of several sets of them at
+        these points, (sets, n).
+        """
+        if values.ndim > 1 and self.backend == "finufft":
+            self._set(points)
+            return np.stack([self._plan.execute(own) for own in values])
+        if values.ndim > 1:
+            return np.stack([self(points, own) for own in values])
         if self.backend == "direct":
             return _direct(points, values, self._size)
         if self.backend == "numpy":
             if self._gridding is None:
                 self._gridding = _Gridding(self._size, self._tolerance)
             return self._gridding(points, values)
+        self._set(points)
+        result: Complex = self._plan.execute(np.ascontiguousarray(values))
+        return result
+
+    def _set(self, points: Real) -> None:
+        """Have the plan sort these points."""
         if self._plan is None:
             finufft = importlib.import_module("finufft")
             sort = 0 if self._size <= _UNSORTED else 2
@@ -126,8 +139,6 @@ class Type1:
                 1, (self._size,), eps=self._tolerance, isign=-1, nthreads=1, spread_sort=sort
             )
         self._plan.setpts(points)
-        result: Complex = self._plan.execute(np.ascontiguousarray(values))
-        return result
 
 
 def nufft2d3(

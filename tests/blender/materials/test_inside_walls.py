@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parts of a mesh that overlap, and what lies or moves into a wall, are named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.materials import overlapping_shells
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+from tests.blender.paths.test_paths_buildings import floor_plan
+from tests.blender.paths.test_paths_walls import medium, room
+from tests.blender.render_helpers import add_box
+
+pytestmark = pytest.mark.blender
+
+
+def joined(*boxes: tuple[tuple[float, ...], tuple[float, ...]]) -> Any:
+    """Boxes by two corners as one mesh."""
+    material = medium("Wall", 4.2)
+    items = [add_box(low, high, material) for low, high in boxes]
+    for item in items:
+        item.select_set(True)
+    bpy.context.view_layer.objects.active = items[0]
+    bpy.ops.object.join()
+    bpy.context.view_layer.update()
+    return items[0]
+
+
+def named() -> list[Any]:
+    return overlapping_shells(bpy.context.evaluated_depsgraph_get())
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_boxes_joined_to_a_house(mirrored: bool) -> None:
+    """Two walls of 4 x 3 x 0.3 m that share a corner: one rim of each lies in the other."""
+    rs.new_scene()
+    item = joined(((0, 0, 0), (4, 0.3, 3)), ((-0.01, 0.01, 0.01), (0.3, 4, 2.99)))
+    item.scale.x = -1 if mirrored else 1
+    bpy.context.view_layer.update()
+    (said,) = named()
+    assert (said.code, said.subjects) == ("shells-overlap", (item.name,))
+    surface = 2 * (4 * 3 + 4 * 0.3 + 3 * 0.3) + 2 * (3.99 * 2.98 + 0.31 * (3.99 + 2.98))
+    # the middles of triangles tell: of the large faces none is within the corner
+    assert said.numbers["fraction"] == pytest.approx((0.3 * 3 + 0.31 * 2.98) / surface, rel=1e-3)
+
+
+def test_what_does_not_overlap() -> None:
+    rs.new_scene()
+    joined(((0, 0, 0), (4, 0.3, 3)), ((0, 0.5, 0), (0.3, 4, 3)))
+    room((10.0, 10.0, 3.0), 20.0, 0.2, 4.2)
+    floor_plan(medium("Plan", 4.2))
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    bpy.context.object.data.materials.append(medium("Ball", 4.2))
+    bpy.context.view_layer.update()
+    assert named() == []
+
+
+def test_a_ball_that_moves_into_a_wall(tmp_path: Path) -> None:
+    """It crosses the front wall of a room; in the room, and before it, nothing is said."""
+    rs.new_scene()
+    ph.field_of_view(2.0)
+    item = room((10.0, 10.0, 10.0), 0.0, 0.4, 4.2)
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2, radius=0.05, location=(0, 14, 0))
+    ball = bpy.context.object
+    ball.name = "Ball"
+    ball.data.materials.append(ph.rough_metal())
+    for frame, place in ((1, 14.0), (2, 15.2), (3, 17.0)):
+        ball.location.y = place
+        ball.keyframe_insert("location", frame=frame)
+    run = ph.run_paths(tmp_path, width_px=4, height_px=4, frames=(1, 2, 3))
+    said = [one for one in run.job.frame_findings if one.code == "inside-a-wall"]
+    assert [one.subjects for one in said] == [(f"Ball in {item.name}",)]
+    assert said[0].frames == (2,)
