@@ -76,8 +76,7 @@ chaos: $(STAMP)
 	RADARSIM_KILLS=60,40,5 $(PY) -m pytest -s -k killed tests/blender/headless/test_workers.py
 
 docs: $(STAMP)
-	@$(PY) -c "import mkdocs, material, mkdocstrings" 2>/dev/null || $(PY) -m pip install $(PIP_FLAGS) --editable '.[docs]'
-	$(PY) -m mkdocs build --quiet
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet
 	@echo "docs: out/site/index.html"
 
 extension: $(STAMP)

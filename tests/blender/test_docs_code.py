@@ -15,11 +15,9 @@ import docs_code  # noqa: E402
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-#: Other pages with Python in them; `out/paper/run` of `make demo` is not there, a small run is.
+#: Other pages with Python in them, but for those that read the run of `make demo`.
 PAGES = [
-    ROOT / "docs" / "headless.md",
-    ROOT / "docs" / "materials.md",
-    ROOT / "docs" / "physics.md",
+    ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")
 ]
 
 
