@@ -24,7 +24,7 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench slips fuzz chaos gui-test extension test-all-blenders \
+.PHONY: help install demo test validate lint bench slips fuzz chaos gui-test extension docs test-all-blenders \
 	validate-all-blenders clean
 
 help:
@@ -39,6 +39,7 @@ help:
 	@echo "make slips              plausible mistakes in a copy: which of them no test sees"
 	@echo "make fuzz               2000 changed inputs: each ends in a result or a named error"
 	@echo "make chaos              60 frames by 2 workers while 40 of them and 5 coordinators are killed"
+	@echo "make docs               the documentation site: out/site/index.html"
 	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
 	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
 	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS), JOBS=$(JOBS)"
@@ -73,6 +74,10 @@ fuzz: $(STAMP)
 
 chaos: $(STAMP)
 	RADARSIM_KILLS=60,40,5 $(PY) -m pytest -s -k killed tests/blender/headless/test_workers.py
+
+docs: $(STAMP)
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet
+	@echo "docs: out/site/index.html"
 
 extension: $(STAMP)
 	@$(PY) scripts/build_extension.py

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pages of the documentation site that are made when it is built (a hook of MkDocs).
+
+``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+from typing import TYPE_CHECKING
+from unittest import mock
+
+from radarsim_addon.blender.plan import parse_render_arguments
+from radarsim_addon.signal.pipeline import main
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+COMMANDS_PAGE = "reference/commands.md"
+#: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
+_HEAD = """# Commands
+
+The command `radarsim` has the subcommands below. `blender -b FILE -P scripts/render_radar.py -- OPTIONS`
+takes the options of `radarsim render`. [Rendering without a window](../headless.md) explains exit codes
+and how runs resume.
+"""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the made pages to those of ``docs``."""
+    from mkdocs.structure.files import File
+
+    files.append(File.generated(config, COMMANDS_PAGE, content=commands_page()))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Name files outside of ``docs`` by their paths in the repository, without a link."""
+    if "/" in page.file.src_uri:
+        return markdown
+    return _OUTSIDE.sub(r"\1 (`\2`)", markdown)
+
+
+def commands_page() -> str:
+    """Return the page of commands, in Markdown."""
+    parts = [_HEAD]
+    for command in ("render", "process", "info", "objects", "antennas", "merge"):
+        parts.append(f"## radarsim {command}\n\n```text\n{_help_of(command)}```\n")
+    return "\n".join(parts)
+
+
+def _help_of(command: str) -> str:
+    out = io.StringIO()
+    with (
+        mock.patch.dict(os.environ, {"COLUMNS": "96", "NO_COLOR": "1"}),
+        contextlib.redirect_stdout(out),
+        contextlib.suppress(SystemExit),
+    ):
+        if command == "render":
+            parse_render_arguments(["--help"])
+        else:
+            main([command, "--help"])
+    return out.getvalue()

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The code in the documentation runs, and prints what the pages say."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+import docs_code  # noqa: E402
+
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+#: Other pages with Python in them, but for those that read the run of `make demo`.
+PAGES = [
+    ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")
+]
+
+
+@pytest.mark.parametrize("page", [*TUTORIALS, *PAGES], ids=lambda page: page.stem)
+def test_code_of_pages(page: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert docs_code.run(page) == []
+
+
+def test_every_page_with_python_is_run() -> None:
+    """Or it is one of those whose code needs the demo's run."""
+    with_python = {
+        page
+        for page in (ROOT / "docs").rglob("*.md")
+        if any(block.kind == "python" for block in docs_code.blocks(page.read_text("utf-8")))
+    }
+    demo = {ROOT / "docs" / name for name in ("signal.md", "acquisition.md")}
+    assert with_python - demo == {*TUTORIALS, *PAGES}
+
+
+def test_a_wrong_statement_is_seen() -> None:
+    """Numbers within 2 %, or the last digit; all else to the letter."""
+    assert docs_code.difference("range 40.01 m\n", "range 40.02 m\n") is None
+    assert docs_code.difference("3 m/s", "4 m/s") is None
+    assert docs_code.difference("range 40.01 m", "range 41.01 m") is not None
+    assert docs_code.difference("range 40 m", "range 40 km") is not None
+    assert docs_code.difference("a\nb", "a") is not None
