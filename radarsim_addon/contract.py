@@ -241,6 +241,18 @@ class ColumnGroupRecord:
 
 
 @dataclass(frozen=True)
+class ImageRecord:
+    """Image of the antennas in planar mirrors, in the order from the antenna to the scatterer.
+
+    The points x of a mirror have normal . x = offset [m]. objects are those with the mirrors.
+    """
+
+    normals: list[list[float]]
+    offsets_m: list[float]
+    objects: list[str]
+
+
+@dataclass(frozen=True)
 class PathsRecord:
     """Sidecar of one radar frame's table of paths (acquisition "paths").
 
@@ -251,7 +263,8 @@ class PathsRecord:
     several paths even so, unranged_power in rows without a usable range. relative_error is over
     error_scope: "both", "ranges" or "objects". small_objects are in view before refinement and have
     few pixels; small_objects_tiled of them got tiles of their own. column_groups describes the
-    table (none: that of radarsim 0.1), flags gives the values that its column flags sums up.
+    table (none: that of radarsim 0.1), flags gives the values that its column flags sums up. images
+    names the numbers of its columns transmitter_image and receiver_image, from 1.
     """
 
     frame: int
@@ -298,10 +311,26 @@ class PathsRecord:
     motion_sha256: str = ""
     column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
+    images: list[ImageRecord] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"
     schema_version: int = SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class FluctuationRecord:
+    """How the clutter of a surface fluctuates, see physics.clutter_statistics.
+
+    motion_speed_mps and motion_fraction are what the kind of motion makes of them.
+    """
+
+    texture: str = "none"
+    texture_shape: float = 0.0
+    texture_length_m: float = 0.0
+    motion: str = "none"
+    motion_speed_mps: float = 0.0
+    motion_fraction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -312,6 +341,7 @@ class ObjectRecord:
     range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
     null with one pass. collections are those that hold the object, at any depth. rms_height_m and
     correlation_length_m are those of the first of its materials that has any; null: none has.
+    fluctuation likewise.
     """
 
     name: str
@@ -322,6 +352,7 @@ class ObjectRecord:
     collections: list[str] = field(default_factory=list)
     rms_height_m: float | None = None
     correlation_length_m: float | None = None
+    fluctuation: FluctuationRecord | None = None
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Blender half, and its interface for scripts.
 
-``add_radar``, ``settings``, ``material``, ``set_clutter``, ``assign_material``,
-``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting`. They are loaded when
-they are first used: importing this package does not import bpy.
+``add_radar``, ``settings``, ``material``, ``set_clutter``,
+``set_clutter_fluctuation``, ``assign_material``, ``assign_by_name``, ``measure``, ``process``: see
+:mod:`.headless.scripting`. They are loaded when they are first used: importing this package does
+not import bpy.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
         measure,
         process,
         set_clutter,
+        set_clutter_fluctuation,
         settings,
     )
 
@@ -30,6 +32,7 @@ __all__ = [
     "measure",
     "process",
     "set_clutter",
+    "set_clutter_fluctuation",
     "settings",
 ]
 

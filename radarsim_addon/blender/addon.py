@@ -9,18 +9,32 @@ from ..processes import own_folder, remove_abandoned_folders
 from . import rig_settings
 from .headless.session import session_folder
 from .state import follow_evaluations, ignore_evaluations
-from .ui import asset_library, material_names, material_panel, operators, panels, preset_menu
+from .ui import (
+    asset_library,
+    clutter_panel,
+    fixes,
+    material_names,
+    material_panel,
+    operators,
+    panels,
+    preset_menu,
+    scene_panel,
+)
 from .ui import link_budget_panel as system_panel
 
 #: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
     *preset_menu.CLASSES,
+    *fixes.CLASSES,
     *material_names.CLASSES,
     *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
+    panels.RADARSIM_PT_waveform,
+    *scene_panel.CLASSES,
     *panels.RUN_CLASSES,
     *material_panel.CLASSES,
+    *clutter_panel.CLASSES,
     *asset_library.CLASSES,
 )
 

@@ -8,7 +8,7 @@ Templates name the finding's numbers in braces, with Python's format specificati
 from __future__ import annotations
 
 from .kinds import Kind
-from .path_kinds import MOTION, NO_ECHO, PATHS
+from .path_kinds import MIRRORS, MOTION, NO_ECHO, PATHS
 from .processing_kinds import PROCESSING, ROUGHNESS
 from .rendering_kinds import RUNS, SCENE, SETTINGS
 
@@ -18,6 +18,7 @@ TOPICS: dict[str, dict[str, Kind]] = {
     "Rough surfaces": ROUGHNESS,
     "Settings": SETTINGS,
     "Path measurement": PATHS,
+    "Mirrors": MIRRORS,
     "Motion": MOTION,
     "No echo": NO_ECHO,
     "Processing": PROCESSING,

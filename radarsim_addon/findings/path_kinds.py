@@ -108,6 +108,69 @@ PATHS = {
     ),
 }
 
+MIRRORS = {
+    "mirrors-need-reflections": Kind(
+        "info",
+        "{subjects} mirror waves towards the transmitter, and radarsim followed single reflections "
+        "only.",
+        "Paths over these mirrors are missing: ghosts, and the fading of targets over smooth "
+        "ground.",
+        "Set Max reflections to 3 if you want them: one for the target, one for a mirror on each "
+        "way.",
+    ),
+    "mirror-both-ways-left-out": Kind(
+        "caution",
+        "Max reflections is 2: paths that go over {subjects} on both ways have 3.",
+        "Power and fading of targets near these mirrors are not those of all paths.",
+        "Set Max reflections to 3.",
+    ),
+    "mirrors-left-out": Kind(
+        "caution",
+        "{count:#planar mirror} of {subjects} got no image of the transmitter; the most is {most}.",
+        "Paths to the transmitter over these mirrors are missing. The images are of the mirrors "
+        "in which the transmitter sees most.",
+        "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
+    ),
+    "mirror-curved": Kind(
+        "caution",
+        "{subjects} are smooth and curved.",
+        "No single image of the transmitter exists in a curved mirror, so paths to the "
+        "transmitter over it are missing.",
+        "Give these surfaces a roughness above 0, or shade flat faces flat.",
+    ),
+    "mirror-moves": Kind(
+        "caution",
+        "{subjects} are mirrors and move during the burst.",
+        "Lengths of paths to the transmitter over them change as if the mirror were stationary at "
+        "the time of the render.",
+        "Shorten the burst, or give these surfaces a roughness above 0.",
+    ),
+    "mirror-ways-not-in-phase": Kind(
+        "caution",
+        "The antennas are {distance_m:length} apart, or the camera is orthographic: paths back to "
+        "the receiver over mirrors are measured by themselves.",
+        "Powers of all paths are right, but paths back over a mirror do not interfere with the "
+        "direct ones.",
+        "Put both antennas in one place, and use a perspective or panoramic camera.",
+    ),
+    "mirror-lobe-narrow": Kind(
+        "caution",
+        "{subjects} scatter towards a mirror otherwise than towards the radar: their lobes are "
+        "narrower than the angle between the two ways.",
+        "Powers of all paths are right, but paths over the mirror do not interfere with direct "
+        "ones.",
+        "Nothing, if the target is strong one way alone; else give the surface a diffuse part "
+        "(Specularity 0) or a higher roughness.",
+    ),
+    "mirror-way-through": Kind(
+        "caution",
+        "{fraction:percent} of the received power goes over a mirror and through an object that "
+        "lets waves through.",
+        "radarsim leaves such paths out.",
+        "Make these objects opaque, or leave them out.",
+    ),
+}
+
 NO_ECHO = {
     "antenna-inside-mesh": Kind(
         "error",
@@ -128,7 +191,7 @@ NO_ECHO = {
         "error",
         "The frame contains no echo: the materials of {subjects} reflect nothing.",
         "Emission, Background, Holdout and Transparent shaders return no light of the transmitter.",
-        "Choose Radar > Material > Assign, or use a BSDF.",
+        "Choose Radar > Scene > Assign to Selected, or use a BSDF.",
     ),
     "surfaces-return-nothing": Kind(
         "error",

@@ -10,14 +10,29 @@ SCENE = {
         "caution",
         "No Radar Material is assigned to {subjects}.",
         "These objects cast a radar shadow and return no echo.",
-        "Select them and choose Radar > Material > Assign to Selected, or Assign by Name.",
+        "Select them and choose Radar > Scene > Assign to Selected, or Assign by Name.",
     ),
     "optical-material": Kind(
         "caution",
         "Materials made for light, or none: {subjects}.",
         "The powers of their echoes follow colour and gloss in the visible, not the material at "
         "the carrier.",
-        "Choose Radar > Material > Assign by Name, review the list, then Apply.",
+        "Choose Radar > Scene > Assign by Name, review the list, then Apply.",
+    ),
+    "rendered-at-whole-frames": Kind(
+        "caution",
+        "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
+        "and soft bodies that are not baked, and cache files without Vertex Interpolation.",
+        "Range rates from two snapshots are too small for them or 0, and further renders of a "
+        "burst show them where they were.",
+        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, or "
+        "measure by paths with one render per burst.",
+    ),
+    "camera-markers": Kind(
+        "info",
+        "Markers bind other cameras to frames of the timeline: {subjects}.",
+        "The receiver is {receiver!r} at all frames of this run.",
+        "To receive with another camera, measure again with it on the transmitter's parent.",
     ),
     "object-without-surface": Kind(
         "caution",
@@ -127,7 +142,7 @@ SCENE = {
         "reflection and by a factor {absorption_ratio:.3g} in absorption: error class "
         "{error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
-        "Radar > Material > Beyond Band to Refuse.",
+        "Radar > Advanced > Beyond Band to Refuse.",
     ),
     "clutter-not-connected": Kind(
         "caution",
@@ -182,7 +197,7 @@ SCENE = {
         "Range encoding is Materials, and rough physical materials return several reflections.",
         "Cycles rounds their three channels separately: lengths from order 2 on are off by up to "
         "1e-5 of the range encoding length, and paths are flagged as mixed that are not.",
-        "Choose Radar > Sampling > Range Encoding: Automatic.",
+        "Choose Radar > Advanced > Range Encoding: Automatic.",
     ),
     "medium-not-connected": Kind(
         "caution",
@@ -236,6 +251,12 @@ SETTINGS = {
         "animation {animation_s:.4g} s.",
         "The maximum unambiguous velocity is only {max_unambiguous_velocity_mps:.3g} m/s.",
         "Raise the PRF or send fewer pulses. Check the unit of the PRF: hertz everywhere.",
+    ),
+    "scene-beyond-range-limits": Kind(
+        "info",
+        "The scene reaches {farthest_m:.6g} m, and the range limits end at {range_stop_m:g} m.",
+        "Profile and map leave out the echoes from beyond.",
+        "Raise Range Stop, or set both range limits to 0: as far as the scene reaches.",
     ),
     "scene-beyond-rings": Kind(
         "caution",

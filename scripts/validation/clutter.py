@@ -13,10 +13,20 @@ import numpy as np
 from radarsim_addon import blender as radarsim
 from radarsim_addon.array_types import Real
 from radarsim_addon.physics.clutter import clutter_model
+from radarsim_addon.physics.clutter_statistics import clutter_velocities, texture
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0 as kirchhoff
 
-from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
+from .case import (
+    Bench,
+    Case,
+    Check,
+    Group,
+    absolute_check,
+    power_check,
+    relative_check,
+    worst_of,
+)
 from .clutter_profiles import level_ground, sea_profile
 from .scenes import EIRP_W, Plate, acquire, add_plate, lambert, new_scene, wavelength
 
@@ -94,6 +104,30 @@ def of_paths(bench: Bench) -> list[Check]:
         )
         checks.append(dataclasses.replace(check, points=int(kept.sum())))
     return checks
+
+
+def fluctuations(_bench: Bench) -> list[Check]:
+    """Moments of K texture, and the slope of the exponential spectrum."""
+    grid = np.stack(np.meshgrid(*[np.arange(20) * 7.3] * 2, [0.0]), -1).reshape(-1, 3)
+    means, orders = [], []
+    for nu in (0.5, 1.0, 4.0):
+        found = np.concatenate([texture(grid, "k", nu, 2.0, seed) for seed in range(400)])
+        source = "gamma distribution of mean 1"
+        means.append(relative_check(f"nu {nu:g}", 1.0, float(found.mean()), 0.01, source))
+        orders.append(relative_check(f"nu {nu:g}", nu, float(1 / found.var()), 0.03, source))
+    rng, count, speed_mps = np.random.default_rng(3), 400_000, 0.15
+    draws = rng.uniform(size=count), rng.uniform(size=count)
+    speeds = np.abs(clutter_velocities("exponential", speed_mps, 0.3, draws, np.ones(count), 0.03))
+    histogram, edges = np.histogram(speeds[speeds > 0], np.linspace(0, 6 * speed_mps, 19))
+    slope = np.polyfit((edges[1:] + edges[:-1]) / 2, np.log(histogram), 1)[0]
+    return [
+        worst_of("mean of K texture", means),
+        worst_of("order of K texture, 1 / variance", orders),
+        relative_check(
+            "slope of the exponential spectrum", -1 / speed_mps, float(slope), 0.05,
+            "exp(-|v| / speed)", unit="s/m",
+        ),
+    ]  # fmt: skip
 
 
 def other_directions(bench: Bench) -> list[Check]:
@@ -175,6 +209,7 @@ GROUP = Group(
     (
         Case("tables", against_table, 5.0, quick=True),
         Case("paths", of_paths, 30.0),
+        Case("fluctuations", fluctuations, 20.0),
         Case("other directions", other_directions, 60.0),
         Case("level ground", level_ground, 30.0),
         Case("sea profile", sea_profile, 30.0),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -85,6 +86,28 @@ def keyframes(bench: Bench) -> list[Check]:
     return checks
 
 
+def springs(bench: Bench) -> list[Check]:
+    """A walker at 20 m on an Elastic key: a damped spring, from the key on (Penner 2002)."""
+    new_scene(2.0)
+    plate = add_plate("Walker", facing_plate((0.0, 0.0, 0.0), 1.0), lambert(0.6))
+    _keyed(plate, [(1, 20.0), (25, 22.0)])
+    for curve in animation_curves(plate.animation_data):
+        first, last = curve.keyframe_points
+        first.interpolation, first.easing = "ELASTIC", "EASE_OUT"
+        first.amplitude, first.period = abs(last.co[1] - first.co[1]), 0.3 * 24
+
+    def distance(time_s: Real) -> Real:
+        part = time_s * FPS / 24
+        return np.asarray(
+            20 + 2 * (2.0 ** (-10 * part) * np.sin((part - 0.075) * 2 * math.pi / 0.3) + 1)
+        )
+
+    run, times_s, lengths_m = _measure(bench, 20e3)
+    moved_m = distance(times_s) - distance(np.zeros(1))
+    speed = 2 * FPS / 24 * 10 * math.log(2)  # the sine is -1 there
+    return _checks("on an Elastic key", run, lengths_m, moved_m, speed, "Penner's spring")
+
+
 def rigid_body(bench: Bench) -> list[Check]:
     """A plate in free fall towards the radar by Blender's rigid bodies, without a bake."""
     checks = []
@@ -107,6 +130,57 @@ def rigid_body(bench: Bench) -> list[Check]:
         source = "g t, in Bullet's steps of 1/24000 s"
         checks.append(absolute_check(name, -GRAVITY * fallen_s, worst, 2e-3, source, unit="m/s"))
     return checks
+
+
+def caches(bench: Bench) -> list[Check]:
+    """What Blender knows at whole frames only: the slope of the parabola through three of them."""
+    checks, frame = [], 9
+    for kind in ("cloth", "soft body", "Alembic file"):
+        scene = new_scene(5.0)
+        scene.gravity = (0.0, -GRAVITY, 0.0)
+        plate = add_plate("Falling", facing_plate((0.0, 20.0, 0.0), 1.0), lambert(0.6))
+        if kind == "cloth":
+            plate.modifiers.new("Simulation", "CLOTH")
+        elif kind == "soft body":
+            plate.modifiers.new("Simulation", "SOFT_BODY").settings.use_goal = False
+        else:
+            plate = _through_alembic(plate, bench.fresh())
+        places = []
+        for at in range(1, frame + 3):
+            scene.frame_set(at)
+            shown = plate.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            places.append(np.mean([(shown.matrix_world @ v.co).y for v in shown.data.vertices]))
+        scene.frame_set(1)
+        want = float(places[frame] - places[frame - 2]) * FPS / 2
+        run, _, _ = _measure(bench, 20e3, frame)
+        rate = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
+        worst = float(rate[np.argmax(np.abs(rate - want))])
+        name = f"range rate of a falling {kind}, frame {frame}"
+        source = "Blender's places at frames 8 and 10"
+        checks.append(absolute_check(name, want, worst, 2e-3, source, unit="m/s"))
+    return checks
+
+
+def _through_alembic(plate: Any, folder: Path) -> Any:
+    """The plate with a shape key in free fall, written to a file and read from it."""
+    plate.shape_key_add(name="Basis")
+    shape = plate.shape_key_add(name="Near")
+    for one in shape.data:
+        one.co.y -= 20.0
+    for frame in range(1, 41):
+        shape.value = GRAVITY * ((frame - 1) / FPS) ** 2 / 2 / 20
+        shape.keyframe_insert("value", frame=frame)
+    bpy.context.view_layer.objects.active = plate
+    plate.select_set(True)
+    folder.mkdir(parents=True, exist_ok=True)
+    file = str(folder / "fall.abc")
+    bpy.ops.wm.alembic_export(filepath=file, start=1, end=40, selected=True)
+    bpy.data.objects.remove(plate)
+    bpy.ops.wm.alembic_import(filepath=file, set_frame_range=False)
+    (read,) = (one for one in bpy.data.objects if one.type == "MESH")
+    read.data.materials.clear()
+    read.data.materials.append(lambert(0.6))
+    return read
 
 
 def snapshots(bench: Bench) -> list[Check]:
@@ -158,7 +232,9 @@ GROUP = Group(
     "whole frames only.",
     (
         Case("keyframes", keyframes, 20.0),
+        Case("elastic key", springs, 5.0),
         Case("rigid bodies", rigid_body, 10.0),
+        Case("caches", caches, 10.0),
         Case("snapshots of rings", snapshots, 20.0),
     ),
 )

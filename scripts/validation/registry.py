@@ -26,6 +26,7 @@ MODULES = (
     "energy",
     "motion",
     "weather",
+    "mirrors",
 )
 
 

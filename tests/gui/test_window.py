@@ -79,6 +79,11 @@ def test_the_material_is_on_all_that_was_selected(walk: dict[str, Any]):
         assert "radar" in slots[0].lower(), (name, slots)
 
 
+def test_a_button_of_the_checklist_sets_the_prf(walk: dict[str, Any]):
+    """10 m/s at 77 GHz need 4 x 10 / wavelength = 10.3 kHz; the line of sight is oblique."""
+    assert 9e3 < walk["fixed_prf_hz"] <= 10.3e3
+
+
 def expected_files() -> set[str]:
     frame = "frames/frame_0001/"
     stems = [f"{frame}ring_{ring:03d}_t{p}" for ring in range(RINGS) for p in range(PASSES)]

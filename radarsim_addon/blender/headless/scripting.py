@@ -31,7 +31,7 @@ from ...errors import ConfigError, SceneError
 from ...options import declared
 from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
-from ..materials import make_physical_material, set_clutter  # noqa: F401 - for scripts
+from ..materials import make_physical_material, set_clutter, set_clutter_fluctuation  # noqa: F401
 from ..nodes import assign_to
 from ..plan import DEFAULT_PRESET, PathOptions, radar_preset
 from ..rig_settings import (

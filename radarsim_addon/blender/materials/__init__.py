@@ -7,11 +7,13 @@ In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface 
 from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
 from .averaging import averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
+from .mirrors import MirrorMaterial, lobe_width, mirror_of
 from .physical_materials import (
     EXACT_FACETS,
     has_rough_facets,
@@ -28,24 +30,29 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "MirrorMaterial",
     "assigned_materials",
     "averaging_objects",
     "beyond_float32",
     "clutter_of",
     "delays",
+    "fluctuation_of",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",
     "is_physical",
     "is_rough",
+    "lobe_width",
     "make_physical_material",
     "media_beyond_their_band",
+    "mirror_of",
     "objects_in_walls",
     "overlapping_shells",
     "refresh_materials",
     "roughness_of",
     "separate_averages",
     "set_clutter",
+    "set_clutter_fluctuation",
     "set_clutter_tables",
     "set_layer_normals",
     "settle_interiors",

@@ -44,6 +44,8 @@ from .samples import Sampler, SamplingPlan
 _FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
+#: The same where a fit has terms that it cannot tell from rounding, but whose slope counts.
+_MOST_AGAINST_BIAS = 1025
 #: After this time no more samples are added [s].
 _PATIENCE_S = 20.0
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
@@ -85,11 +87,13 @@ class BurstMotion:
     ) -> None:
         self.render = render
         self._show, self._rig, self._plan = show, rig, plan
-        self._motion, self._frozen = motion, motion == "off"
+        self._smooth, self._frozen = motion != "linear", motion == "off"
         self._kind = receiver_kind
         self._names = names
         self._units = plan.metres_per_unit
         self.findings: list[Finding] = []
+        #: Images of the antennas that rows name.
+        self.images: Sequence[contract.ImageRecord] = ()
         #: Power with approximated motion, without a known body, and in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
@@ -126,8 +130,12 @@ class BurstMotion:
         deforming: dict[str, Any] = {}
         changing: list[str] = []
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
-        for fraction in (*_CHECKS, 1.0):
-            depsgraph = self._show(self._plan.at(fraction)[1])
+        moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
+        if self._smooth and any(map(deforms_linearly_between_frames, candidates.values())):
+            # A cache may hold its vertices from frame to frame.
+            moments += self._plan.whole_frames
+        for _, moment in moments:
+            depsgraph = self._show(moment)
             for name, item in list(candidates.items()):
                 now = vertex_positions(item, depsgraph)
                 if now.shape != before[name].shape:
@@ -205,7 +213,8 @@ class BurstMotion:
                 sampler.take(*moment)
             grid.update(at_s for at_s, _ in moments)
             fits.fit(sorted(grid))
-            most = plan.max_samples if not fits.resolved else _MOST_AGAINST_ROUNDING
+            most = _MOST_AGAINST_BIAS if fits.biased else _MOST_AGAINST_ROUNDING
+            most = plan.max_samples if not fits.resolved else most
             if fits.accurate or count >= min(most, plan.max_samples):
                 break
             elapsed_s = time.monotonic() - start_s
@@ -247,7 +256,7 @@ class BurstMotion:
 
     def _smooth_rows(self) -> set[int]:
         """Return the rows of poses to be a cubic through whole frames."""
-        if self._motion == "linear":
+        if not self._smooth:
             return set()
         scene = self._measured_scene
         return {
@@ -258,7 +267,7 @@ class BurstMotion:
 
     def _smooth_surfaces(self) -> set[str]:
         """Return the deforming surfaces to be a cubic through whole frames."""
-        if self._motion == "linear":
+        if not self._smooth:
             return set()
         surfaces = self._deformations.surfaces
         return {name for name, one in surfaces.items() if deforms_linearly_between_frames(one.item)}
@@ -283,8 +292,13 @@ class BurstMotion:
             bodies,
             tracks,
             self._plan.rendered[0],
+            images=self.images,
         )
         return self._scene
+
+    def moves(self, body: int) -> bool:
+        """Whether a body that was collected moves during the burst, after `sample`."""
+        return bool(self._scene.bodies[self._file_number[body] - 1].moving)
 
     def _stationary(self) -> FrameMotion:
         at_s, instant = self._plan.rendered

@@ -28,6 +28,8 @@ _TARGET_WAVELENGTHS = 2e-5
 _TARGET_ROUNDING = 0.25
 #: Standard error of a velocity that needs no more samples [wavelengths/s]: 6e-5 m/s at 77 GHz.
 _TARGET_RATE = 0.015
+#: Standard errors over the target that more samples can still bring down to it.
+_NEAR_TARGET = 4.0
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
@@ -79,6 +81,8 @@ class Fits:
         poses = np.stack([sampler.poses[at_s] for at_s in times_s])
         in_burst = (times >= 0) & (times <= plan.duration_s)
         rendered = sampler.poses[plan.rendered[0]]
+        # of all samples: what passes the world's origin is rounded more before and after
+        self._farthest_m = np.nanmax(np.abs(poses[:, :, :3, 3]), axis=(0, 2), initial=0.0)
         checked = np.stack([sampler.poses[at_s] for at_s in self._checks_s])
         still = (poses == rendered).all(axis=(0, 2, 3)) & (checked == rendered).all(axis=(0, 2, 3))
         motions = []
@@ -196,9 +200,8 @@ class Fits:
 
     def _rounding_m(self, index: int) -> float:
         """Return the step of float32 at the body's farthest point [m]."""
-        pose = self._sampler.poses[self._plan.rendered[0]][index]
         turn_m = self._reach_m(index) * float(np.spacing(np.float32(1.0)))
-        return _rounding_step(pose[:3, 3], self._plan.metres_per_unit) + turn_m
+        return _rounding_step(self._farthest_m[index], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
         found = self._sampler.vertices[name][self._plan.rendered[0]]
@@ -218,6 +221,7 @@ class Fits:
         return not motion.moving or (
             motion.displacement_error_bound_m <= self._target_of(index)
             and motion.rate_stderr_mps <= _TARGET_RATE * self._plan.wavelength_m
+            and motion.rate_bias_mps <= _TARGET_RATE * self._plan.wavelength_m
         )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
@@ -240,8 +244,7 @@ class Fits:
             # The rendered pose is that of a key nearby, which shifts all displacements alike.
             apart -= apart.mean(axis=1, keepdims=True)
         miss = float(np.linalg.norm(apart, axis=-1).max())
-        scale = float(np.abs(start[:3, 3]).max()) + reach_m
-        rounding = float(np.spacing(np.float32(max(scale, 1e-6))))
+        rounding = float(np.spacing(np.float32(max(self._farthest_m[index] + reach_m, 1e-6))))
         if miss <= _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding) + rounding):
             return motion
         self._missed[index] = miss
@@ -265,6 +268,15 @@ class Fits:
             or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
             for index, motion in enumerate(self.motions)
             if motion.moving
+        )
+
+    @property
+    def biased(self) -> bool:
+        """Whether a velocity lacks terms that four times the samples would tell from rounding."""
+        target_mps = _TARGET_RATE * self._plan.wavelength_m
+        return any(
+            one.rate_bias_mps > target_mps and one.rate_stderr_mps < _NEAR_TARGET * target_mps
+            for one in self.motions
         )
 
     @property
@@ -316,7 +328,7 @@ class Fits:
         return found
 
 
-def _rounding_step(values: Real | Single, metres_per_unit: float) -> float:
+def _rounding_step(values: Real | Single | float, metres_per_unit: float) -> float:
     """Return the step of float32 at the largest of some coordinates [m]."""
     largest_units = float(np.abs(values).max(initial=0.0)) / metres_per_unit
     return float(np.spacing(np.float32(max(largest_units, 1e-30)))) * metres_per_unit

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...array_types import Real
+from ...findings import Finding, finding
 from ...signal.paths import (
     PathFlag,
     PathRows,
@@ -221,3 +222,19 @@ class ErrorBudget:
             chosen.append(tile)
             carried += score[tile]
         return chosen
+
+
+def uncertain_objects(
+    errors: dict[int, float], names: Sequence[str], target: float
+) -> list[Finding]:
+    """Find objects that the error target, a mean over all of them, leaves much more uncertain."""
+    return [
+        finding(
+            "object-error-above-target",
+            names[number - 1],
+            stderr_fraction=error,
+            target_fraction=target,
+        )
+        for number, error in sorted(errors.items(), key=lambda item: -item[1])
+        if error > 2 * target
+    ]

@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import bpy
 import numpy as np
@@ -18,15 +17,17 @@ from ... import contract
 from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import PathRows, write_table
+from ...signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows, column_groups, write_table
 from ..materials import is_rough
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH
 from ..views import ViewWindow
 from .clutter_weights import ClutterWeights
-from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
+from .error_budget import CellGrid, ErrorBudget, ReplicatePowers, uncertain_objects
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
+from .mirror_paths import MirrorPaths
+from .mirror_views import MirrorViews
 from .quality import QualitySums
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import (
@@ -38,7 +39,7 @@ from .small_object_ranking import (
 )
 from .tile_checkpoints import TileCheckpoints, TileRecord
 from .tiles import Tile
-from .view_tracer import PathTask, ViewTracer
+from .view_tracer import PathTask, Progress, ViewTracer
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8
@@ -46,20 +47,6 @@ _ROUND_SHARE = 0.8
 _SHARE_FOR_TILES = 0.5
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
-
-
-def _uncertain(errors: dict[int, float], names: Sequence[str], target: float) -> list[Finding]:
-    """Find objects that the error target, a mean over all of them, leaves much more uncertain."""
-    return [
-        finding(
-            "object-error-above-target",
-            names[number - 1],
-            stderr_fraction=error,
-            target_fraction=target,
-        )
-        for number, error in sorted(errors.items(), key=lambda item: -item[1])
-        if error > 2 * target
-    ]
 
 
 def _by_surface(item: Finding) -> list[Finding]:
@@ -71,16 +58,6 @@ def _by_surface(item: Finding) -> list[Finding]:
     others = [name for name in item.subjects if name not in rough]
     found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
     return found + ([finding("object-without-echo", *others)] if others else [])
-
-
-class Progress(Protocol):
-    """What a frame reports while its tiles are measured."""
-
-    def add_tiles(self, count: int) -> None:
-        """Report that there are `count` tiles more than expected."""
-
-    def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """Report measured replicates of a tile; `earlier`: by an earlier session."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +73,9 @@ class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
     The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `hits` and
-    `clutter` correct vertices and powers of rows, and `progress` is told of every tile. `no_echo`
-    finds why a frame has no echo, from the names of the objects that were seen.
+    `clutter` correct vertices and powers of rows, paths to and from the antennas may go over
+    `mirrors`, and `progress` is told of every tile. `no_echo` finds why a frame has no echo, from
+    the names of the objects that were seen.
     """
 
     def __init__(
@@ -106,13 +84,15 @@ class FrameWork:
         motion: BurstMotion,
         hits: HitPoints,
         clutter: ClutterWeights,
+        mirrors: MirrorPaths,
         folder: Path,
         progress: Progress,
         no_echo: Callable[[Sequence[str]], list[Finding]],
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits, self._clutter = hits, clutter
+        self._hits, self._clutter, self._mirrors = hits, clutter, mirrors
+        self._dtype = IMAGE_DTYPE if mirrors.mirrors else PATH_DTYPE
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -122,7 +102,7 @@ class FrameWork:
         asked, receiver = self._run.measurement, self._receiver
         carrier_hz = asked.waveform.carrier_hz
         self._parts = TileCheckpoints(
-            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}"
+            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}", self._dtype
         )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
         self._further: list[QualitySums] = []
@@ -299,6 +279,14 @@ class FrameWork:
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
                 self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
+                if self._mirrors.mirrors:
+                    views = MirrorViews(
+                        self._tracer, self._motion, self._hits, self._clutter, self._mirrors
+                    )
+                    rows, made = yield from views.measure(
+                        number, tile, replicate, rows, traced, quality
+                    )
+                    renders += made
                 quality.add_rows(rows)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
@@ -349,6 +337,8 @@ class FrameWork:
             table_sha256=file_sha256(table),
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
+            column_groups=column_groups(bool(self._mirrors.mirrors)),
+            images=self._mirrors.records,
             findings=self._findings(quality),
         )
         write_record(self._folder / contract.PATHS_FILE, record)
@@ -358,10 +348,14 @@ class FrameWork:
     def _write_table(self) -> int:
         """All rows with their motion; returns their number."""
         bodies = set().union(*(measured.quality.bodies for measured in self._tiles.values()))
-        self._motion.collect(bodies, self._chunks())
+        mirrors = self._mirrors.bodies
+        self._motion.images = self._mirrors.records
+        self._motion.collect(bodies | set(mirrors), self._chunks())
         self._motion.sample()
+        self._moving = [name for body, name in mirrors.items() if self._motion.moves(body)]
         table = self._folder / contract.PATHS_TABLE
-        return write_table(table, (self._motion.complete(part) for part in self._chunks()))
+        parts = (self._motion.complete(part) for part in self._chunks())
+        return write_table(table, parts, self._dtype)
 
     def _chunks(self) -> Iterator[PathRows]:
         """All rows, a part at a time."""
@@ -388,7 +382,9 @@ class FrameWork:
             findings.append(
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        findings += self._motion.findings
+        findings += self._motion.findings + self._mirrors.findings
+        if self._moving:
+            findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
             place_m = np.array(self._receiver.matrix_world)[:3, 3]
             findings += self._clutter.findings(self._chunks(), place_m)
@@ -398,5 +394,5 @@ class FrameWork:
             and self._budget.relative_error() <= target
             and self._options.refine_for != "ranges"
         ):
-            findings += _uncertain(self._budget.object_errors(), scene.objects, target)
+            findings += uncertain_objects(self._budget.object_errors(), scene.objects, target)
         return [item.in_frame(self._tracer.frame) for item in merge(findings)]

@@ -34,13 +34,15 @@ from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import no_echo_findings
+from ..scene import is_hidden_at_times, no_echo_findings
 from ..state import Shape, Snapshot, evaluated_depsgraph
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .delayed_ways import DelayedWays
 from .frame import FrameWork
 from .hit_points import HitPoints
+from .mirror_paths import MirrorPaths
+from .obstacles import BodyMesh
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -87,6 +89,7 @@ class PathJob(MeasurementJob):
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         foreign = _holds_foreign_materials(view_layer)
         choice = options.range_encoding
         by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
@@ -99,6 +102,9 @@ class PathJob(MeasurementJob):
     def _config_findings(self) -> list[Finding]:
         found = super()._config_findings()
         return [*found, finding("facets-encode-range")] if self._rounds_by_channel else found
+
+    def _renders_between_frames(self) -> bool:
+        return self.options.visibility_updates > 1
 
     def _averaged_paths(self) -> str:
         if not self.deterministic:
@@ -182,6 +188,13 @@ class PathJob(MeasurementJob):
         self.done = self._done_before = steps * len(kept)
         for frame, render in kept:  # a kill may have left them
             TileCheckpoints(self.folder / contract.burst_dir(frame, render), "").remove()
+
+    @property
+    def rays(self) -> int:
+        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        pixels = self._measurement.width_px * self._measurement.height_px
+        looks = len(self._measurement.frames) * self.options.visibility_updates
+        return pixels * looks * self.options.replicates * self.options.max_reflections
 
     @property
     def _span_s(self) -> float:
@@ -303,6 +316,19 @@ class PathJob(MeasurementJob):
             self._meshes,
             ways,
         )
+        mirrors = MirrorPaths(
+            motion.bodies,
+            hits,
+            units,
+            receiver,
+            tracer.transmitter_m,
+            self.plan.extent.from_receiver_m,
+            self._measurement,
+            self.options,
+            self._body_meshes,
+        )
+        tracer.images_m = mirrors.images_m
+        self.path_scene.lamps.place(mirrors.images_m / units)
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
@@ -314,6 +340,7 @@ class PathJob(MeasurementJob):
                 self._measurement.waveform.carrier_hz,
                 self._measurement.polarisation,
             ),
+            mirrors,
             folder,
             self,
             lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
@@ -376,7 +403,11 @@ def _assigned(view_layer: Any) -> set[Any]:
 
 def _holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    shown = [o for o in bpy.data.objects if o.type in SURFACE_TYPES and not o.hide_render]
+    shown = [
+        one
+        for one in bpy.data.objects
+        if one.type in SURFACE_TYPES and (not one.hide_render or is_hidden_at_times(one))
+    ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
     return not all(is_radar_material(material) for material in materials)

@@ -33,6 +33,8 @@ class QualitySums:
         self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0
         self.truncated_reflections_variance_w2 = self.strongest_ray_w = 0.0
         self.mixed_w = self.unranged_w = self._row_w = 0.0
+        #: Power of paths over mirrors that go through something open on the way: left out.
+        self.through_mirrored_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
         self.seen: set[int] = set()
@@ -178,6 +180,9 @@ class QualitySums:
         behind = self.share(self.truncated_transparency_w)
         if behind > _WARN_SHARE:
             found.append(told(finding("transparency-truncated", fraction=behind), behind))
+        through = self.share(self.through_mirrored_w)
+        if through > _WARN_SHARE:
+            found.append(told(finding("mirror-way-through", fraction=through), through))
         mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
         if mixed > _WARN_SHARE:
             found.append(told(finding("mixed-paths", fraction=mixed), mixed))

@@ -79,14 +79,18 @@ class _Held:
 class TileCheckpoints:
     """Tiles of one frame, in a folder in the frame's.
 
-    `stamp` is all that rows depend on besides the scene (see the run's fingerprint) and the tile.
+    `stamp` is all that rows depend on besides the scene (see the run's fingerprint) and the tile,
+    `dtype` their type.
     """
 
-    def __init__(self, frame_folder: Path, stamp: str) -> None:
+    def __init__(
+        self, frame_folder: Path, stamp: str, dtype: np.dtype[np.void] = PATH_DTYPE
+    ) -> None:
         self._folder = frame_folder / contract.TILES_DIR
         fields = [one.name for one in dataclasses.fields(TileRecord)]
+        self._dtype = dtype
         self._held: dict[str, _Held] = {}
-        self._stamp = f"{stamp} {PATH_DTYPE.descr} {fields}"
+        self._stamp = f"{stamp} {dtype.descr} {fields}"
 
     def key(self, *numbers: Any) -> str:
         """Name of a tile by what determines its rows."""
@@ -158,7 +162,7 @@ class TileCheckpoints:
         """Rows of a tile, one replicate after the other."""
         with open(self.rows_file(key), "rb") as stream:
             for count in record.rows:
-                yield np.fromfile(stream, dtype=PATH_DTYPE, count=count)
+                yield np.fromfile(stream, dtype=self._dtype, count=count)
 
     def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
         """Rows of a tile in pieces, with the number that it has in this run.
@@ -172,7 +176,7 @@ class TileCheckpoints:
             yield from iter_rows(rows, _CHUNK)
             return
         with open(self.rows_file(key), "rb") as stream:
-            while (rows := np.fromfile(stream, dtype=PATH_DTYPE, count=_CHUNK)).size:
+            while (rows := np.fromfile(stream, dtype=self._dtype, count=_CHUNK)).size:
                 rows["tile"] = tile
                 yield rows
 

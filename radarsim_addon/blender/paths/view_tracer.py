@@ -7,10 +7,11 @@ The tracer yields a `PathTask` for each render. Whoever drives it calls `start`,
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ... import contract
 from ...array_types import Real
 from ...physics.radar_equation import effective_area_m2
 from ...signal.decoding import TileReplicate, pixel_rays
-from ...signal.paths import COLUMN_GROUPS, PATH_FLAGS, PathRows, replicate_offset_px
+from ...signal.paths import PATH_FLAGS, PathRows, replicate_offset_px
 from ..materials import Interiors
 from ..plan import Instant, Measurement, PathOptions, Plan
 from ..views import (
@@ -89,7 +90,6 @@ class PathRun:
             "replicates": options.replicates,
             "error_scope": options.error_scope,
             "objects": self.scene.objects,
-            "column_groups": COLUMN_GROUPS,
             "flags": PATH_FLAGS,
             "versions": self.versions,
         }
@@ -124,6 +124,16 @@ class PathTask:
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
 
 
+class Progress(Protocol):
+    """What a frame reports while its tiles are measured."""
+
+    def add_tiles(self, count: int) -> None:
+        """Report that there are `count` tiles more than expected."""
+
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
+        """Report measured replicates of a tile; `earlier`: by an earlier session."""
+
+
 class ViewTracer:
     """Makes the renders of one radar frame at one instant, to which the run's scene is set.
 
@@ -142,6 +152,8 @@ class ViewTracer:
         self.run, self.frame, self.instant = run, frame, instant
         self.receiver, self.transmitter = receiver, transmitter
         self.transmitter_m: Real = np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        #: Places of the transmitter's images, (n, 3) [m].
+        self.images_m: Real = np.empty((0, 3))
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
         self._ways = ways
@@ -168,24 +180,30 @@ class ViewTracer:
         self, number: int, window: ViewWindow
     ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
         """Render a part of the unrefined frame once, for what is seen first in each pixel."""
+        self.run.scene.lamps.shine(0)
         receiver = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
         view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
         return receiver, view
 
     def replicate_tasks(
-        self, number: int, tile: Tile, replicate: int
+        self, number: int, tile: Tile, replicate: int, image: int = 0
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
         """Make all renders of a tile replicate; return its rows, where their rays start, and all
         that was found.
+
+        With the number of an image, from 1, the transmitter is in its place and nothing blocks it;
+        rows have one reflection less than the path.
         """
         run, window = self.run, tile.window
+        run.scene.lamps.shine(image)
         seed = replicate_seed(run.measurement.seed, window, replicate)
         receiver = run.scene.look(window, replicate_offset_px(replicate), seed)
         rays = pixel_rays(receiver, window.width_px, window.height_px)
         # Power beyond the last order is asked for once: finer tiles would ask for it again.
-        trace = trace_replicate(
-            self._limits(replicate == 0 and tile.level == 0), rays.solid_angle_sr
-        )
+        limits = self._limits(replicate == 0 and tile.level == 0 and image == 0)
+        if image:
+            limits = dataclasses.replace(limits, max_reflections=limits.max_reflections - 1)
+        trace = trace_replicate(limits, rays.solid_angle_sr)
         request = next(trace)
         while True:
             view = yield from self._render(number, replicate, request)
@@ -198,7 +216,7 @@ class ViewTracer:
                 break
         shared = TileReplicate(
             rays,
-            self.transmitter_m,
+            self.images_m[image - 1] if image else self.transmitter_m,
             run.plan.range_encoding_length_m,
             receiver.near_clip_m,
             run.effective_area_m2,

@@ -53,6 +53,9 @@ def config_findings(
     found = find_suspicious_parameters(radar, known_m, animation_s)
     if of_rings:
         found += _ring_findings(measurement, covered_m, reach_m, farthest_m)
+    if farthest_m is not None and 0 < measurement.range_stop_m < farthest_m:
+        numbers = {"farthest_m": farthest_m, "range_stop_m": measurement.range_stop_m}
+        found.append(finding("scene-beyond-range-limits", **numbers))
     unambiguous_m = radar.unambiguous_range_m
     if known_m is not None and known_m > unambiguous_m:
         numbers = {"farthest_m": known_m, "unambiguous_range_m": unambiguous_m}

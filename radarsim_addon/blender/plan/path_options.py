@@ -98,6 +98,15 @@ class PathOptions:
         soft_maximum=16,
         old_flags=("--renders-per-burst",),
     )
+    mirror_images: int = setting(
+        "Mirror images",
+        "Set the most planar mirrors (smooth Radar Materials) over which paths go to the "
+        "transmitter, those first in which it sees most. They count as reflections. 0: none",
+        4,
+        minimum=0,
+        maximum=64,
+        soft_maximum=16,
+    )
     range_encoding: str = setting(
         "Range encoding",
         "Choose what carries the range encoding",

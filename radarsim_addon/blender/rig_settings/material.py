@@ -15,6 +15,7 @@ from ...errors import RadarSimError
 from ...physics.materials import TABLE, models
 from ..materials import physical_materials as pm
 from ..plan import shortest_decimal
+from .material_clutter import clutter_fields
 from .radar import beyond_band, carrier_hz
 
 MATERIAL_PROPERTY = "radarsim"
@@ -108,7 +109,7 @@ def _number(
 
 
 class MaterialSettings(bpy.types.PropertyGroup):
-    """Medium and surface of a material."""
+    """Medium, surface and clutter of a material."""
 
     medium: bpy.props.EnumProperty(
         name="Medium",
@@ -164,3 +165,4 @@ for _model in models().values():
                 precision=4,
             ),
         )
+MaterialSettings.__annotations__.update(clutter_fields(_number))

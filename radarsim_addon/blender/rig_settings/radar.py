@@ -144,6 +144,25 @@ def swept_hz(rate_mhz_per_us: float, duration_us: float) -> float:
     return round(rate_mhz_per_us * duration_us * 1e6, 3)
 
 
+#: Values of the three choices of quality.
+_QUALITIES: tuple[dict[str, Any], ...] = (
+    {"replicates": 2, "max_standard_error": 0.0, "time_limit_s": 0.0},
+    {"replicates": 4, "max_standard_error": 0.0, "time_limit_s": 0.0},
+    {"replicates": 4, "max_standard_error": 0.01},
+)
+
+
+def _quality(group: Any) -> int:
+    numbers = Settings(group, RADAR_SETTINGS)
+    return 2 if numbers.max_standard_error > 0 else int(numbers.replicates > 2)
+
+
+def _set_quality(group: Any, number: int) -> None:
+    if number != _quality(group):
+        for name, value in _QUALITIES[number].items():
+            write(group, RADAR_SETTINGS[name], value)
+
+
 AntennaGroup = property_group("RadarAntennaSettings", ANTENNA_SETTINGS)
 RadarGroup = property_group(
     "RadarSettings",
@@ -169,6 +188,17 @@ RadarGroup = property_group(
             min=1e-6,
             precision=4,
             description="Set the bandwidth by the chirp rate K = B / T; 20 MHz/us are 20e12 Hz/s",
+        ),
+        "quality": bpy.props.EnumProperty(
+            name="Quality",
+            items=(
+                ("draft", "Draft", "2 replicates of each tile, without refinement"),
+                ("good", "Good", "4 replicates of each tile, without refinement"),
+                ("error", "Error", "Refine tiles until the standard error is below a maximum"),
+            ),
+            get=_quality,
+            set=_set_quality,
+            description="Set replicates and refinement; Advanced has the single settings",
         ),
         "transmitter": bpy.props.PointerProperty(
             type=AntennaGroup, name="Transmitter", description="Antenna of the transmitter"
@@ -353,11 +383,11 @@ def output_folder(radar: Any) -> Path:
     """
     text = settings(radar).output_folder
     if not text.strip():
-        raise OutputError("No output folder is set. Choose one in Radar > Render > Output.")
+        raise OutputError("No output folder is set. Choose one in Radar > Measure > Output.")
     if text.startswith("//") and not bpy.data.filepath:
         raise OutputError(
             f"The output folder {text!r} is relative to the .blend file, which was never saved. "
-            "Save the file, or choose an absolute folder in Radar > Render > Output."
+            "Save the file, or choose an absolute folder in Radar > Measure > Output."
         )
     return Path(bpy.path.abspath(text))
 

@@ -53,6 +53,16 @@ class RadarProgress(bpy.types.PropertyGroup):
     suggestion: bpy.props.IntProperty(
         name="Suggestion", options={"SKIP_SAVE"}, description="Row of the list of suggestions"
     )
+    seconds_per_ray: bpy.props.FloatProperty(
+        name="Time per Ray",
+        default=5e-6,
+        min=0.0,
+        options={"SKIP_SAVE"},
+        description="Time per ray and reflection of the last run with paths [s]",
+    )
+    checked: bpy.props.StringProperty(
+        name="Checked", options={"SKIP_SAVE"}, description="Findings of the last check, as JSON"
+    )
     running: bpy.props.BoolProperty(
         name="Running", default=False, options={"SKIP_SAVE"}, description="A job is running"
     )

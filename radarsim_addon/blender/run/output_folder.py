@@ -87,7 +87,7 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
             return None
         raise OutputError(
             f"The output folder {folder} holds frames of an unknown run ({error}) "
-            "Choose another folder, or overwrite (Radar > Render, or --overwrite)."
+            "Choose another folder, or overwrite (Radar > Measure, or --overwrite)."
         ) from error
 
 
@@ -109,7 +109,7 @@ def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> N
             raise OutputError(
                 f"The output folder {folder} holds frames of another run (scene, "
                 "sampling mode, ring step, snapshots, resolution, samples, seed or software "
-                "differ). Choose another folder, or overwrite (Radar > Render, or --overwrite)."
+                "differ). Choose another folder, or overwrite (Radar > Measure, or --overwrite)."
             )
         clear_run(folder)
     clear_partial(folder)

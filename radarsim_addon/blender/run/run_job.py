@@ -50,6 +50,7 @@ from ..scene import (
     find_rig,
     hiding_is_animated,
     receiver_record,
+    renders_whole_frames_only,
     show_as_rendered,
     show_what_renders,
     simulation_frames,
@@ -65,6 +66,9 @@ from ..state import (
 from . import output_folder, run_files
 from .scene_state import MeasurementSettings
 from .shared_folder import SharedFolder
+
+#: Frames beyond the burst at which motion is sampled, and one more.
+_FURTHER_FRAMES = 3
 
 
 class MeasurementJob:
@@ -254,6 +258,10 @@ class MeasurementJob:
             return (float(frame),)
         return (float(frame), frame + self._measurement.snapshot_interval_s * self._fps())
 
+    def _last_needed(self, frame: int) -> float:
+        """Last frame whose state a radar frame may need: motion is sampled beyond the burst."""
+        return max(self._surveyed(frame)) + _FURTHER_FRAMES
+
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
         extent, units = Extent(), self._metres_per_unit()
@@ -308,11 +316,18 @@ class MeasurementJob:
             (self._scene.frame_end - self._scene.frame_start) / self.plan.fps,
             self._speeds.by_object,
         )
+        stuck = [one.name for one in self._scene.objects if renders_whole_frames_only(one)]
+        if stuck and self._renders_between_frames():
+            found.append(finding("rendered-at-whole-frames", *stuck))
         assert self._settings is not None
         averaging = self._settings.averaging
         if len(averaging) > 1 and self._averaged_paths():
             found.append(separate_averages(averaging, self._averaged_paths()))
         return found
+
+    def _renders_between_frames(self) -> bool:
+        """Whether Cycles renders at times that are no whole frames."""
+        return self._measurement.snapshots > 1
 
     def _averaged_paths(self) -> str:
         """Paths that take the mean of both polarisations at each wall, in words; "" for none."""
@@ -370,11 +385,13 @@ class MeasurementJob:
             self._hiding_moves = hiding_is_animated()
         if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
             show_what_renders(self._shown_for_run, self._view_layer)
-        needed = instant.frame + (instant.subframe > 0)
-        if needed > self._simulated_to:
-            for frame in simulation_frames(self._scene, needed):
+        if instant.frame + 1 > self._simulated_to:
+            # All at once: a cache that is played further later on is no longer exact, and loses
+            # frames when a time between two of them is read.
+            frames = *self._measurement.frames, instant.frame
+            self._simulated_to = math.ceil(max(map(self._last_needed, frames)))
+            for frame in simulation_frames(self._scene, int(self._simulated_to)):
                 self._scene.frame_set(frame)
-            self._simulated_to = needed
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
         self._records = None

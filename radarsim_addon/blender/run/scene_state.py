@@ -34,7 +34,14 @@ from ..materials import (
 from ..nodes import attributes
 from ..nodes.materials import VOLUME_STEP_RATE, is_radar_material
 from ..plan import POLARISATIONS, Plan
-from ..scene import NEAR_CLIP_UNITS, Rig, check_meshes, check_normals, isolate
+from ..scene import (
+    NEAR_CLIP_UNITS,
+    Rig,
+    check_meshes,
+    check_normals,
+    isolate,
+    show_what_ever_renders,
+)
 from ..state import SettingsRestorer, evaluated_depsgraph
 from .devices import failed_facts
 
@@ -107,7 +114,9 @@ class MeasurementSettings:
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            self.findings = [*unfit, *self._set_materials()]
+            # Materials are settled once: also of what is hidden in the viewport or until later.
+            show_what_ever_renders(self._recorder, self._view_layer)
+            self.findings = [*unfit, *self._camera_markers(), *self._set_materials()]
             depsgraph = evaluated_depsgraph(self._view_layer)
             self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
@@ -126,8 +135,9 @@ class MeasurementSettings:
         # float32 in both and no path is lost or counted twice.
         self._scene[attributes.ATTR_RING_MIN] = ring_min_m / self._plan.metres_per_unit
         self._scene[attributes.ATTR_RING_MAX] = ring_max_m / self._plan.metres_per_unit
-        # Writing a custom property from Python does not tell Cycles; an update tag does.
-        self._scene.update_tag()
+        # Writing a custom property from Python does not tell Cycles; an update tag does. One of
+        # everything would empty the cache of rigid bodies.
+        self._scene.update_tag(refresh={"TIME"})
 
     # -- the groups of settings --------------------------------------------------------------------
 
@@ -277,6 +287,17 @@ class MeasurementSettings:
         if linking is not None:
             put(linking, "receiver_collection", None)
             put(linking, "blocker_collection", None)
+
+    def _camera_markers(self) -> list[Finding]:
+        """Take cameras off markers, at which Blender would render another than the receiver."""
+        markers = [one for one in self._scene.timeline_markers if one.camera is not None]
+        others = dict.fromkeys(one.camera.name for one in markers)
+        others.pop(self._rig.camera.name, None)
+        for marker in markers:
+            self._recorder.set(marker, "camera", None)
+        return (
+            [finding("camera-markers", *others, receiver=self._rig.camera.name)] if others else []
+        )
 
     def _set_materials(self) -> list[Finding]:
         """Physical materials at the run's carrier, and the layers that waves go through."""

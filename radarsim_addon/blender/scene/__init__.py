@@ -34,9 +34,20 @@ from .rig import (
     radars,
     setup_rig,
 )
-from .simulations import has_simulation_zone, is_simulated_body, simulation_frames
+from .simulations import (
+    has_simulation_zone,
+    is_simulated_body,
+    renders_whole_frames_only,
+    simulation_frames,
+)
 from .smooth_shading import check_normals
-from .visibility import hiding_is_animated, show_as_rendered, show_what_renders
+from .visibility import (
+    hiding_is_animated,
+    is_hidden_at_times,
+    show_as_rendered,
+    show_what_ever_renders,
+    show_what_renders,
+)
 
 __all__ = [
     "ACTIVE_RADAR_PROPERTY",
@@ -67,6 +78,7 @@ __all__ = [
     "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",
+    "is_hidden_at_times",
     "is_simulated_body",
     "is_transmitter",
     "isolate",
@@ -77,11 +89,13 @@ __all__ = [
     "radars",
     "receiver_record",
     "remove_patterns",
+    "renders_whole_frames_only",
     "replace_material",
     "rigid_pose",
     "scene_extent",
     "setup_rig",
     "show_as_rendered",
+    "show_what_ever_renders",
     "show_what_renders",
     "simulation_frames",
     "suggest_materials",

@@ -33,6 +33,28 @@ def simulation_frames(scene: Any, last: int) -> range:
     return range(min(starts), last + 1) if starts else range(0)
 
 
+def renders_whole_frames_only(item: Any) -> bool:
+    """Return whether Blender renders an object's shape of a whole frame at times after it.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True for cloth and soft bodies that are not baked, and for cache files whose vertices are
+        not interpolated.
+    """
+    for modifier in item.modifiers:
+        if modifier.type in ("CLOTH", "SOFT_BODY"):
+            if not modifier.point_cache.is_baked:
+                return True
+        elif modifier.type == "MESH_SEQUENCE_CACHE" and not modifier.use_vertex_interpolation:
+            return True
+    return False
+
+
 def _caches(scene: Any) -> Iterator[Any]:
     world = scene.rigidbody_world
     if world is not None and world.enabled and world.point_cache is not None:

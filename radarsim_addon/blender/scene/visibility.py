@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..state import SettingsRestorer
-from .isolation import action_curves
+from .isolation import action_curves, animation_curves
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
@@ -42,6 +42,36 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
                 f"{item.name}: hidden",
                 lambda item=item: item.hide_set(True, view_layer=view_layer),
             )
+
+
+def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
+    """Make visible what renders at some time, until Blender evaluates the animation again.
+
+    Parameters
+    ----------
+    recorder
+        Restores the former visibility.
+    view_layer : bpy.types.ViewLayer
+    """
+    for layer in _rendered_collections(view_layer.layer_collection):
+        for item in filter(is_hidden_at_times, layer.collection.objects):
+            recorder.set(item, "hide_render", False)
+    show_what_renders(recorder, view_layer)
+
+
+def is_hidden_at_times(item: Any) -> bool:
+    """Return whether animation decides if an object renders.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        True if an F-curve or a driver acts on its *Disable in Renders*.
+    """
+    return any(curve.data_path == "hide_render" for curve in animation_curves(item.animation_data))
 
 
 def hiding_is_animated() -> bool:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from ...errors import SceneError
@@ -37,9 +38,52 @@ class ActiveRadarPanel(RadarPanel):
         return active_group(context.scene) is not None
 
 
-def draw_fields(layout: Any, group: Any, settings: Mapping[str, Declared], *names: str) -> None:
-    """Draw settings one below the other; one that may be None with the switch that sets it."""
-    column = layout.column(align=True)
+def split(layout: Any) -> Any:
+    """Return a layout with names on the left and values on the right, without keyframe buttons."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
+
+
+def draw_number(layout: Any, name: str, text: str, icon: str = "NONE") -> None:
+    """Draw a derived number like a field: its name on the left, its value on the right."""
+    parts = layout.split(factor=0.4)
+    names = parts.row()
+    names.alignment = "RIGHT"
+    names.label(text=name)
+    parts.label(text=text, icon=icon, translate=False)
+
+
+def _draw_quantity(layout: Any, group: Any, item: Declared) -> None:
+    """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
+    parts = layout.split(factor=0.4)
+    names = parts.row()
+    names.alignment = "RIGHT"
+    names.label(text=item.shown_label.removesuffix(f" [{item.shown_unit}]"))
+    fields = parts.split(factor=0.68, align=True)
+    fields.prop(group, item.shown_name, text="")
+    fields.label(text=item.shown_unit, translate=False)
+
+
+def draw_state(panel: Any, text: str) -> None:
+    """Draw a panel's state at the right end of its header."""
+    row = panel.layout.row()
+    row.active = False  # less bright than the panel's name
+    row.label(text=text, translate=False)
+
+
+def draw_fields(
+    layout: Any,
+    group: Any,
+    settings: Mapping[str, Declared],
+    *names: str,
+    after: Mapping[str, Sequence[tuple[str, str]]] = MappingProxyType({}),
+) -> None:
+    """Draw settings one below the other; one that may be None with the switch that sets it.
+
+    after: derived numbers (name, value) below a setting, by the name of the setting.
+    """
+    column = layout.column()
     for name in names or settings:
         item = settings[name]
         if not item.of.window:
@@ -48,7 +92,12 @@ def draw_fields(layout: Any, group: Any, settings: Mapping[str, Declared], *name
             column.prop(group, f"use_{name}")
             if not getattr(group, f"use_{name}"):
                 continue
-        column.prop(group, item.shown_name)
+        if item.shown_unit:
+            _draw_quantity(column, group, item)
+        else:
+            column.prop(group, item.shown_name)
+        for label, text in after.get(name, ()):
+            draw_number(column, label, text)
 
 
 def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import bpy
@@ -15,7 +16,7 @@ from ...signal.detection import predicted_snr
 from ...signal.radar import PATTERNS, RadarSystem, make_system
 from ..rig_settings import read_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
-from .fields import ActiveRadarPanel, active_group, draw_fields, wrapped
+from .fields import ActiveRadarPanel, active_group, draw_fields, draw_state, split, wrapped
 from .shown_findings import reported
 
 
@@ -67,13 +68,24 @@ class RADARSIM_OT_remove_patterns(bpy.types.Operator):
 class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Link Budget"
     bl_idname = "RADARSIM_PT_system"
+    bl_parent_id = "RADARSIM_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: Any) -> None:
         self.layout.prop(active_group(context.scene), "use_link_budget", text="")
 
+    def draw_header_preset(self, context: Any) -> None:
+        group = active_group(context.scene)
+        if not group.use_link_budget:
+            draw_state(self, "light as EIRP")
+        elif group.transmitter.kind != "table":  # not read at every redraw
+            with contextlib.suppress(RadarSimError):
+                system = scene_system(context.scene)
+                if system is not None:
+                    draw_state(self, f"EIRP {to_db(eirp_w(system)) + 30:.1f} dBm")
+
     def draw(self, context: Any) -> None:
-        layout = self.layout
+        layout = split(self.layout)
         group = active_group(context.scene)
         if not group.use_link_budget:
             text = "The light's power is the EIRP in all directions."
@@ -109,13 +121,19 @@ def scene_system(scene: Any) -> RadarSystem | None:
     return None if record is None else make_system(record, wavelength_m)
 
 
+def eirp_w(system: RadarSystem) -> float:
+    """What goes into the peak of the transmitter's pattern [W]."""
+    record = system.record
+    gain = system.transmitter.peak_gain
+    return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
+
+
 def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
     """Gains, EIRP, noise, and what 1 m^2 at 1 km brings, at the peaks of both patterns."""
     if system is None:
         return []
     gains = (system.transmitter.peak_gain, system.receiver.peak_gain)
     record = system.record
-    eirp_w = record.transmit_power_w * gains[0] / 10 ** (record.transmit_loss_db / 10)
     noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
     power_w = float(
         monostatic_power_w(
@@ -124,7 +142,7 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
     ) / system.loss  # fmt: skip
     found = [
         f"Peak gains: {to_db(gains[0]):.2f} and {to_db(gains[1]):.2f} dBi",
-        f"EIRP: {eirp_w:.4g} W ({to_db(eirp_w):.2f} dBW)",
+        f"EIRP: {eirp_w(system):.4g} W ({to_db(eirp_w(system)) + 30:.2f} dBm)",
         f"1 m² at 1 km: {to_db(power_w) + 30:.2f} dBm",
     ]
     if noise_w > 0:

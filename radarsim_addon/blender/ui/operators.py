@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from typing import Any, ClassVar
 
 import bpy
@@ -13,6 +14,7 @@ from ...findings import Finding
 from ...progress import ProgressLine, progress_text
 from ..headless import make_job, quiet_blender
 from ..nodes import PRESETS, assign_radar_material
+from ..paths import PathJob
 from ..plan import radar_preset
 from ..rig_settings import (
     PROGRESS_PROPERTY,
@@ -27,10 +29,13 @@ from .interactive import InteractiveRender
 from .placement import radar_pose
 from .preset_menu import preset_choice
 from .results import ProcessingJob, show_images
+from .scene_reading import redraw_panels
 from .shown_findings import findings_text, report_findings, reported
 
 #: Seconds between two looks at a running job.
 _TICK_S = 0.01
+#: Rays of a run whose time says what a ray costs.
+_MANY_RAYS = 100_000
 #: Events that pass through while a job runs: looking around. Others could change what is measured.
 _HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD", "NDOF", "TIMER")
 
@@ -164,7 +169,7 @@ class _TimedOperator(bpy.types.Operator):
         if progress.text != text:
             progress.fraction, progress.text = fraction, text
             context.workspace.status_text_set(f"{text}  (Esc stops)")
-            _redraw_panels(context)
+            redraw_panels(context)
 
     def _end(self, context: Any, text: str) -> None:
         if self._timer is not None:
@@ -175,7 +180,7 @@ class _TimedOperator(bpy.types.Operator):
         progress.text = text
         if context.workspace is not None:
             context.workspace.status_text_set(None)
-        _redraw_panels(context)
+        redraw_panels(context)
 
 
 class RADARSIM_OT_watch_escape(bpy.types.Operator):
@@ -215,6 +220,7 @@ class RADARSIM_OT_render_frames(_TimedOperator):
     bl_label = "Render Radar Frames"
 
     _run: InteractiveRender
+    _began_s: float | None = None
     _watched: object | None = None
 
     def _start(self, context: Any) -> list[Finding]:
@@ -222,6 +228,7 @@ class RADARSIM_OT_render_frames(_TimedOperator):
             raise RenderError("Another render is running. Wait for its end, or stop it.")
         job = _job_of(context)
         job.prepare()
+        self._began_s = None if job.done else time.monotonic()  # a resumed run has fewer rays
         try:
             self._run = InteractiveRender(job, context.preferences)
         except BaseException:
@@ -261,6 +268,10 @@ class RADARSIM_OT_render_frames(_TimedOperator):
         # Some is known only at the end: what was left out, what was not met by any ray.
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         progress.findings = findings_text(job.findings)
+        if isinstance(job, PathJob) and self._began_s is not None:
+            took_s = time.monotonic() - self._began_s
+            if job.rays > _MANY_RAYS and not job.options.refines:
+                progress.seconds_per_ray = took_s / job.rays
         self._end(context, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
@@ -364,14 +375,6 @@ def _job_of(context: Any) -> MeasurementJob:
         radar=radar,
         overwrite=settings(radar).overwrite,
     )
-
-
-def _redraw_panels(context: Any) -> None:
-    """Draw the sidebars again; Blender does not do so by itself for our numbers."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 CLASSES: tuple[type, ...] = (

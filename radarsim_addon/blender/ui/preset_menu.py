@@ -82,6 +82,7 @@ class RADARSIM_OT_save_preset(AddPresetBase, _OnRadar):
 
     bl_idname = "radarsim.save_preset"
     bl_label = "Save Radar Preset"
+    bl_options = {"REGISTER"}
 
     preset_menu = "RADARSIM_PT_presets"
     preset_subdir = _FOLDER

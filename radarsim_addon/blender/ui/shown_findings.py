@@ -12,7 +12,8 @@ from ...errors import RadarSimError
 from ...findings import Finding, finding_lines, from_json, merge, to_json
 from .fields import wrapped
 
-_ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERROR is a triangle
+#: Icon of a severity.
+ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERROR is a triangle
 
 
 @contextlib.contextmanager
@@ -34,7 +35,7 @@ def report_findings(operator: Any, findings: list[Finding], frames: Sequence[int
 def draw_findings(context: Any, layout: Any, findings: Iterable[Finding]) -> None:
     """Draw findings in a panel, each with the icon of its severity."""
     for item in findings:
-        wrapped(context, layout, item.message, _ICONS[item.severity])
+        wrapped(context, layout, item.message, ICONS[item.severity])
 
 
 def findings_text(findings: list[Finding]) -> str:

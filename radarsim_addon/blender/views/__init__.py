@@ -6,7 +6,7 @@ In: a window of the receiver's image. Out: rows of the path table.
 
 from .path_classes import TracedReplicate, TraceLimits, trace_replicate
 from .requests import PathClass, RenderRequest, View
-from .rows import ray_origins, rows_of_replicate
+from .rows import pixel_numbers, ray_origins, rows_of_replicate
 from .view_scene import PathScene
 from .window import ViewWindow, replicate_seed
 
@@ -18,6 +18,7 @@ __all__ = [
     "TracedReplicate",
     "View",
     "ViewWindow",
+    "pixel_numbers",
     "ray_origins",
     "replicate_seed",
     "rows_of_replicate",

@@ -65,6 +65,22 @@ def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
     return np.concatenate(parts) if parts else np.empty((0, 3))
 
 
+def pixel_numbers(traced: TracedReplicate) -> Indices:
+    """Return the pixel of each of these rows, counted row by row from 1, (paths,).
+
+    Parameters
+    ----------
+    traced
+        What was found.
+
+    Returns
+    -------
+    ndarray
+    """
+    parts = [np.flatnonzero(layer.amplitude > 0) + 1 for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
+
+
 def _pixels(
     layer: PathClassLayer,
     index: Indices,

@@ -21,6 +21,7 @@ from ...processes import temporary_folder
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
+from .image_lamps import ImageLamps
 from .pass_files import read_passes
 from .requests import PathClass, Region, RenderRequest, View
 from .view_setup import (
@@ -91,6 +92,7 @@ class PathScene:
         self._threads = ("AUTO", 0)
         self._coarse = 1
         self._request = RenderRequest(PathClass())
+        self.lamps = ImageLamps(self._recorder, scene, transmitter)
         self.objects: list[str] = []
         self.opaque: frozenset[int] = frozenset()
         self.hidden: frozenset[int] = frozenset()

@@ -18,6 +18,7 @@ from ..paths import (
     PathRows,
     Paths,
     geometry_of,
+    has_images,
     iter_rows,
     motion_of_rows,
     radiance_of,
@@ -127,8 +128,9 @@ def table_paths(
             col=zeros,
             flags=np.array(flags),
             counts=PathCounts.of(flags, range_encoding_underflow=part.size - rows.size),
-            geometry=geometry_of(rows),
+            geometry=geometry_of(rows, record.images),
             motion=None if motion is None else motion_of_rows(rows, motion),
+            mirror_phase_rad=np.array(rows["mirror_phase_rad"]) if has_images(rows) else None,
         )
 
 

@@ -26,9 +26,9 @@ from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, edge_variances, lone_variances, usable
+from ..paths import PathRows, edge_variances, has_images, lone_variances, usable
 from ..runs import RadarFrame
-from ..scattering import Link
+from ..scattering import Link, interference_factors
 
 #: Names in the message of a name that is unknown.
 _NAMES_SHOWN = 10
@@ -78,16 +78,28 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
         back = np.ones_like(back)  # its pixels are areas: they contain no 1/R^2
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
-    return np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+    found = np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+    if has_images(rows):  # of the object alone, without mirrors
+        found[rows["mirrors"] > 0] = 0.0
+    return found
 
 
 def path_power_w(
-    rows: PathRows, record: PathsRecord, carrier_hz: float, link: Link | None = None
+    rows: PathRows,
+    record: PathsRecord,
+    carrier_hz: float,
+    link: Link | None = None,
+    range_resolution_m: float = math.inf,
 ) -> Real:
-    """Return each row's received power at a carrier [W], with the gains of a link budget."""
+    """Return each row's expected power at a carrier [W], with the gains of a link budget.
+
+    Paths over one scatterer interfere as far as a range resolution does not tell them apart.
+    """
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
         power = power * link.mean_factor_of_rows(rows)
+    if has_images(rows):
+        power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
     return np.asarray(power, dtype=np.float64)
 
 
@@ -122,7 +134,8 @@ def object_echoes(
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
-    table = as_input(frame).table
+    frame_input = as_input(frame)
+    table, waveform = frame_input.table, frame_input.radar.waveform
     record = table.record
     if groups is None:
         groups = {name: [name] for name in record.objects}
@@ -132,7 +145,7 @@ def object_echoes(
         rows = np.asarray(table.rows[start:stop])
         kept = usable(rows)
         rows = rows if kept.all() else rows[kept]
-        power = path_power_w(rows, record, carrier_hz, link)
+        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m)
         sums.add_tile(rows, power, path_rcs_m2(rows, record))
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 

@@ -33,6 +33,7 @@ from ..paths import (
     Points,
     Steps,
     TableFootprints,
+    has_images,
     make_paths,
     radiance_of,
     spread,
@@ -41,7 +42,7 @@ from ..paths import (
 )
 from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
 from ..runs import RadarFrame
-from ..scattering import Link
+from ..scattering import Link, interference_factors
 from ..spectrum import repeat_orders, smooth_size
 from .range_compression import expected_power_profile
 
@@ -129,7 +130,7 @@ def expected_power(
     radar, table = frame_input.radar, frame_input.table
     cells = _Cells(radar, frame_input.range_limits_m, cells_per_sample)
     smeared = _Smearing(radar, range_taper, doppler_taper, cells, cells_per_sample)
-    sums = _TableSums(frame_input, cells, receiver_gain, link, points_to, footprints)
+    sums = _TableSums(frame_input, cells, range_taper, receiver_gain, link, points_to, footprints)
     profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
     for views in views_by_replicate(table.rows, table.record.replicates):
         for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
@@ -157,6 +158,7 @@ class _TableSums:
         self,
         frame_input: FrameInput,
         cells: _Cells,
+        range_taper: str,
         receiver_gain: float,
         link: Link | None,
         points_to: Callable[[Paths], None] | None,
@@ -165,6 +167,8 @@ class _TableSums:
         self._footprints = footprints
         radar, self._record = frame_input.radar, frame_input.table.record
         self._cells, self._link, self._points_to = cells, link, points_to
+        waveform = radar.waveform
+        self._band = waveform.carrier_hz, waveform.range_resolution_m, range_taper
         self._scale = receiver_gain * (self._record.carrier_hz / radar.waveform.carrier_hz) ** 2
         self.finer = np.zeros(cells.pulses * cells.ranges)
         self.gaps = _Gaps(
@@ -198,9 +202,12 @@ class _TableSums:
                 cells.add(self.finer, part, power)
 
     def _gain(self, rows: PathRows) -> Real:
-        if self._link is None:
-            return np.ones(rows.size)
-        return self._link.mean_factor_of_rows(rows)
+        gain = np.ones(rows.size)
+        if self._link is not None:
+            gain = self._link.mean_factor_of_rows(rows)
+        if has_images(rows):
+            gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
+        return gain
 
 
 class _Smearing:

@@ -8,6 +8,7 @@ range rates [m/s] at any time [s].
 from .antenna_motion import AntennaMotion, axes_of, places_m
 from .body_motion import BodyMotion
 from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
+from .images import PathImages
 from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
 from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
@@ -19,6 +20,7 @@ __all__ = [
     "JoinedMotion",
     "KinematicMotion",
     "LinearMotion",
+    "PathImages",
     "PathMotion",
     "Rows",
     "Tracks",

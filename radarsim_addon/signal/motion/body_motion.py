@@ -184,6 +184,8 @@ class BodyMotion:
         t = 0 in all texts of this module.
     rate_stderr_mps
         Standard error of the velocity then, at the body's farthest point [m/s]. Not in files.
+    rate_bias_mps
+        What the velocity then lacks, by fits of more terms; 0 if not known to [m/s]. Not in files.
     """
 
     pose: Real
@@ -192,6 +194,7 @@ class BodyMotion:
     displacement_error_bound_m: float = 0.0
     epoch_offset_s: float = 0.0
     rate_stderr_mps: float = 0.0
+    rate_bias_mps: float = 0.0
     _start: list[Real] = field(default_factory=list, compare=False, repr=False)
 
     @property

@@ -216,7 +216,8 @@ def fit_body(
     if still:
         return BodyMotion(pose, (), noise, bound, epoch_s)
     segments = tuple(part.segment for part in fitted)
-    return BodyMotion(pose, segments, noise, bound, epoch_s, rate_error_of(fitted, reach_m))
+    bias = max(part.move.bias for part in fitted)
+    return BodyMotion(pose, segments, noise, bound, epoch_s, rate_error_of(fitted, reach_m), bias)
 
 
 def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:

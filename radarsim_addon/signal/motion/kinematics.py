@@ -27,6 +27,7 @@ from ...array_types import Int32, Real
 from ...errors import ConfigError
 from ...vectors import are_finite
 from .body_motion import BodyMotion
+from .images import PathImages
 from .motion_file import FrameMotion, VertexSeries
 from .path_motion import Rows
 
@@ -50,6 +51,8 @@ class KinematicMotion:
         Vertices and the direction from the receiver, (n, 3); NaN where unknown.
     bodies, tracks
         Body and track of the first and of the last vertex, (n, 2); 0: unknown, none.
+    images
+        Images of the antennas over which the paths go; None: none.
     """
 
     scene: FrameMotion
@@ -60,6 +63,7 @@ class KinematicMotion:
     direction: Real
     bodies: Int32
     tracks: Int32
+    images: PathImages | None = None
 
     @functools.cached_property
     def known(self) -> NDArray[np.bool_]:
@@ -102,6 +106,7 @@ class KinematicMotion:
             self.direction[rows],
             self.bodies[rows],
             self.tracks[rows],
+            None if self.images is None else self.images.select(rows),
         )
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
@@ -138,9 +143,11 @@ class KinematicMotion:
         """Return lengths minus those at 0, (rows, times) [m]."""
         scene = self.scene
         first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
-        receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
-        moved_receiver = scene.receiver.displacement(receiver_m[None], times_s)
-        moved_emitter = scene.emitter.displacement(emitter_m[None], times_s)
+        receiver_m, emitter_m = (self._place(end, rows) for end in (0, 1))
+        moved_receiver, moved_emitter = (
+            self._move(end, rows, body.displacement(body.pose[None, :3, 3], times_s)[0])
+            for end, body in enumerate((scene.receiver, scene.emitter))
+        )
         moved_last = self._displacement(rows, 1, times_s, last)
         several = self.order[rows] > 1
         moved_first = moved_last
@@ -157,6 +164,15 @@ class KinematicMotion:
                 (last - first)[several], moved_last[several] - moved_first[several]
             )
         return change
+
+    def _place(self, end: int, rows: NDArray[np.intp]) -> Real:
+        """Place of receiver (0) or transmitter (1), or of its images, at t, (3,) or (rows, 3)."""
+        place_m: Real = (self.scene.receiver, self.scene.emitter)[end].pose[:3, 3]
+        return place_m if self.images is None else self.images.select(rows).places(end, place_m)
+
+    def _move(self, end: int, rows: NDArray[np.intp], move: Real) -> Real:
+        """The same for a vector (..., 3) of an antenna, (1 or rows, ..., 3)."""
+        return move[None] if self.images is None else self.images.select(rows).moves(end, move)
 
     def _plane_leg(
         self, rows: NDArray[np.intp], moved: Real, times_s: Real, moved_receiver: Real
@@ -230,12 +246,15 @@ class KinematicMotion:
             return rates
         scene = self.scene
         first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
-        receiver_m, emitter_m = scene.receiver.pose[:3, 3], scene.emitter.pose[:3, 3]
+        receiver_m, emitter_m = (self._place(end, rows) for end in (0, 1))
         v_last = self._velocity(rows, 1)
         several = self.order[rows] > 1
         v_first = np.where(several[:, None], self._velocity(rows, 0), v_last)
         to_first = _unit(first - receiver_m)
-        v_receiver = scene.receiver.velocity(receiver_m[None])
+        v_receiver, v_emitter = (
+            self._move(end, rows, body.velocity(body.pose[None, :3, 3])[0])
+            for end, body in enumerate((scene.receiver, scene.emitter))
+        )
         rate = np.zeros(rows.size)
         if scene.orthographic:
             to_first = self.direction[rows]
@@ -244,7 +263,7 @@ class KinematicMotion:
         to_last = _unit(last - emitter_m)
         between = _unit(last - first)
         rate += np.sum((v_first - v_receiver) * to_first, axis=-1)
-        rate += np.sum((v_last - scene.emitter.velocity(emitter_m[None])) * to_last, axis=-1)
+        rate += np.sum((v_last - v_emitter) * to_last, axis=-1)
         rate += np.where(several, np.sum((v_last - v_first) * between, axis=-1), 0.0)
         rates[rows] = rate / 2
         return rates

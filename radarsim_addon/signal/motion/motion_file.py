@@ -25,6 +25,7 @@ from ...atomic_files import write_arrays
 from ...contract import (
     DEFORMING_SURFACES_FILE,
     MOTION_FILE,
+    ImageRecord,
 )
 from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
@@ -115,6 +116,8 @@ class FrameMotion:
         Time of the table within the burst [s].
     body_keys
         Names of object and instance of each body, the same in all frames.
+    images
+        Images of the antennas that the table numbers, from 1; they do not move.
     """
 
     span_s: float
@@ -125,6 +128,7 @@ class FrameMotion:
     tracks: Tracks | None = None
     epoch_offset_s: float = 0.0
     body_keys: Sequence[str] = ()
+    images: Sequence[ImageRecord] = ()
 
     @property
     def moving(self) -> bool:

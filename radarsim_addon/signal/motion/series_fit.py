@@ -19,6 +19,10 @@ from ...array_types import Real
 _MAX_DEGREE = 14
 #: Terms beyond a fit from which its noise is estimated.
 _TERMS_BEYOND = 8
+#: Standard errors by which the rate of a higher degree contradicts that of a lower one.
+_CONTRADICTS = 2.0
+#: Degree from which a series is likely to go on: what a higher one differs by counts, noise or not.
+_MANY_TERMS = 5
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Series:
     slow: float  # noise that a fit takes for motion, see `slow_noise`
     floor: float = np.inf  # rounding below which nothing is fitted
     rate: float = 0.0  # standard deviation of the rate at the epoch, for unit noise [1/s]
+    bias: float = 0.0  # what the rate at the epoch lacks, see `_rate_bias` [1/s]
 
     @property
     def scatter(self) -> float:
@@ -113,11 +118,45 @@ def fit_series(
         best = best if fits[best][0] <= criterion else degree
         if degree - best > 3:
             break
+
     criterion, solved, residual = fits[best]
     solved[0] += offset
     spread, rate = spread_of(times_s, start_s, stop_s, best, burst)
     slow = slow_noise(times_s, residual, start_s, stop_s, best)
-    return Series(solved, criterion, residual, spread, slow, floor, rate)
+    bias = _rate_bias(times_s, shifted, start_s, stop_s, range(best, len(fits)), burst)
+    return Series(solved, criterion, residual, spread, slow, floor, rate, bias)
+
+
+def _rate_bias(
+    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: Burst
+) -> float:
+    """Return how much the rate at the epoch lacks by the first of some degrees, 0 if not known to.
+
+    A term of degree n that is lost in the noise of positions has a slope of n^2 times as much at
+    the ends of a segment. Where a higher degree has another rate by more than the error of its own,
+    there is such a term (Lepski 1991).
+    """
+    low = degrees[0]
+    if low == 0 or not start_s <= burst.epoch_s <= stop_s:
+        return 0.0
+    terms = min(degrees[-1] + _TERMS_BEYOND, len(times_s) - 1)
+    basis, upper = np.linalg.qr(design_matrix(times_s, start_s, stop_s, terms))
+    parts = basis.T @ values
+    per_s = 2 / (stop_s - start_s)
+    slopes = chebyshev.chebder(np.eye(terms + 1), axis=0) * per_s
+    at = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes)
+    own = np.linalg.solve(upper.T, at)  # of polynomials that are orthogonal at the samples
+    rates = np.cumsum(own[:, None] * parts, axis=0)
+    bias = 0.0
+    for n in degrees[1:3]:  # further ones know rates worse
+        beyond = parts[n + 1 : n + 1 + _TERMS_BEYOND]
+        apart = float(np.linalg.norm(rates[n] - rates[low]))
+        if not len(beyond):
+            break
+        error = np.linalg.norm(own[: n + 1]) * np.sqrt(np.sum(beyond**2) / len(beyond))
+        if low >= _MANY_TERMS or apart > _CONTRADICTS * float(error):
+            bias = max(bias, apart)
+    return bias
 
 
 def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:

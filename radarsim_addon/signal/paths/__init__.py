@@ -18,10 +18,22 @@ from .footprints import (
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
 from .replicates import edge_variances, lone_variances, replicate_offset_px
-from .table import COLUMN_GROUPS, PATH_DTYPE, PathRows, iter_rows, open_table, write_table
+from .table import (
+    COLUMN_GROUPS,
+    IMAGE_DTYPE,
+    PATH_DTYPE,
+    PathRows,
+    column_groups,
+    has_images,
+    iter_rows,
+    open_table,
+    scatterer_rows,
+    write_table,
+)
 from .table_files import (
     frame_motion,
     geometry_of,
+    images_of,
     motion_of_rows,
     open_frame_table,
     radiance_of,
@@ -33,6 +45,7 @@ from .triangles import TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
+    "IMAGE_DTYPE",
     "PATH_DTYPE",
     "PATH_FLAGS",
     "Flags",
@@ -46,9 +59,12 @@ __all__ = [
     "TableFootprints",
     "TriangleMesh",
     "channel_lengths",
+    "column_groups",
     "edge_variances",
     "frame_motion",
     "geometry_of",
+    "has_images",
+    "images_of",
     "iter_rows",
     "lone_variances",
     "make_paths",
@@ -59,6 +75,7 @@ __all__ = [
     "radiance_of",
     "read_paths_record",
     "replicate_offset_px",
+    "scatterer_rows",
     "spread",
     "steps_of",
     "tiles_by_replicate",

@@ -21,6 +21,7 @@ from ..motion import (
     JoinedMotion,
     KinematicMotion,
     LinearMotion,
+    PathImages,
     PathMotion,
     Rows,
     axes_of,
@@ -40,7 +41,7 @@ class ChannelMotion:
     """`PathMotion` of paths between two elements (`channel`) of the antennas.
 
     `reference` is between the antennas' origins, whose motion is `antennas`; the vertices at t are
-    (n, 3) [m].
+    (n, 3) [m]; `images` are those over which the paths go.
     """
 
     reference: PathMotion
@@ -48,6 +49,7 @@ class ChannelMotion:
     antennas: AntennaMotion
     first_scatterer_m: Real
     last_scatterer_m: Real
+    images: PathImages | None = None
 
     @property
     def moving(self) -> NDArray[np.bool_]:
@@ -80,7 +82,11 @@ class ChannelMotion:
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         offset_m = axes_of(body, times_s) @ np.asarray(element.position_m)
-        arm = points[:, None] + self.reference.displacements_m(times_s, rows, end, points)
+        moved = self.reference.displacements_m(times_s, rows, end, points)
+        if self.images is not None:
+            images = self.images.select(rows)
+            points, moved = images.unfolded(end, points), images.unturned(end, moved)
+        arm = points[:, None] + moved
         arm = arm - places_m(body, times_s)
         if end == 0 and self.antennas.orthographic:
             # rays along the boresight: a plane wavefront
@@ -102,6 +108,7 @@ class ChannelMotion:
             self.antennas,
             self.first_scatterer_m[rows],
             self.last_scatterer_m[rows],
+            None if self.images is None else self.images.select(rows),
         )
 
 
@@ -163,6 +170,7 @@ def channel_lengths(
         if isinstance(part, KinematicMotion):
             # of a surface's speckle the length is over its scatterers
             first, last = part.first_scatterer_m, part.last_scatterer_m
-        found.append(ChannelMotion(part, channel, antennas, first, last))
+        images = None if geometry.images is None else geometry.images.select(rows)
+        found.append(ChannelMotion(part, channel, antennas, first, last, images))
         start = rows.stop
     return join_motion(found)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...array_types import Int32, Real
-from ..motion import Rows
+from ..motion import PathImages, Rows
 from .columns import select_columns
 
 
@@ -28,6 +28,8 @@ class PathGeometry:
         From the receiver towards the first scatterer, unit vectors, (n, 3).
     first_object, last_object
         Numbers in the frame's list of objects, from 1; 0: unknown, (n,).
+    images
+        Images of the antennas over which the paths go; None: none.
     """
 
     order: Int32
@@ -37,6 +39,7 @@ class PathGeometry:
     direction: Real
     first_object: Int32
     last_object: Int32
+    images: PathImages | None = None
 
     def select(self, rows: Rows) -> PathGeometry:
         """Return the geometry of some rows: mask (n,), row numbers (m,) or slice."""

@@ -8,7 +8,7 @@ A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
@@ -87,6 +87,8 @@ class Paths:
     phasors
         Complex factors of the amplitudes from the surface's scatterers, see
         :mod:`.scattering.surface_speckle`; NaN where unknown, None: none.
+    mirror_phase_rad
+        Phases of the amplitudes from mirrors, as echoes have them [rad]; None: 0.
     """
 
     radiance: Real
@@ -102,6 +104,7 @@ class Paths:
     motion: PathMotion | None = None
     gain: Real | None = field(default=None, metadata={"absent": 1.0})
     phasors: Complex | None = field(default=None, metadata={"absent": complex(math.nan)})
+    mirror_phase_rad: Real | None = field(default=None, metadata={"absent": 0.0})
 
     def __len__(self) -> int:
         return int(self.radiance.size)
@@ -145,14 +148,24 @@ class Paths:
         phasors, the others get constant range rates, 1 and NaN.
         """
         tables = list(parts) or [make_paths(np.empty(0), np.empty(0))]
-        geometries = [t.geometry for t in tables if t.geometry is not None]
         moving = any(t.motion is not None for t in tables)
         return join_columns(
             tables,
             counts=sum((t.counts for t in tables), PathCounts()),
-            geometry=join_columns(geometries) if len(geometries) == len(tables) else None,
+            geometry=_joined_geometry(tables),
             motion=join_motion([t.lengths for t in tables]) if moving else None,
         )
+
+
+def _joined_geometry(tables: Sequence[Paths]) -> PathGeometry | None:
+    """Geometry of all rows of some tables; None where one has none."""
+    geometries = [t.geometry for t in tables if t.geometry is not None]
+    if len(geometries) < len(tables):
+        return None
+    images = [one.images for one in geometries]
+    known = next((one for one in images if one is not None), None)
+    over = None if known is None else known.join(images, [len(t) for t in tables])
+    return join_columns(geometries, images=over)
 
 
 def make_paths(

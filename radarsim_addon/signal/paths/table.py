@@ -7,6 +7,7 @@ parts and joined without holding them in memory, so a run may be larger than the
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,17 @@ COLUMN_GROUPS = {
     ),
 }  # fmt: skip
 
+#: Columns of tables with paths over images of the antennas; others have none of them.
+IMAGE_GROUP = "scattering"
+IMAGE_COLUMNS = _group(
+    1,
+    ("transmitter_image", "<i2", "1", "image of the transmitter the path goes to, from 1; 0: none"),
+    ("receiver_image", "<i2", "1", "image of the receiver it comes from, likewise"),
+    ("mirrors", "<u2", "1", "reflections that are those of the images; order includes them"),
+    ("mirror_phase_rad", "<f8", "rad", "phase of their reflection coefficients, as of echoes"),
+    ("point", "<i4", "1", "paths of one tile, replicate and point share a scatterer; 0: none do"),
+)  # fmt: skip
+
 
 def _dtype(columns: Iterable[ColumnRecord]) -> np.dtype[np.void]:
     return np.dtype([(column.name, column.dtype, tuple(column.shape)) for column in columns])
@@ -71,12 +83,74 @@ def _dtype(columns: Iterable[ColumnRecord]) -> np.dtype[np.void]:
 
 #: A row of the table as this version writes it.
 PATH_DTYPE = _dtype(column for group in COLUMN_GROUPS.values() for column in group.columns)
+#: A row of a table with images.
+IMAGE_DTYPE = _dtype(
+    column for group in (*COLUMN_GROUPS.values(), IMAGE_COLUMNS) for column in group.columns
+)
+#: Version of the geometry of a table with images: its end vertices are seen over mirrors.
+_GEOMETRY_WITH_IMAGES = 2
 
 #: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
 MAX_ROWS = 5_000_000_000
 
 
-def write_table(path: Path, parts: Iterable[PathRows]) -> int:
+def column_groups(images: bool) -> dict[str, ColumnGroupRecord]:
+    """Return the column groups of a table.
+
+    Parameters
+    ----------
+    images
+        Whether it has paths over images of the antennas.
+
+    Returns
+    -------
+    dict
+        Group by name.
+    """
+    if not images:
+        return COLUMN_GROUPS
+    geometry = dataclasses.replace(COLUMN_GROUPS["geometry"], version=_GEOMETRY_WITH_IMAGES)
+    return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: IMAGE_COLUMNS}
+
+
+def has_images(rows: PathRows) -> bool:
+    """Return whether rows have the columns of images.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+
+    Returns
+    -------
+    bool
+    """
+    return "transmitter_image" in (rows.dtype.names or ())
+
+
+def scatterer_rows(rows: PathRows) -> PathRows:
+    """Return rows whose order leaves out the mirrors of images.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+
+    Returns
+    -------
+    ndarray
+        (n,), a copy where there are any mirrors.
+    """
+    if not has_images(rows) or not rows["mirrors"].any():
+        return rows
+    rows = rows.copy()
+    rows["order"] -= rows["mirrors"]
+    return rows
+
+
+def write_table(
+    path: Path, parts: Iterable[PathRows], dtype: np.dtype[np.void] = PATH_DTYPE
+) -> int:
     """Write rows as one ``.npy`` file under a temporary name, then rename.
 
     Parameters
@@ -84,7 +158,9 @@ def write_table(path: Path, parts: Iterable[PathRows]) -> int:
     path
         File to make.
     parts
-        Arrays of `PATH_DTYPE`; only one is in memory at a time.
+        Arrays of `dtype`; only one is in memory at a time.
+    dtype
+        `PATH_DTYPE`, or `IMAGE_DTYPE` with images.
 
     Returns
     -------
@@ -98,22 +174,22 @@ def write_table(path: Path, parts: Iterable[PathRows]) -> int:
     """
     rows = 0
     with replaced(path) as temporary, open(temporary, "wb") as stream:
-        _write_header(stream, MAX_ROWS)  # room for any count; overwritten below
+        _write_header(stream, MAX_ROWS, dtype)  # room for any count; overwritten below
         start = stream.tell()
         for part in parts:
-            if part.dtype != PATH_DTYPE:
-                raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE")
+            if part.dtype != dtype:
+                raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE, or that with images")
             stream.write(np.ascontiguousarray(part).view(np.uint8).data)
             rows += part.size
         stream.seek(0)
-        _write_header(stream, rows)
+        _write_header(stream, rows, dtype)
         if stream.tell() != start:
             raise AssertionError("the header changed its length")
     return rows
 
 
-def _write_header(stream: Any, rows: int) -> None:
-    header = npy_format.header_data_from_array_1_0(np.empty(0, dtype=PATH_DTYPE))
+def _write_header(stream: Any, rows: int, dtype: np.dtype[np.void]) -> None:
+    header = npy_format.header_data_from_array_1_0(np.empty(0, dtype=dtype))
     # Digits are padded so that the header has one length whatever the count.
     header["shape"] = (rows,)
     text = repr(header)
@@ -205,11 +281,14 @@ def _known_columns(
 ) -> np.dtype[np.void]:
     """Where the columns of the known groups are in a row of the file."""
     found: list[str] = []
-    for name, group in COLUMN_GROUPS.items():
+    # Without the columns of images, the ends of their paths would be misread.
+    images = IMAGE_COLUMNS.columns[0].name in (dtype.names or ())
+    images &= not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
+    for name, group in column_groups(images).items():
         fault = _fault(group, dtype, listed.get(name) if listed else group)
         if not fault:
             found += [column.name for column in group.columns]
-        elif name in needed:
+        elif name in needed or name == IMAGE_GROUP:
             raise FrameFileError(
                 f"{path} has no usable column group {name!r}: {fault}. Update radarsim, or render "
                 "the run again."

@@ -3,20 +3,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ...array_types import Int32, Mask, Real
-from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, PathsRecord
+from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, ImageRecord, PathsRecord
 from ...errors import ConfigError, SchemaError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
 from ...sidecar import file_sha256, read_record
-from ..motion import FrameMotion, KinematicMotion, read_motion
+from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import PathRows, open_table
+from .table import PathRows, has_images, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
@@ -126,7 +128,8 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
             f"{folder / PATHS_FILE} names the motion file {record.motion_file!r}; expected "
             f"{MOTION_FILE!r}. Remove it and render the run again."
         )
-    return read_motion(folder, record.frame, record.motion_sha256)
+    motion = read_motion(folder, record.frame, record.motion_sha256)
+    return dataclasses.replace(motion, images=record.images)
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
@@ -150,13 +153,47 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
 
 
-def geometry_of(rows: PathRows) -> PathGeometry:
+def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | None:
+    """Return the images over which rows of a table go.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+    images
+        Those that the rows name, from the table's sidecar.
+
+    Returns
+    -------
+    PathImages or None
+        None where there are none.
+
+    Raises
+    ------
+    ConfigError
+        The rows name an image that the sidecar does not have.
+    """
+    if not images or not has_images(rows):
+        return None
+    ends = (rows["receiver_image"], rows["transmitter_image"])
+    numbers = np.stack(ends, axis=-1)
+    if numbers.size and not 0 <= numbers.min() <= numbers.max() <= len(images):
+        raise ConfigError(
+            f"The table names image {numbers.max()}, its sidecar has {len(images)}. They do not "
+            "belong together: render the frame again."
+        )
+    return PathImages.of(images, numbers)
+
+
+def geometry_of(rows: PathRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
     """Return the vertices and directions of rows of the table.
 
     Parameters
     ----------
     rows
         (n,).
+    images
+        Those that the rows name.
 
     Returns
     -------
@@ -170,6 +207,7 @@ def geometry_of(rows: PathRows) -> PathGeometry:
         direction=np.array(rows["direction"]),
         first_object=np.array(rows["first_object"]),
         last_object=np.array(rows["last_object"]),
+        images=images_of(rows, images),
     )
 
 
@@ -238,4 +276,5 @@ def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
         direction=np.array(rows["direction"]),
         bodies=bodies,
         tracks=tracks,
+        images=images_of(rows, scene.images),
     )

@@ -15,7 +15,7 @@ MAX_WAVEFORM_SAMPLES = 1 << 22
 # Settings of several waveforms. Above 10 THz a carrier is a unit error, such as hertz in place of
 # gigahertz.
 CARRIER: dict[str, Any] = {
-    "label": "Carrier frequency",
+    "label": "Carrier",
     "help": "Set the middle of the band: wavelength, Doppler and the index of physical materials",
     "shown_in": "GHz",
     "above": 0.0,

@@ -8,6 +8,7 @@ exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 from .amplitudes import amplitude, amplitude_history, path_amplitude
 from .antenna_gains import Link, antenna_motion
 from .frame_speckle import FrameSpeckle, table_footprints
+from .interference import interference_factors
 from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
 
@@ -18,6 +19,7 @@ __all__ = [
     "amplitude",
     "amplitude_history",
     "antenna_motion",
+    "interference_factors",
     "path_amplitude",
     "path_phasors",
     "table_footprints",

@@ -106,6 +106,8 @@ def amplitude_history(
     def without_link(paths: Paths) -> Complex:
         wavelength_m = SPEED_OF_LIGHT_MPS / frequency_hz
         found = path_amplitude(paths, wavelength_m, amplitude_model, receiver_gain)
+        if paths.mirror_phase_rad is not None:
+            found = found * np.exp(1j * paths.mirror_phase_rad)
         if speckle_seed is None:
             return found.astype(np.complex128)
         return np.asarray(found * path_phasors(paths, speckle_seed))

@@ -20,11 +20,12 @@ from ..motion import (
     BodyMotion,
     FrameMotion,
     LinearMotion,
+    PathImages,
     PathMotion,
     axes_of,
     places_m,
 )
-from ..paths import PathRows, Paths, motion_of_rows, path_power_w
+from ..paths import PathRows, Paths, images_of, motion_of_rows, path_power_w
 from ..radar import (
     SINGLE_CHANNEL,
     Channel,
@@ -44,7 +45,8 @@ _MEAN_PULSES = 64
 @dataclass(frozen=True)
 class PathEnds:
     """What gains need of n paths: total lengths [m] and directions from the receiver to the first
-    vertex at t, first and last vertices at t [m], NaN where unknown, and their motion.
+    vertex at t, first and last vertices at t [m], NaN where unknown, their motion, and images of
+    the antennas over which they go.
     """
 
     length_m: Real
@@ -52,6 +54,7 @@ class PathEnds:
     first_scatterer_m: Real
     last_scatterer_m: Real
     motion: PathMotion
+    images: PathImages | None = None
 
     @classmethod
     def of_paths(cls, paths: Paths) -> PathEnds:
@@ -68,6 +71,7 @@ class PathEnds:
             geometry.first_scatterer_m,
             geometry.last_scatterer_m,
             paths.lengths,
+            geometry.images,
         )
 
     @classmethod
@@ -82,6 +86,7 @@ class PathEnds:
             rows["first_scatterer_m"],
             rows["last_scatterer_m"],
             motion,
+            None if scene is None else images_of(rows, scene.images),
         )
 
     def select(self, rows: NDArray[np.intp]) -> PathEnds:
@@ -92,7 +97,12 @@ class PathEnds:
             self.first_scatterer_m[rows],
             self.last_scatterer_m[rows],
             self.motion.select(rows),
+            None if self.images is None else self.images.select(rows),
         )
+
+    def unfolded(self, end: int, points_m: Real) -> Real:
+        """Return first (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
+        return points_m if self.images is None else self.images.unfolded(end, points_m)
 
 
 class Link:
@@ -185,7 +195,8 @@ class Link:
 
     def ends_factor(self, ends: PathEnds) -> Real:
         """As `factor`, of path ends, (n,)."""
-        return self.factor(ends.length_m, ends.direction, ends.last_scatterer_m)
+        last_m = ends.unfolded(1, ends.last_scatterer_m)
+        return self.factor(ends.length_m, ends.direction, last_m)
 
     def varies(self, ends: PathEnds) -> Mask:
         """Whether gains of paths change when bodies move or antennas move or turn, (n,)."""
@@ -232,6 +243,9 @@ class Link:
         else:
             points = self._vertices(ends, end)
             moved = ends.motion.displacements_m(times_s, slice(None), end, points)
+            if ends.images is not None:
+                points = ends.unfolded(end, points)
+                moved = ends.images.unturned(end, moved)
             place_m = places_m(body, times_s, np.array(element.position_m))
             towards = points[:, None] + moved - place_m
         local = np.einsum("nti,tij->ntj", towards, axes @ element.rotation)

@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ...array_types import Indices
-from ...contract import GroundTruthRecord
+from ...array_types import Indices, Real
+from ...contract import FluctuationRecord, GroundTruthRecord, ObjectRecord
 from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
-from ..motion import JoinedMotion, KinematicMotion
+from ..motion import JoinedMotion, KinematicMotion, LinearMotion
 from ..paths import PathRows, Paths, TableFootprints, geometry_of
 from .surface_cells import Body
 from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
@@ -52,6 +52,7 @@ class FrameSpeckle:
             return
         table = frame_input.table
         record, self._table = table.record, table.rows
+        self._images = record.images
         self._footprints = footprints or table_footprints(frame_input)
         bodies, columns = _bodies(table)
         self._speckle = SurfaceSpeckle(
@@ -65,7 +66,10 @@ class FrameSpeckle:
             roughness_of(scene, record.objects),
             cell_m,
             self._footprints,
+            fluctuations_of(scene, record.objects),
         )
+        self._time_s = record.time_s
+        self._wavenumber = 2 * np.pi / waveform.wavelength_m
 
     def apply(self, paths: Paths) -> Paths:
         """The paths for the echo synthesis, spread over what their pixels cover, with the factors
@@ -89,14 +93,17 @@ class FrameSpeckle:
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
         motion = paths.motion
-        if not isinstance(motion, KinematicMotion):
-            return dataclasses.replace(paths, phasors=phasors)
-        moving = np.flatnonzero(motion.moving[known])
-        if not moving.size:
-            return dataclasses.replace(paths, phasors=phasors)
         going = np.zeros(len(paths), dtype=bool)
-        going[known[moving]] = True
-        own = dataclasses.replace(paths, phasors=phasors).select(~going)
+        if isinstance(motion, KinematicMotion):
+            going[known] = motion.moving[known]
+        sway_mps = np.zeros(len(paths))
+        if found.sway_mps is not None:
+            sway_mps[known] = found.sway_mps
+        own = dataclasses.replace(paths, phasors=phasors)
+        if not (isinstance(motion, KinematicMotion) and going.any()):
+            return self._swaying(own, sway_mps)
+        own = self._swaying(own.select(~going), sway_mps[~going])
+        moving = np.flatnonzero(going[known])
         scattered = paths.select(going)
         length_m = scattered.length_m + found.longer_m[moving]
         leaders = self._table[found.leader[moving]]
@@ -121,6 +128,31 @@ class FrameSpeckle:
         )
         return Paths.join([own, scattered])
 
+    def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
+        """The paths, with the range rates of clutter that moves by itself.
+
+        Its scatterers keep their velocities from frame to frame: phases follow the frame's time.
+        """
+        if not sway_mps.any() or paths.phasors is None:
+            return paths
+        turned = paths.phasors * np.exp(-2j * self._wavenumber * self._time_s * sway_mps)
+        paths = dataclasses.replace(
+            paths, phasors=turned, range_rate_mps=paths.range_rate_mps + sway_mps
+        )
+        if paths.motion is None:
+            return paths
+        # constant range rates in place of bodies that are at rest
+        sways = sway_mps != 0
+        return Paths.join(
+            [
+                paths.select(~sways),
+                dataclasses.replace(
+                    own := paths.select(sways),
+                    motion=LinearMotion(own.length_m, own.range_rate_mps),
+                ),
+            ]
+        )
+
     def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
         """The paths of points, each with the gain of the path that it belongs to."""
         chosen = paths.select(index)
@@ -138,7 +170,7 @@ class FrameSpeckle:
             solid_angle_sr=np.array(points["solid_angle_sr"]),
             length_m=np.array(points["length_m"]),
             range_rate_mps=np.array(points["range_rate_mps"]),
-            geometry=geometry_of(points),
+            geometry=geometry_of(points, self._images),
             motion=motion,
         )
 
@@ -198,10 +230,30 @@ def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> 
 
 def roughness_of(scene: GroundTruthRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
     """Roughness of the objects that the scene's record has one of, by number from 1."""
-    found = {}
+    return {
+        number: Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
+        for number, item in _numbered(scene, objects)
+        if item.rms_height_m is not None
+    }
+
+
+def fluctuations_of(
+    scene: GroundTruthRecord | None, objects: list[str]
+) -> Mapping[int, FluctuationRecord]:
+    """Fluctuations of the objects that the scene's record has some of, by number from 1."""
+    return {
+        number: item.fluctuation
+        for number, item in _numbered(scene, objects)
+        if item.fluctuation is not None
+    }
+
+
+def _numbered(
+    scene: GroundTruthRecord | None, objects: list[str]
+) -> Iterator[tuple[int, ObjectRecord]]:
+    """Yield the objects of a scene's record with their numbers, from 1."""
     numbers = {name: number for number, name in enumerate(objects, start=1)}
     for item in scene.objects if scene is not None else []:
         number = numbers.get(item.name.rsplit("/", 1)[-1])
-        if number is not None and item.rms_height_m is not None:
-            found[number] = Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
-    return found
+        if number is not None:
+            yield number, item

@@ -105,12 +105,17 @@ class SurfaceCells:
             mine = slice(None) if found.size == 1 else np.flatnonzero(pose == number)
             yield mine, *self._poses[number]
 
-    def scatterers(self, cells: Cells) -> tuple[Real, Real]:
-        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
+    def local_m(self, cells: Cells) -> Real:
+        """Scatterers of cells in the axes of their bodies, (n, 3) [m]."""
         draw, points_m = cells.state, np.empty((cells.state.size, 3))
         for axis, corner in enumerate(cells.corner):
             draw = hash_step(draw)
             points_m[:, axis] = cells.edge_m * (uniform(draw) + (corner - _OFFSET[axis]))
+        return points_m
+
+    def scatterers(self, cells: Cells) -> tuple[Real, Real]:
+        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
+        points_m = self.local_m(cells)
         for mine, rotation, origin_m in self._by_pose(cells.pose):
             points_m[mine] = points_m[mine] @ rotation.T + origin_m
         first_draw = hash_step(cells.state ^ np.uint64(0x5851F42D4C957F2D))

@@ -32,12 +32,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex, Integers, Real
-from ...contract import PathsRecord
+from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, TableFootprints, iter_rows
+from ..paths import PathRows, TableFootprints, images_of, iter_rows, scatterer_rows
+from .random_phases import hash_step
 from .surface_cells import Body, Hash, SurfaceCells
+from .surface_fluctuations import SurfaceFluctuations
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
 _FOOTPRINTS = 1.5
@@ -119,7 +121,8 @@ class SpeckleReport:
 class Scattering:
     """How n paths scatter: factors (n,) without the phase of the length over the scatterers,
     scatterers of first and last vertex, equal at order 1, (n, 3) [m], length over them minus the
-    path's own [m], and the row of the table that leads the cell.
+    path's own [m], the row of the table that leads the cell, and the range rate by the motion of
+    the clutter itself [m/s]; None: none moves.
     """
 
     factor: Complex
@@ -127,6 +130,7 @@ class Scattering:
     last_scatterer_m: Real
     longer_m: Real
     leader: NDArray[np.intp]
+    sway_mps: Real | None = None
 
 
 class SurfaceSpeckle:
@@ -135,7 +139,8 @@ class SurfaceSpeckle:
     `bodies` and `roughness` (objects left out are fully rough) go by the numbers in the table, from
     1; `body_columns` are those of first and last vertex. `resolution_m` is for statistics and the
     finest cell, `cell_m` a cell's edge [m]; None: a power of two from the footprints. `footprints`
-    spreads the rows over what their pixels cover; None: rows are points.
+    spreads the rows over what their pixels cover; None: rows are points. `fluctuations` are of
+    objects whose clutter has texture or moves.
     """
 
     def __init__(
@@ -150,8 +155,9 @@ class SurfaceSpeckle:
         roughness: Mapping[int, Roughness] | None = None,
         cell_m: float | None = None,
         footprints: TableFootprints | None = None,
+        fluctuations: Mapping[int, FluctuationRecord] | None = None,
     ) -> None:
-        self._table, self._footprints = table, footprints
+        self._table, self._footprints, self._images = table, footprints, record.images
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
         self._receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
         self._emitter_m = np.asarray(record.transmitter.matrix_world, dtype=np.float64)[:3, 3]
@@ -169,13 +175,19 @@ class SurfaceSpeckle:
             )
         self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
         self._cells = SurfaceCells(bodies, body_columns, lengths_m, seed, self.cell_m)
+        self._fluctuations = SurfaceFluctuations(
+            self._cells, fluctuations or {}, seed, SPEED_OF_LIGHT_MPS / carrier_hz
+        )
+        #: Of each key, where there are any: texture (keys,), velocities of both vertices.
+        self._texture, self._sway_mps = np.ones(0), np.zeros((2, 0))
         self._objects = record.objects
         self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
         self._even: Complex | None = None
         if not np.isfinite(self._heights).any():
-            self._even = np.exp(1j * _even_phases(self._units, self._table[self._leaders]["order"]))
+            order = scatterer_rows(self._table[self._leaders])["order"]
+            self._even = np.exp(1j * _even_phases(self._units, order))
 
     # -- cells -------------------------------------------------------------------------------------
 
@@ -202,7 +214,8 @@ class SurfaceSpeckle:
 
     def known(self, rows: PathRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known, (n,): those of one and two reflections."""
-        found = (rows["order"] >= 1) & (rows["order"] <= 2)
+        order = scatterer_rows(rows)["order"]
+        found = (order >= 1) & (order <= 2)
         for name in ("first_scatterer_m", "last_scatterer_m"):
             for axis in range(3):
                 found &= np.isfinite(rows[name][:, axis])
@@ -212,15 +225,20 @@ class SurfaceSpeckle:
         """Scatterers of first and last vertex, equal at order 1, (2, keys, 3) [m], their unit
         heights (2, keys) and the length over them (keys,) [m], of last vertices (keys, 3) [m].
         """
-        rows = self._table[self._leaders]
+        rows = scatterer_rows(self._table[self._leaders])
         single = rows["order"] == 1
         for name in ("first_scatterer_m", "last_scatterer_m"):
             rows[name][single] = places_m[single]
-        found = [self._cells.scatterers(self._cells.of(rows, first)) for first in (True, False)]
+        cells = {first: self._cells.of(rows, first) for first in (True, False)}
+        if self._fluctuations:
+            drawn = [self._fluctuations.of_vertex(rows, of, first) for first, of in cells.items()]
+            self._texture = drawn[0][0] * drawn[1][0]
+            self._sway_mps = np.stack([rates_mps for _, rates_mps in drawn])
+        found = [self._cells.scatterers(of) for of in cells.values()]
         scatterers_m = np.stack([points_m for points_m, _ in found])
         order = rows["order"]
         scatterers_m[0, order == 1] = scatterers_m[1, order == 1]
-        over_m = self._length_m(scatterers_m[0], scatterers_m[1], order, rows["direction"])
+        over_m = self._length_m(scatterers_m[0], scatterers_m[1], rows)
         return scatterers_m, np.stack([heights for _, heights in found]), over_m
 
     def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp], Real]:
@@ -239,12 +257,13 @@ class SurfaceSpeckle:
                 number = number[index]
             known = self.known(rows)
             number, rows = number[known], rows if known.all() else rows[known]
+            rows = scatterer_rows(rows)
             if np.isfinite(self._heights).any():
                 left = np.nan_to_num(np.exp(-np.sum(self._kappa_heights(rows) ** 2, axis=0)))
                 coherent_w += np.bincount(
                     rows["last_object"], rows["power_w"] * left, coherent_w.size
                 )
-            found = self._cells.keys(rows)
+            found = self._keys_of(rows)
             every = np.concatenate([keys, found])
             power = np.concatenate([powers, rows["power_w"]])
             length = np.concatenate([ranges, rows["length_m"] / 2])
@@ -280,22 +299,43 @@ class SurfaceSpeckle:
 
     # -- paths -------------------------------------------------------------------------------------
 
-    def _length_m(
-        self, first_scatterer_m: Real, last_scatterer_m: Real, order: Real, direction: Real
-    ) -> Real:
+    def _keys_of(self, rows: PathRows) -> Hash:
+        """Keys of the cells and of the images over which paths go."""
+        keys = self._cells.keys(rows)
+        if self._images:
+            over = rows["transmitter_image"].astype(np.uint64) << np.uint64(32)
+            over |= rows["receiver_image"].astype(np.uint64)
+            keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
+        return keys
+
+    def _antennas_m(self, rows: PathRows) -> tuple[Real, Real]:
+        """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
+        images = images_of(rows, self._images)
+        if images is None:
+            return self._receiver_m, self._emitter_m
+        return images.places(0, self._receiver_m), images.places(1, self._emitter_m)
+
+    def _length_m(self, first_scatterer_m: Real, last_scatterer_m: Real, rows: PathRows) -> Real:
         """Length over two points, or over one at order 1 [m]."""
-        length_m = distances(last_scatterer_m, self._emitter_m)
+        order, direction = rows["order"], rows["direction"]
+        receiver_m, emitter_m = self._antennas_m(rows)
+        length_m = distances(last_scatterer_m, emitter_m)
         two = np.flatnonzero(order == 2)
         length_m[two] += distances(last_scatterer_m[two], first_scatterer_m[two])
         if self._orthographic:
             return length_m + np.sum(direction * (first_scatterer_m - self._receiver_m), axis=-1)
-        length_m += distances(first_scatterer_m, self._receiver_m)
+        length_m += distances(first_scatterer_m, receiver_m)
         return length_m
 
     def _turns(self, rows: PathRows) -> tuple[Real, Real]:
         """|u_in - u_out| at the first and at the last vertex."""
+        receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
-        out_last = _unit(self._emitter_m - rows["last_scatterer_m"])
+        if receiver_m.ndim > 1:
+            over = rows["receiver_image"] > 0
+            straight = _unit(rows["first_scatterer_m"] - receiver_m)
+            into_first = np.where(over[:, None], straight, into_first)
+        out_last = _unit(emitter_m - rows["last_scatterer_m"])
         between = _unit(rows["last_scatterer_m"] - rows["first_scatterer_m"])
         two = (rows["order"] == 2)[:, None]
         first = np.where(two, into_first - between, 0.0)
@@ -316,23 +356,32 @@ class SurfaceSpeckle:
 
     def scattering(self, rows: PathRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
-        place = np.searchsorted(self._keys, self._cells.keys(rows))
+        rows = scatterer_rows(rows)
+        place = np.searchsorted(self._keys, self._keys_of(rows))
         first_scatterer_m, last_scatterer_m = self._scatterers_m[:, place]
-        order, direction = rows["order"], rows["direction"]
         if self._orthographic:
-            over_m = self._length_m(first_scatterer_m, last_scatterer_m, order, direction)
+            over_m = self._length_m(first_scatterer_m, last_scatterer_m, rows)
         else:
             over_m = self._over_m[place]
-        own_m = self._length_m(
-            rows["first_scatterer_m"], rows["last_scatterer_m"], order, direction
-        )
+        own_m = self._length_m(rows["first_scatterer_m"], rows["last_scatterer_m"], rows)
         share = np.sqrt(rows["power_w"] / self._powers[place])
+        sway_mps = None
+        if self._fluctuations:
+            share *= np.sqrt(self._texture[place])
+            if self._sway_mps.any():
+                turns = np.stack(self._turns(rows))
+                sway_mps = np.sum(self._sway_mps[:, place] * turns, axis=0) / 2
         if self._even is not None:
             factor = share * self._even[place]
         else:
             factor = self._uneven(rows, share, self._units[:, place])
         return Scattering(
-            factor, first_scatterer_m, last_scatterer_m, over_m - own_m, self._leaders[place]
+            factor,
+            first_scatterer_m,
+            last_scatterer_m,
+            over_m - own_m,
+            self._leaders[place],
+            sway_mps,
         )
 
     def _uneven(self, rows: PathRows, share: Real, units: Real) -> Complex:

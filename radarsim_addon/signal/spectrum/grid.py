@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...array_types import Real
 from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .meeting import RECEPTION, Meeting
 from .phase import CycleRate
 from .pulse_shape import PulseShape
 
@@ -205,6 +206,13 @@ class SynthesisContext:
             ramp,
             pulse,
         )
+
+    @property
+    def meeting(self) -> Meeting | None:
+        """When waves meet paths that move while the pulse is under way; None: stop and go."""
+        if self.pulse is not None:
+            return self.pulse.meeting
+        return RECEPTION if self.ramp is not None else None
 
 
 def place(

@@ -165,9 +165,10 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
     amplitude, rate_mps, later_s = rows.amplitude, rows.rate_mps, time_s - rows.time_s
     shift_m = rate_mps * later_s
     if sums.pulse is not None:
-        shift_m = sums.pulse.moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
         amplitude = (amplitude.T * sums.pulse.stretch(rate_mps)).T
-        rate_mps = sums.pulse.seen_mps(rate_mps)
+    if sums.meeting is not None:
+        shift_m = sums.meeting.moved_m(rows.length_m, rate_mps, later_s - rows.order * period_s)
+        rate_mps = sums.meeting.seen_mps(rate_mps)
     reference_m = float(rows.length_m[0])
     delay_s = (rows.length_m - reference_m + shift_m) / SPEED_OF_LIGHT_MPS - rows.order * period_s
     rate = rate_mps / SPEED_OF_LIGHT_MPS

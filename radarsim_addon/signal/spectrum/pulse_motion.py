@@ -13,13 +13,9 @@ and S that of stationary paths. If the phase stays within +-Phi over the pulse, 
 error of 4 (Phi/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler
 coupling and the stretched envelope are included. At a constant rate only this error remains.
 
-The wave meets the path half its delay after the emission: c tau = l(t_m + tau / 2). For a two-way
-length l(t) = l + r (t - t_m), r > 0 receding, that is tau = l / (c - r / 2), exact for one
-reflection and antennas at one place.
-
-A code that repeats without end (:class:`.pulse_shape.CodeShape`) is the same with u in the time of
-reception: c tau = l(t_m + u - tau / 2), tau = l / (c + r / 2), and the samples are weighted by
-L_j(u) instead of the spectra by W_j.
+The wave meets the path half its delay after the emission, see :mod:`.meeting`. A code that repeats
+without end (:class:`.pulse_shape.CodeShape`) is the same with u in the time of reception, and the
+samples are weighted by L_j(u) instead of the spectra by W_j.
 """
 
 from __future__ import annotations
@@ -92,7 +88,7 @@ class PulseMotionTransform:
         nodes = pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance)
         spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
         for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
-            later_m = pulse.moved_m(middle, rate_mps, time_s - folded_s)
+            later_m = pulse.meeting.moved_m(middle, rate_mps, time_s - folded_s)
             found = self._transform.spectrum(middle, amplitude, order, later_m)
             spectrum[:] = found.values
             error = max(error, found.error, key=lambda one: one.random)

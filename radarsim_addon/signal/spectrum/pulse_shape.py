@@ -12,6 +12,7 @@ import numpy as np
 from ...array_types import Complex, Real
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .meeting import EMISSION, RECEPTION
 
 Weights = Real | Complex
 
@@ -34,8 +35,8 @@ class PulseShape:
         Number of frequencies, at least n.
     """
 
-    #: Nodes are times of emission: the wave meets the path half its delay later.
-    _met_later = 1.0
+    #: Nodes are times of emission.
+    meeting = EMISSION
 
     def __init__(self, samples: Complex, rate_hz: float, count: int) -> None:
         self._samples, self._count = samples, count
@@ -81,19 +82,6 @@ class PulseShape:
         phase_rad = 2 * math.pi * highest_hz * fastest * self.half_s
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
 
-    def _halfway(self, rate_mps: Real) -> Real:
-        """Half the rate over c, which takes the length to where the wave meets the path."""
-        return self._met_later * rate_mps / (2 * SPEED_OF_LIGHT_MPS)
-
-    def seen_mps(self, rate_mps: Real) -> Real:
-        """c times the rate of the delay, of lengths that change at these rates, (n,) [m/s]."""
-        return np.asarray(rate_mps / (1 - self._halfway(rate_mps)))
-
-    def moved_m(self, length_m: Real, rate_mps: Real, later_s: Real | float) -> Real:
-        """c tau at a node `later_s` later, less the length, (n,) [m]."""
-        halfway = self._halfway(rate_mps)
-        return np.asarray((rate_mps * later_s + length_m * halfway) / (1 - halfway))
-
     def stretch(self, rate_mps: Real) -> Real:
         """1 + beta, (n,): how much longer a pulse is received than it was sent."""
         return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
@@ -114,8 +102,8 @@ class CodeShape(PulseShape):
         Sampling rate, which is the band of the frequency grid [Hz].
     """
 
-    #: Nodes are times of reception: the wave met the path half its delay before.
-    _met_later = -1.0
+    #: Nodes are times of reception.
+    meeting = RECEPTION
 
     def __init__(self, samples: Complex, rate_hz: float) -> None:
         super().__init__(samples, rate_hz, samples.size)

@@ -7,9 +7,10 @@ order over the ramp, tau(n dt) = tau_0 + b n + g n^2 / 2, and the residual video
     f_n tau - K tau^2 / 2 = f_c tau_0 - K tau_0^2 / 2 + n [df tau_0 + (f_c - K tau_0) b]
         + n^2 [df b + (f_c - K tau_0) g / 2 - K b^2 / 2]
 
-and terms in n^3, see `left_out_rad`. The second term is the range-Doppler coupling of such radars:
-a moving target appears where it will be f_c / (df / dt) later. The third bends the phase, by B T v
-/ 2c cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s. It is interpolated:
+and terms in n^3, see `left_out_rad`. Times are of reception, half a delay after the wave met the
+path (:mod:`.meeting`). The second term is the range-Doppler coupling of such radars: a moving
+target appears where it will be f_c / (df / dt) later. The third bends the phase, by B T v / 2c
+cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s. It is interpolated:
 spectra with n^2 held at Chebyshev nodes q_j of its range, weighted by the Lagrange polynomials of
 n^2. For phases within +-L of the mean M nodes leave 4 (L/2)^M / M! (the tail of the Jacobi-Anger
 series). Paths that are bent by more go in groups.
@@ -24,6 +25,7 @@ import numpy as np
 from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
+from .meeting import RECEPTION
 from .nufft import Backend, Type1
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .pulse_shape import nodes_for
@@ -60,7 +62,7 @@ class RampTransform:
         `order` is 0 where it is given: a ramp does not fold in delay.
         """
         sums, grid, ramp = self._sums, self._sums.grid, self._ramp
-        first, middle, last = length_m
+        first, middle, last = _received(length_m, ramp.half_s(grid.count))
         share = ramp.interval_s / ramp.half_s(grid.count)
         delay_s = middle / SPEED_OF_LIGHT_MPS
         carrier_hz = float(grid.exact_centre_hz) - ramp.video_hz_per_s * delay_s
@@ -152,6 +154,15 @@ class RampTransform:
             phase -= np.outer(curve[part], self._square)
             total += amplitude[part] @ np.exp(2j * np.pi * reduce_cycles(phase))
         return total
+
+
+def _received(lengths_m: Real, half_s: float) -> Real:
+    """c tau of what is received, from lengths (3, rows) at times that are half_s apart [m]."""
+    first, middle, last = lengths_m
+    rate_mps = (last - first) / (2 * half_s)
+    change_mps = ((last - middle) - (middle - first)) / half_s
+    rates_mps = np.stack([rate_mps - change_mps, rate_mps, rate_mps + change_mps])
+    return lengths_m + RECEPTION.moved_m(lengths_m, rates_mps)
 
 
 def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:

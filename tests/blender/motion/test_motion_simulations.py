@@ -11,9 +11,11 @@ import bpy
 import numpy as np
 import pytest
 
+from radarsim_addon import signal
 from radarsim_addon.contract import MOTION_FILE, frame_dir
 from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -205,3 +207,120 @@ def test_a_simulation_zone_that_is_not_baked_is_played(tmp_path: Path) -> None:
     assert np.abs(rows["last_scatterer_m"][:, 1] - (20 - 5 * 8 / FPS)).max() < 1e-5
     assert np.abs(rows["range_rate_mps"] / rows["direction"][:, 1] + 5.0).max() < 1e-3
     assert [f.code for f in record.findings] == ["motion-between-frames"]
+
+
+def cloth_plate(kind: str) -> Any:
+    """A cloth or soft body in front of the radar that falls towards it along -Y, from frame 1."""
+    mh.scene_at(20.0, 2.0)
+    bpy.context.scene.gravity = (0.0, -GRAVITY, 0.0)
+    item = mh.facets("Falling", [(0, 20.0, 0)], 1.2)
+    settings = item.modifiers.new("Simulation", kind).settings
+    if kind == "SOFT_BODY":
+        settings.use_goal = False
+    return item
+
+
+def shown_y(item: Any, frame: int) -> float:
+    """Mean distance of an object's vertices at a whole frame, as Blender shows it."""
+    bpy.context.scene.frame_set(frame)
+    shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return float(np.mean([(shown.matrix_world @ one.co).y for one in shown.data.vertices]))
+
+
+@pytest.mark.parametrize("kind", ["CLOTH", "SOFT_BODY"])
+def test_cloth_that_is_not_baked_falls(tmp_path: Path, kind: str) -> None:
+    """A cache that is played further later on loses frames: the plate seemed to rise."""
+    item = cloth_plate(kind)
+    y = [shown_y(item, frame) for frame in range(1, 13)]
+    bpy.context.scene.frame_set(1)
+    rows, _, record = measured(tmp_path, 9)
+    speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    assert np.abs(speed - (y[9] - y[7]) * FPS / 2).max() < 1e-3
+    assert np.abs(speed).min() > 1.5
+    assert np.abs(rows["last_scatterer_m"][:, 1] - y[8]).max() < 1e-6
+    assert [f.code for f in record.findings] == ["motion-between-frames"]
+
+
+@pytest.mark.parametrize("what", ["object", "mesh"])
+def test_an_alembic_file_is_a_cubic_through_whole_frames(tmp_path: Path, what: str) -> None:
+    """Blender holds vertices of a file from frame to frame, so that nothing moves in a burst."""
+    mh.scene_at(20.0, 2.0)
+    item = mh.facets("Fallen", [(0, 20.0, 0)], 1.2)
+    fallen = [GRAVITY * ((frame - 1) / FPS) ** 2 / 2 for frame in range(1, 41)]
+    if what == "object":
+        mh.key(item, "location", *((n, (0.0, -y, 0.0)) for n, y in enumerate(fallen, start=1)))
+        mh.interpolation(item, "LINEAR")
+    else:
+        item.shape_key_add(name="Basis")
+        shape = item.shape_key_add(name="Near")
+        for one in shape.data:
+            one.co.y -= 20.0
+        for frame, y in enumerate(fallen, start=1):
+            shape.value = y / 20
+            shape.keyframe_insert("value", frame=frame)
+    bpy.context.view_layer.objects.active = item
+    item.select_set(True)
+    file = str(tmp_path / "fall.abc")
+    bpy.ops.wm.alembic_export(filepath=file, start=1, end=40, selected=True)
+    bpy.data.objects.remove(item)
+    bpy.ops.wm.alembic_import(filepath=file, set_frame_range=False)
+    (read,) = (one for one in bpy.data.objects if one.type == "MESH")
+    read.data.materials.clear()
+    read.data.materials.append(ph.lambert(0.5))
+    rows, _, record = measured(tmp_path / "run", 9)
+    speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    assert np.abs(speed + GRAVITY * 8 / FPS).max() < 1e-4
+    assert np.abs(rows["last_scatterer_m"][:, 1] - (20 - fallen[8])).max() < 1e-6
+    assert [f.code for f in record.findings] == ["motion-between-frames"]
+
+
+def test_particles_carry_their_instances(tmp_path: Path) -> None:
+    """Blender's own places at the frames before and after tell the speed of a particle."""
+    mh.scene_at(20.0, 2.0)
+    scene = bpy.context.scene
+    scene.gravity = (0.0, -GRAVITY, 0.0)
+    bpy.ops.mesh.primitive_cube_add(size=0.3, location=(0, 500, 0))
+    carried = bpy.context.object
+    carried.data.materials.append(ph.lambert(0.5))
+    source = mh.facets("Source", [(0, 20, 0)], 0.8)
+    source.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    source.show_instancer_for_render = False
+    settings = source.particle_systems[0].settings
+    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 30, 1, 1, 200
+    settings.normal_factor, settings.particle_size = 5.0, 1.0
+    settings.render_type, settings.instance_object = "OBJECT", carried
+    y = []
+    for frame in range(1, 13):
+        scene.frame_set(frame)
+        shown = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        y.append(shown.particle_systems[0].particles[0].location.y)
+    scene.frame_set(1)
+    rows, _, record = measured(tmp_path, 9)
+    assert rows.size
+    speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    assert np.abs(speed - (y[9] - y[7]) * FPS / 2).max() < 2e-3
+    assert np.abs(rows["last_scatterer_m"][:, 1] - y[8]).max() < 0.15 * 3**0.5  # a cube, turned
+    assert not record.findings
+
+
+def test_rings_of_simulations(tmp_path: Path) -> None:
+    """Two snapshots differ by a simulation that is not baked, or a finding says they may not.
+
+    Between whole frames Blender moves rigid bodies on straight lines.
+    """
+    for kind in ("RIGID", "CLOTH"):
+        item = falling_plate() if kind == "RIGID" else cloth_plate(kind)
+        item.data.materials.clear()
+        item.data.materials.append(ph.rough_metal())
+        y = [shown_y(item, frame) for frame in range(1, 14)]
+        bpy.context.scene.frame_set(1)
+        job = rs.run(
+            tmp_path / kind, frames=(9,), snapshots=2, snapshot_interval_s=0.01, ring_step_m=100.0,
+            rings=1,
+        )  # fmt: skip
+        found = frame_paths(signal.open_run(tmp_path / kind).frame(9))
+        stuck = [f.subjects for f in job.findings if f.code == "rendered-at-whole-frames"]
+        assert stuck == ([] if kind == "RIGID" else [("Falling",)])
+        if kind == "RIGID":
+            want = (y[9] - y[8]) * FPS
+            assert np.median(found.range_rate_mps) == pytest.approx(want, rel=5e-3)

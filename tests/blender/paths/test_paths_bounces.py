@@ -86,7 +86,7 @@ def test_mirror_corridor(tmp_path: Path, code: str) -> None:
         ph.quad("Wall", corners, walls)
     rough = nodes.make_material("End", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("End", [(-half, end, -20), (half, end, -20), (half, end, 20), (-half, end, 20)], rough)
-    options = {"max_reflections": 3, "range_encoding": code}
+    options = {"max_reflections": 3, "range_encoding": code, "mirror_images": 0}
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     rows = run.table()
     direction = rows["direction"]
@@ -120,7 +120,7 @@ def test_dihedral(tmp_path: Path, code: str) -> None:
     ph.quad("Floor", [(-30, -5, 0), (30, -5, 0), (30, 10, 0), (-30, 10, 0)], ph.mirror())
     rough = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
     ph.quad("Wall", [(-30, 10, 0), (30, 10, 0), (30, 10, 30), (-30, 10, 30)], rough)
-    options = {"max_reflections": 2, "range_encoding": code}
+    options = {"max_reflections": 2, "range_encoding": code, "mirror_images": 0}
     run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     rows = run.table()
     two = rows[rows["order"] == 2]

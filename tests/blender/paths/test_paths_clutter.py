@@ -16,9 +16,15 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radarsim_addon.blender.materials import set_clutter
+from radarsim_addon import contract
+from radarsim_addon.blender.materials import (
+    fluctuation_of,
+    set_clutter,
+    set_clutter_fluctuation,
+)
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -171,6 +177,30 @@ def test_models_that_cannot_hold_are_said(tmp_path: Path) -> None:
     (weak,) = [one for one in run.job.findings if one.code == "clutter-too-weak"]
     # rho = gamma / (4 sin psi) is below 3e-5 above 4.8 degrees
     assert weak.numbers["grazing_deg"] == pytest.approx(4.78, abs=0.1)
+
+
+def test_the_record_holds_how_clutter_fluctuates(tmp_path: Path) -> None:
+    rs.new_scene()
+    material = ground_material(gamma_db=GAMMA_DB)
+    values = {"texture": "k", "texture_shape": 0.7, "texture_length_m": 2.0, "motion": "sea",
+              "motion_speed_mps": 0.1, "motion_fraction": 0.75}  # fmt: skip
+    with pytest.raises(ConfigError, match="no 'wind'"):
+        set_clutter_fluctuation(material, wind=3.0)
+    with pytest.raises(ConfigError, match="Length of the texture"):
+        set_clutter_fluctuation(material, texture="k", texture_shape=1.0)
+    assert fluctuation_of([material]) is None
+    set_clutter_fluctuation(material, **values)
+    corners, _ = ground(9.0, 14.0, 2.0, 1.5)
+    ph.quad("Ground", corners, material)
+    run = ph.run_paths(tmp_path / "run", width_px=8, height_px=8)
+    frame = open_run(run.folder).frame(1)
+    scene = frame.scene()
+    assert scene is not None
+    assert scene.objects[0].fluctuation == contract.FluctuationRecord(**values)
+    set_clutter_fluctuation(material, motion="gaussian", motion_speed_mps=1.0)
+    assert fluctuation_of([None, material]) == contract.FluctuationRecord(
+        motion="gaussian", motion_speed_mps=1.0
+    )
 
 
 def test_a_model_without_its_group_or_file_is_named(tmp_path: Path) -> None:

@@ -109,11 +109,11 @@ def test_panel_says_what_a_square_metre_brings(scene: Any) -> None:
     # 1e6 W EIRP, 1000, lambda^2 = 0.0032, (4 pi)^3 = 1984, R^4 = 1e12
     expected = 10 * math.log10(1e6 * 1e3 * WAVELENGTH_M**2 / ((4 * math.pi) ** 3 * 1e12)) + 30
     assert f"1 m² at 1 km: {expected:.2f} dBm" in lines
-    assert "EIRP: 1e+06 W (60.00 dBW)" in lines
+    assert "EIRP: 1e+06 W (90.00 dBm)" in lines
     settings.transmit_loss_db, settings.receive_loss_db, settings.other_loss_db = 1.0, 2.5, 4.0
     lines = system_panel.budget_lines(system_panel.scene_system(scene), radar)
     assert f"1 m² at 1 km: {expected - 7.5:.2f} dBm" in lines
-    assert "EIRP: 7.943e+05 W (59.00 dBW)" in lines
+    assert "EIRP: 7.943e+05 W (89.00 dBm)" in lines
 
 
 # -- patterns in the viewport ----------------------------------------------------------------------

@@ -4,7 +4,6 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,14 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import addon
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.ui import panels
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import iter_path_chunks, open_run
 from tests.blender import radar_scenes as rs
+from tests.blender import recording
 
 
 @pytest.fixture
@@ -72,42 +73,17 @@ def test_a_scale_that_is_no_number_is_refused(tmp_path: Path, settings: Any, kin
     assert not (tmp_path / "run").exists()
 
 
-class Drawn:
-    """A layout that keeps the text of its labels, and is every part of itself."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def label(self, text: str = "", **_: Any) -> None:
-        """One line."""
-        self.lines.append(text)
-
-    def column(self, **_: Any) -> "Drawn":
-        """The same."""
-        return self
-
-    box = column
-
-
 def drawn_plan(settings: Any, kind: str) -> str:
-    """What the panel says of the run."""
+    """What the panels say of the run."""
     settings.sampling_mode = kind
-    context = SimpleNamespace(
-        scene=bpy.context.scene,
-        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
-        region=SimpleNamespace(width=10_000),
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
-    )
-    layout = Drawn()
-    if kind == "rings":
-        panels._draw_plan(context, layout)
-    else:
-        panels._draw_path_plan(context, layout)
-    return " ".join(layout.lines)
+    layout = recording.drawn(RADARSIM_PT_scene)
+    said = [button.values.get("message", "") for button in layout.buttons]
+    return " ".join([*layout.texts, *said])
 
 
 @pytest.mark.parametrize("kind", ["rings", "paths"])
 def test_the_panel_says_what_is_wrong(settings: Any, kind: str) -> None:
+    addon.register()
     settings.ring_step_m = 4.0
     assert "resolves" not in drawn_plan(settings, kind)
     settings.bandwidth_mhz = 150e-6

@@ -11,8 +11,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.ui import panels, pictures, results
+from radarsim_addon.blender.addon import CLASSES
+from radarsim_addon.blender.ui import pictures, results, scene_panel
 from tests.blender import radar_scenes as rs
+from tests.blender import recording
 
 pytestmark = pytest.mark.blender
 
@@ -52,13 +54,10 @@ def test_registering_twice_and_unregistering(bpy: Any) -> None:
 
 
 def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -> None:
-    from radarsim_addon.blender.ui import link_budget_panel as system_panel
-    from radarsim_addon.blender.ui import operators
-
-    operator_classes: tuple[Any, ...] = (*operators.CLASSES, *system_panel.CLASSES[:2])
-    panel_classes: tuple[Any, ...] = (*panels.RADAR_CLASSES, *panels.RUN_CLASSES)
-    assert all(item.__doc__ and item.bl_label for item in operator_classes)
-    assert all(item.bl_category == "Radar" for item in panel_classes)
+    operators: list[Any] = [item for item in CLASSES if issubclass(item, bpy.types.Operator)]
+    assert all(item.__doc__ and item.bl_label for item in operators)
+    assert len(recording.TAB) > 8
+    assert all(item.bl_category == "Radar" for item in recording.TAB)
     groups = (
         bpy.types.Object.bl_rna.properties["radarsim"].fixed_type,
         bpy.types.WindowManager.bl_rna.properties["radarsim"].fixed_type,
@@ -113,4 +112,4 @@ def test_set_up_and_assign_operators(addon: Any) -> None:
     assert bpy.context.selected_objects == [empty]
     bpy.ops.mesh.primitive_cube_add()
     assert bpy.ops.radarsim.assign_material(preset="metal") == {"FINISHED"}
-    assert panels.echoes(bpy.context.object)
+    assert scene_panel.echoes(bpy.context.object)

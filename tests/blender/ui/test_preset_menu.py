@@ -15,6 +15,7 @@ from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.ui.preset_menu import RADARSIM_PT_presets
+from tests.blender import recording
 
 OPERATORS = {"apply_preset", "load_preset", "save_preset"}
 
@@ -38,24 +39,6 @@ def made(path: Path) -> str:
     return str(path)
 
 
-class Button:
-    """What `layout.operator` returns: its properties."""
-
-
-class Layout:
-    """Records buttons; gives itself for all that is nested."""
-
-    def __init__(self) -> None:
-        self.buttons: list[tuple[str, str, Button]] = []
-
-    def operator(self, name: str, text: str = "", **_: Any) -> Button:
-        self.buttons.append((name, text, Button()))
-        return self.buttons[-1][2]
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda *_, **__: self
-
-
 class Menu(PresetPanel):
     """The panel, as far as it is asked."""
 
@@ -65,18 +48,14 @@ class Menu(PresetPanel):
     bl_idname = RADARSIM_PT_presets.bl_idname
 
     def __init__(self) -> None:
-        self.layout = Layout()
+        self.layout = recording.Layout()
 
 
 def listed() -> dict[str, str]:
     """Operators by the labels of the menu's buttons."""
     menu = Menu()
     RADARSIM_PT_presets.draw(menu, bpy.context)
-    for name, _, button in menu.layout.buttons:
-        group, _, operator = name.partition(".")
-        known = getattr(getattr(bpy.ops, group), operator).get_rna_type().properties
-        assert set(vars(button)) <= set(known.keys()), name
-    return {text: name for name, text, _ in menu.layout.buttons if text}
+    return {button.text: button.operator for button in menu.layout.buttons if button.text}
 
 
 def test_the_menu_lists_all_presets(folder: Path) -> None:

@@ -183,12 +183,15 @@ class Robot:
     def find(self, wanted: str) -> Steps:
         """Search the sidebar for a button; its place is the value.
 
-        Where it was found last is tried first, then from top to bottom; the sidebar is scrolled by
-        the wheel where the button lies below its edge.
+        Where it was found last is tried first, then what is seen from top to bottom; then the
+        sidebar is scrolled by the wheel, from its top on.
         """
         # Away from the sidebar first: a busy Blender still shows the button of a while ago.
         yield from self._leave_sidebar()
-        for _ in range(8):
+        for attempt in range(12):
+            if attempt == 1:  # not in what is seen: from the top on
+                subprocess.run(["xdotool", "click", "--repeat", "80", "4"], check=True)
+                yield 0.8
             region = self.sidebar
             x = region.x + region.width // 2
             places = list(range(region.y + region.height - 12, region.y + 12, -SCAN_PX))
@@ -205,8 +208,9 @@ class Robot:
                     if wanted in self.under_mouse():
                         self._found[wanted] = y
                         return x, y
-            subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
-            yield 0.4
+            if attempt:
+                subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
+                yield 0.4
         raise LookupError(f"no button of the sidebar is {wanted!r}")
 
     def _leave_sidebar(self) -> Steps:

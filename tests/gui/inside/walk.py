@@ -115,8 +115,24 @@ def script(robot: Any) -> Any:
     }
     yield 1.5
 
-    # 4. Numbers, and a first run.
+    # The checklist: what it says of too low a PRF, and what its button does.
     settings = bpy.data.objects["Radar"].radarsim
+    settings.prf_hz = 5000.0
+    robot.view.tag_redraw()
+    yield 2.0
+    robot.shot("04_checklist")
+    yield 1.5
+    yield from robot.click("radarsim.set_values")
+    yield from robot.wait(lambda: settings.prf_hz > 9e3, "the button of the checklist", 20)
+    result["fixed_prf_hz"] = settings.prf_hz
+    settings.prf_hz = 40e3
+    yield from robot.click("radarsim.check_scene")
+    yield from robot.wait(lambda: bpy.context.window_manager.radarsim.checked, "the check", 60)
+    yield 1.0
+    robot.shot("04_checked")
+    yield 1.5
+
+    # 4. Numbers, and a first run.
     settings.output_folder = str(FOLDER / "run one")
     settings.frame_mode = "current"
     settings.sampling_mode = "rings"

@@ -41,7 +41,7 @@ def radar_of(waveform: AnyWaveform, pulses: int) -> Radar:
 
 
 def truth(radar: Radar, lengths: Callable, amplitude: np.ndarray) -> np.ndarray:
-    """Every sample at its own time, in long double: f_k tau(t) - K tau^2 / 2."""
+    """Every sample at its own time of reception, in long double: f_k tau(t) - K tau^2 / 2."""
     waveform = radar.waveform
     assert isinstance(waveform, LineWaveform)
     k = np.arange(waveform.grid_count, dtype=np.longdouble)
@@ -52,11 +52,20 @@ def truth(radar: Radar, lengths: Callable, amplitude: np.ndarray) -> np.ndarray:
     slope = np.longdouble(waveform.slope_hz_per_s) if isinstance(waveform, FmcwWaveform) else 0
     rows = []
     for start_s in line_times_s(radar).astype(np.longdouble):
-        delay = np.array([np.asarray(lengths(start_s + u)) for u in within_s]) / LIGHT
+        delay = np.array([retarded_s(lengths, start_s + u) for u in within_s])
         cycles = frequency[:, None] * delay - slope * delay**2 / 2
         cycles -= np.rint(cycles)
         rows.append(np.exp(-2j * np.pi * cycles.astype(float)) @ amplitude)
     return np.array(rows)
+
+
+def retarded_s(lengths: Callable, time_s: np.longdouble) -> np.ndarray:
+    """Delays of what is received at a time and met half of them before."""
+    delay = np.asarray(lengths(time_s)) / LIGHT
+    for _ in range(3):  # each round gains six digits
+        met = [np.asarray(lengths(time_s - d / 2))[..., i] for i, d in enumerate(delay)]
+        delay = np.array(met) / LIGHT
+    return delay
 
 
 def code_truth(radar: Radar, length_m: np.ndarray, rate_mps: np.ndarray) -> np.ndarray:

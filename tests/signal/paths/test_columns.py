@@ -18,7 +18,7 @@ from radarsim_addon.errors import FrameFileError
 from radarsim_addon.sidecar import file_sha256, read_record, write_record
 from radarsim_addon.signal import PathFlag, Paths, frame_paths, make_paths, open_run
 from radarsim_addon.signal.decoding import table_paths
-from radarsim_addon.signal.motion import LinearMotion
+from radarsim_addon.signal.motion import LinearMotion, PathImages
 from radarsim_addon.signal.paths import (
     COLUMN_GROUPS,
     PATH_DTYPE,
@@ -84,7 +84,9 @@ def arrays(paths: Paths) -> dict[str, np.ndarray]:
     """All numbers of paths."""
     found = {k: v for k, v in vars(paths).items() if isinstance(v, np.ndarray)}
     assert paths.geometry is not None
-    return {**found, **vars(paths.geometry)}
+    found |= {k: v for k, v in vars(paths.geometry).items() if k != "images"}
+    images = paths.geometry.images
+    return found if images is None else {**found, "images": images.numbers}
 
 
 def test_the_sidecar_describes_the_table(run: Path) -> None:
@@ -222,7 +224,9 @@ def some_paths(count: int, seed: int, *, full: bool = True) -> Paths:
     paths = make_paths(real(), real(), real(), real())
     if not full:
         return paths
-    geometry = PathGeometry(whole(), whole(), real(3), real(3), real(3), whole(), whole())
+    floor = contract.ImageRecord([[0.0, 0.0, 1.0]], [-1.0], ["Floor"])
+    images = PathImages.of([floor], rng.integers(0, 2, (count, 2)))
+    geometry = PathGeometry(whole(), whole(), real(3), real(3), real(3), whole(), whole(), images)
     return dataclasses.replace(
         paths,
         **{name: whole() for name in ("ring", "row", "col")},
@@ -231,6 +235,7 @@ def some_paths(count: int, seed: int, *, full: bool = True) -> Paths:
         motion=LinearMotion(real(), real()),
         gain=real(),
         phasors=real() + 1j * real(),
+        mirror_phase_rad=real(),
     )
 
 
@@ -272,6 +277,22 @@ def test_join_undoes_slicing() -> None:
     assert whole.counts == paths[:].counts
 
 
+def test_images_are_joined_with_paths_without() -> None:
+    over, whole = some_paths(4, 5), some_paths(3, 6)
+    assert over.geometry is not None
+    assert whole.geometry is not None
+    straight = dataclasses.replace(whole, geometry=dataclasses.replace(whole.geometry, images=None))
+    both = Paths.join([straight, over])[2:6]
+    assert both.geometry is not None
+    assert both.geometry.images is not None
+    expected = over.geometry.images.numbers[:3]
+    np.testing.assert_array_equal(both.geometry.images.numbers, [[0, 0], *expected])
+    point_m = np.array([1.0, 2.0, 3.0])
+    places = both.geometry.images.places(1, point_m)
+    lowered = np.where(expected[:, 1] > 0, -5.0, 3.0)  # over the floor at z = -1
+    np.testing.assert_allclose(places[:, 2], [3.0, *lowered])
+
+
 def test_join_fills_what_one_part_does_not_have() -> None:
     full, plain = some_paths(3, 3), some_paths(2, 4, full=False)
     both = Paths.join([plain, full])
@@ -282,6 +303,8 @@ def test_join_fills_what_one_part_does_not_have() -> None:
     np.testing.assert_array_equal(both.gain, [1, 1, *full.gain])
     assert np.isnan(both.phasors[:2]).all()
     np.testing.assert_array_equal(both.phasors[2:], full.phasors)
+    assert both.mirror_phase_rad is not None
+    assert both.mirror_phase_rad[:2].tolist() == [0, 0]
     moved = both.lengths.lengths_m(np.array([1.0]), slice(None))[:2, 0]
     np.testing.assert_array_equal(moved, plain.length_m + 2 * plain.range_rate_mps)
     again = Paths.join([plain, plain])

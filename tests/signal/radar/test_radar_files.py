@@ -80,7 +80,7 @@ def test_pickles_are_not_read(tmp_path: Path) -> None:
         ({**waveform_to_dict(FMCW), "slope": 1}, "unknown field 'slope'"),
         (
             {**waveform_to_dict(FMCW), "carrier_hz": "77e9"},
-            "carrier_hz: Carrier frequency is '77e9'",
+            "carrier_hz: Carrier is '77e9'",
         ),
         ({**waveform_to_dict(FMCW), "carrier_hz": 77.0}, "check the units"),
         ({**waveform_to_dict(FMCW), "ramp_s": 1e-6}, "ends before the ADC"),

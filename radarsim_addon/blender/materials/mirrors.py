@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials that are mirrors at the carrier: what they reflect, read from their inputs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Real
+from ...physics.fresnel import unpolarised_reflectance
+from ...physics.mirrors import mirror_reflection
+from ..nodes.group_search import group_input, group_node
+from ..nodes.groups import KIND_PROPERTY
+from ..nodes.physical_material import KIND as PHYSICAL_KIND
+from ..nodes.physical_material import SMOOTH_BELOW
+from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from .clutter import clutter_of
+
+#: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
+_SHARP = 0.0037
+
+
+@dataclass(frozen=True)
+class MirrorMaterial:
+    """A smooth surface at the carrier.
+
+    Attributes
+    ----------
+    index
+        Complex index n + jk.
+    share
+        Part of the reflected power that is mirrored, 0 to 1.
+    polarised
+        Whether the power depends on the run's polarisation.
+    """
+
+    index: complex
+    share: float
+    polarised: bool
+
+    def reflection(self, incoming: Real, normal: Real, polarisation: str) -> tuple[Real, Real]:
+        """Return the fraction of the power and the phase of reflected waves.
+
+        As `physics.mirrors.mirror_reflection`; the power is that of the material's nodes.
+
+        Parameters
+        ----------
+        incoming, normal, polarisation
+            As there.
+
+        Returns
+        -------
+        power, phase_rad
+            As there, (n,) each.
+        """
+        power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
+        if not self.polarised:
+            power = unpolarised_reflectance(self.index, np.abs(incoming @ normal))
+        return self.share * power, phase_rad
+
+
+def mirror_of(material: Any) -> MirrorMaterial | None:
+    """Return the mirror that a Radar Material is, with its inputs at the carrier; None: none.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    MirrorMaterial or None
+        None also where a node sets an input, so that the mirror is not the same everywhere.
+    """
+    node = group_node(material)
+    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    if kind not in (KIND, PHYSICAL_KIND):
+        return None
+    sockets = (group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS))
+    values = [float(socket.default_value) for socket in sockets if socket is not None]
+    if len(values) < 3:
+        return None
+    n, kappa, roughness = values
+    if kind == PHYSICAL_KIND:
+        smooth = roughness <= SMOOTH_BELOW
+        return MirrorMaterial(complex(n, kappa), 1.0, True) if smooth else None
+    specularity = group_input(material, SPECULARITY)
+    if specularity is None or specularity.default_value <= 0 or roughness > _SHARP:
+        return None
+    return MirrorMaterial(complex(n, kappa), float(specularity.default_value), False)
+
+
+def lobe_width(material: Any) -> float:
+    """Return the width of the narrowest lobe in which a material scatters.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    float
+        alpha of a Beckmann lobe, sqrt(2) times the RMS slope; infinite for a Lambert surface, 0
+        where it is not known.
+    """
+    node = group_node(material)
+    if node is None:
+        return _foreign_lobe_width(material)
+    if clutter_of(material) is not None:  # scatters by the geometric mean of both angles
+        return math.inf
+    specularity, roughness = (group_input(material, name) for name in (SPECULARITY, ROUGHNESS))
+    if node.node_tree.get(KIND_PROPERTY) == KIND:
+        if specularity is None:
+            return 0.0
+        if specularity.default_value == 0:
+            return math.inf
+    return 0.0 if roughness is None else float(roughness.default_value) ** 2
+
+
+def _foreign_lobe_width(material: Any) -> float:
+    """The same of a material whose output is one Diffuse or Principled BSDF."""
+    if material is None or material.node_tree is None:
+        return math.inf  # Blender's default surface
+    output = material.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Surface"].links
+    shader = links[0].from_node if links else None
+    if shader is None or shader.inputs.get("Roughness") is None:
+        return 0.0
+    if shader.bl_idname == "ShaderNodeBsdfDiffuse":
+        return math.inf
+    roughness = shader.inputs["Roughness"]
+    if shader.bl_idname != "ShaderNodeBsdfPrincipled" or roughness.is_linked:
+        return 0.0
+    return float(roughness.default_value) ** 2

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Planar mirrors of a scene, and the images of the transmitter in them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ... import contract
+from ...array_types import Indices, Integers, Real
+from ...findings import Finding, finding
+from ...physics.mirrors import mirror_matrix
+from ...vectors import dots, norms
+from ..materials import MirrorMaterial, mirror_of
+from .obstacles import Obstacles
+
+#: A patch is planar where it leaves its plane by less than this part of the wavelength.
+FLAT = 1 / 50
+#: Planes that are looked for; what else mirrors is left out and counted.
+_MOST_PLANES = 64
+#: How far a point of a triangle may lie outside of it, over its own size: rounding.
+_EDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """Triangles in one plane that mirror the transmitter: those that face it.
+
+    `normal` points to the side of the transmitter, `offset_m` is the plane's; `triangles_m`
+    (k, 3, 3), `body` and `material` belong to each triangle. `sight_sr` is the solid angle of the
+    triangles from the transmitter, times what their materials reflect at normal incidence.
+    """
+
+    normal: Real
+    offset_m: float
+    triangles_m: Real
+    body: Integers
+    material: list[MirrorMaterial]
+    objects: tuple[str, ...]
+    sight_sr: float
+
+    @property
+    def record(self) -> contract.ImageRecord:
+        """As the table's sidecar has it."""
+        return contract.ImageRecord([self.normal.tolist()], [self.offset_m], list(self.objects))
+
+    def image_m(self, point_m: Real) -> Real:
+        """Return the image of a point, (3,) [m]."""
+        turned, shift_m = mirror_matrix(self.normal, self.offset_m)
+        return np.asarray(turned @ point_m + shift_m)
+
+    def heights_m(self, points_m: Real) -> Real:
+        """Return the distances of points (n, 3) from the plane, on the transmitter's side, (n,)."""
+        return dots(points_m, self.normal) - self.offset_m
+
+    @cached_property
+    def _flat(self) -> tuple[Real, Real]:
+        """Two axes in the plane (2, 3), and the triangles in them (k, 3, 2)."""
+        first = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
+        first /= np.linalg.norm(first)
+        axes = np.stack([first, np.cross(self.normal, first)])
+        return axes, self.triangles_m @ axes.T
+
+    def triangle_at(self, points_m: Real) -> Indices:
+        """Return the triangle that each point of the plane (n, 3) lies in, (n,); -1: none."""
+        axes, triangles = self._flat
+        points = points_m @ axes.T
+        found = np.full(len(points), -1)
+        for number, (a, b, c) in enumerate(triangles):
+            area = _area(b - a, c - a)
+            if area == 0:
+                continue
+            inside = found < 0
+            inside &= np.all(points >= np.min((a, b, c), axis=0) - _EDGE, axis=1)
+            inside &= np.all(points <= np.max((a, b, c), axis=0) + _EDGE, axis=1)
+            for one, other in ((a, b), (b, c), (c, a)):
+                inside &= _area(other - one, points - one) / area >= -_EDGE
+            found[inside] = number
+        return found
+
+
+def find_mirrors(
+    obstacles: Obstacles, transmitter_m: Real, wavelength_m: float, most: int
+) -> tuple[list[Mirror], list[Finding]]:
+    """Find the planes that mirror the transmitter, those in which it sees most first.
+
+    Returns at most `most` of them, and what there is to say of those left out.
+    """
+    found: list[Mirror] = []
+    curved: list[str] = []
+    parts = _faces(obstacles, transmitter_m, curved)
+    left = np.ones(len(parts.sight_sr), dtype=bool)
+    while left.any() and len(found) < max(_MOST_PLANES, most):
+        first = np.argmax(np.where(left, parts.sight_sr, -1.0))
+        normal = parts.normals[first]
+        offset_m = float(parts.triangles_m[first].mean(axis=0) @ normal)
+        away_m = np.abs(parts.triangles_m @ normal - offset_m).max(axis=1)
+        here = np.flatnonzero(
+            left & (away_m <= FLAT * wavelength_m) & (parts.normals @ normal > 1 - 1e-6)
+        )
+        left[here] = False
+        left[first] = False
+        found.append(
+            Mirror(
+                normal,
+                offset_m,
+                parts.triangles_m[here],
+                parts.body[here],
+                [parts.material[index] for index in here.tolist()],
+                tuple(dict.fromkeys(parts.names[index] for index in here.tolist())),
+                float(parts.sight_sr[here].sum()),
+            )
+        )
+    found.sort(key=lambda mirror: -mirror.sight_sr)
+    findings = []
+    if curved:
+        findings.append(finding("mirror-curved", *dict.fromkeys(curved)))
+    beyond = found[most:]
+    if beyond:
+        names = dict.fromkeys(name for mirror in beyond for name in mirror.objects)
+        findings.append(
+            finding(
+                "mirrors-left-out",
+                *names,
+                count=len(beyond) + int(np.count_nonzero(left)),
+                most=most,
+            )
+        )
+    return found[:most], findings
+
+
+@dataclass(frozen=True)
+class _Faces:
+    """Flat faces that face the transmitter and mirror: k of each."""
+
+    triangles_m: Real
+    normals: Real
+    sight_sr: Real
+    body: Integers
+    material: list[MirrorMaterial]
+    names: list[str]
+
+
+def _faces(obstacles: Obstacles, transmitter_m: Real, curved: list[str]) -> _Faces:
+    bodies = obstacles.bodies
+    columns = defaultdict(list)
+    names: list[str] = []
+    materials: list[MirrorMaterial] = []
+    every = {one for shape in bodies.snapshot.shapes for one in shape.materials}
+    mirrors = {one: mirror_of(one) for one in every}
+    of_shape = [[mirrors[one] for one in shape.materials] for shape in bodies.snapshot.shapes]
+    mirroring = np.array([any(slots) for slots in of_shape], dtype=bool)
+    for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
+        slots = of_shape[int(bodies.shape[index])]
+        mesh = obstacles.mesh(index)
+        if mesh is None:
+            continue
+        mirrored = np.array([one is not None for one in slots])[
+            np.minimum(mesh.slots, len(slots) - 1)
+        ]
+        name = bodies.originals[int(bodies.number[index])].name
+        if np.any(mirrored & mesh.curved):
+            curved.append(name)
+        pose = bodies.pose[index]
+        corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across *= np.sign(np.linalg.det(pose[:3, :3]))
+        double_m2 = norms(across)
+        away_m = transmitter_m - corners.mean(axis=1)
+        facing = dots(across, away_m)
+        if not mesh.closed:  # a sheet has two sides
+            across, facing = across * np.sign(facing)[:, None], np.abs(facing)
+        kept = np.flatnonzero(mirrored & ~mesh.curved & (facing > 0) & (double_m2 > 0))
+        own = [slots[slot] for slot in np.minimum(mesh.slots[kept], len(slots) - 1).tolist()]
+        chosen = [one for one in own if one is not None]
+        bright = np.array([_brightness(one) for one in chosen])
+        columns["triangles"].append(corners[kept])
+        columns["normals"].append(across[kept] / double_m2[kept, None])
+        columns["sight"].append(bright * facing[kept] / 2 / norms(away_m[kept]) ** 3)
+        columns["body"].append(np.full(kept.size, index + 1))
+        materials += chosen
+        names += [name] * kept.size
+    if not names:
+        return _Faces(np.empty((0, 3, 3)), np.empty((0, 3)), np.empty(0), np.zeros(0, int), [], [])
+    joined = {key: np.concatenate(parts) for key, parts in columns.items()}
+    return _Faces(
+        joined["triangles"], joined["normals"], joined["sight"], joined["body"], materials, names
+    )
+
+
+def _brightness(material: MirrorMaterial) -> float:
+    """What a mirror reflects at normal incidence."""
+    along = np.array([[0.0, 0.0, -1.0]])
+    return float(material.reflection(along, -along[0], "average")[0][0])
+
+
+def _area(a: Real, b: Real) -> Real:
+    """Twice the signed area between vectors in a plane, (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What panels show of the scene: read after it changed and never while a panel is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import bpy
+import numpy as np
+
+from ...errors import RadarSimError
+from ...findings import Finding, finding, merge
+from ..materials import media_beyond_their_band
+from ..plan import (
+    Extent,
+    Measurement,
+    automatic_rings,
+    check_unit_scale,
+    config_findings,
+    shortest_decimal,
+)
+from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, read_measurement, settings
+from ..scene import (
+    Rig,
+    active_radar,
+    antennas_of,
+    echoing_boxes,
+    find_rig,
+    keyed_speeds,
+    scene_extent,
+)
+from ..state import Snapshot, take_snapshot
+
+#: Time after the last change at which a scene is read again [s].
+_CALM_S = 0.2
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """What the checklist, the time estimate and the overlays read.
+
+    Attributes
+    ----------
+    extent
+        How far the scene reaches.
+    speeds_mps
+        Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s].
+    surfaces
+        Number of objects and instances with a surface that renders.
+    echoing
+        How many of them have radar materials.
+    bare
+        Names of those objects that have none; only where these do not echo.
+    """
+
+    extent: Extent
+    speeds_mps: Mapping[str, float]
+    surfaces: int
+    echoing: int
+    bare: tuple[str, ...]
+
+
+_records: WeakKeyDictionary[Snapshot, dict[Any, SceneRecord]] = WeakKeyDictionary()
+_latest: dict[str, SceneRecord] = {}
+
+
+def scene_record(context: Any) -> SceneRecord | None:
+    """Return what is known of the scene; None before it was first read.
+
+    A scene that changed is read a moment later, and the panels are drawn again. A `RadarSimError`
+    where the radar lacks a part.
+    """
+    depsgraph = context.evaluated_depsgraph_get()
+    key = _key(context.scene)
+    known = _records.setdefault(take_snapshot(depsgraph), {})
+    if key not in known:
+        if not bpy.app.background:
+            if not bpy.app.timers.is_registered(_read_later):
+                bpy.app.timers.register(_read_later, first_interval=_CALM_S)
+            return _latest.get(context.scene.name)
+        known[key] = _read(depsgraph, key)
+    return known[key]
+
+
+def _read_later() -> float | None:
+    context = bpy.context
+    if getattr(context.window_manager, PROGRESS_PROPERTY).running:
+        return None  # the scene is in its measuring state; the end of the run draws again
+    try:
+        key = _key(context.scene)
+        depsgraph = context.evaluated_depsgraph_get()
+        record = _read(depsgraph, key)
+    except (RadarSimError, AttributeError, ReferenceError):
+        return None  # the panels say what is missing
+    _records.setdefault(take_snapshot(depsgraph), {})[key] = record
+    _latest[context.scene.name] = record
+    redraw_panels(context)
+    return None
+
+
+def redraw_panels(context: Any) -> None:
+    """Draw the sidebars again; Blender does not do so by itself for our numbers."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _key(scene: Any) -> Any:
+    """All that a record depends on besides the snapshot."""
+    radar = active_radar(scene)
+    view = settings(radar)
+    return (
+        radar,
+        rig_of(scene, radar),
+        check_unit_scale(shortest_decimal(scene.unit_settings.scale_length)),
+        any_material_echoes(radar),
+        scene.render.fps / shortest_decimal(scene.render.fps_base),
+        view.pulses / view.prf_hz,
+        scene.frame_current_final,
+    )
+
+
+def rig_of(scene: Any, radar: Any) -> Rig:
+    """Return the camera and the light of a radar; a `SceneError` where one is missing."""
+    by_paths = settings(radar).sampling_mode == "paths"
+    return find_rig(scene, **antennas_of(scene, radar), any_projection=by_paths)
+
+
+def any_material_echoes(radar: Any) -> bool:
+    """Return whether objects without a Radar Material may echo."""
+    view = settings(radar)
+    return bool(view.sampling_mode == "paths" and view.range_encoding != "materials")
+
+
+def _read(depsgraph: Any, key: Any) -> SceneRecord:
+    """Walk through the scene."""
+    _, rig, scale, any_material, fps, span_s, frame = key
+    extent = scene_extent(depsgraph, rig, scale, any_material=any_material)
+    boxes = echoing_boxes(depsgraph, any_material=any_material)
+    speeds = keyed_speeds(boxes, (rig.camera, rig.emitter), frame, fps, span_s)
+    surfaces = boxes if any_material else echoing_boxes(depsgraph, any_material=True)
+    echoing = echoing_boxes(depsgraph, any_material=False) if any_material else boxes
+    without = np.setdiff1d(surfaces.rows, echoing.rows)
+    names = (
+        {surfaces.snapshot.label(row) for row in without.tolist()} if not any_material else set()
+    )
+    return SceneRecord(
+        extent,
+        {name: scale * speed for name, speed in speeds.items()},
+        len(surfaces.rows),
+        len(echoing.rows),
+        tuple(sorted(names)),
+    )
+
+
+def quick_findings(
+    scene: Any, measurement: Measurement, record: SceneRecord | None
+) -> list[Finding]:
+    """Return what is known to mislead without a look at meshes, one finding a code."""
+    view = settings(active_radar(scene))
+    extent = Extent() if record is None else record.extent
+    farthest_m = extent.from_emitter_m or None
+    frame_s = shortest_decimal(scene.render.fps_base) / scene.render.fps
+    frames = measurement.frames
+    by_rings = view.sampling_mode == "rings"
+    found = config_findings(
+        measurement,
+        (measurement.rings or automatic_rings(measurement.ring_step_m, extent)) if by_rings else 1,
+        farthest_m,
+        (frames[1] - frames[0]) * frame_s if len(frames) > 1 else None,
+        view.sampling_mode,
+        (scene.frame_end - scene.frame_start) * frame_s,
+        {} if record is None else record.speeds_mps,
+    )
+    found += media_beyond_their_band(carrier_hz(scene), view.beyond_band)
+    if record is not None and record.bare:
+        found.append(finding("no-radar-material", *record.bare))
+    return merge(found)
+
+
+def current_measurement(scene: Any) -> tuple[Measurement | None, str]:
+    """Return what the settings ask for, or None and what is wrong with them."""
+    try:
+        check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+        return read_measurement(scene), ""
+    except RadarSimError as error:
+        return None, str(error)

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reflection at a planar mirror: images of points, and the coefficient of a polarised wave.
+
+Coefficients are written with exp(-j w t) and an index n + jk, as in :mod:`.fresnel`. Echoes carry
+exp(+j w t): the amplitude of a path has the conjugate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..array_types import Complex, Real
+from ..vectors import crosses, dots, norms
+from .fresnel import reflection_coefficients
+
+#: Length of a cross product of unit vectors below which they are parallel.
+_PARALLEL = 1e-9
+
+
+def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
+    """Return the reflection x -> A x + b at the plane of the points with normal . x = offset.
+
+    Parameters
+    ----------
+    normal
+        Unit vector across the plane, (3,).
+    offset_m
+        Distance of the plane from the origin along the normal [m].
+
+    Returns
+    -------
+    A, b
+        Shapes (3, 3) and (3,) [m].
+    """
+    unit = np.asarray(normal, dtype=np.float64)
+    return np.eye(3) - 2 * np.outer(unit, unit), 2 * offset_m * unit
+
+
+def mirror_reflection(
+    index: complex, incoming: Real, normal: Real, polarisation: str
+) -> tuple[Real, Real]:
+    """Return what a smooth plane makes of a polarised wave.
+
+    Parameters
+    ----------
+    index
+        Complex index n + jk of the mirror.
+    incoming
+        Unit vectors along which waves travel to the mirror, (n, 3).
+    normal
+        Unit vector across the mirror, (3,).
+    polarisation
+        "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
+        up); "average": power of half a wave each, phase of the horizontal one.
+
+    Returns
+    -------
+    power, phase_rad
+        Fraction of the power that is reflected, in both polarisations, and phase of the field that
+        keeps its polarisation, (n,) each.
+    """
+    across = crosses(np.broadcast_to(normal, incoming.shape), incoming)
+    straight = norms(across) < _PARALLEL
+    across[straight] = _level(incoming[straight])
+    across /= norms(across)[:, None]
+    turned = incoming - 2 * dots(incoming, normal)[:, None] * normal
+    r_s, r_p = reflection_coefficients(index, np.abs(dots(incoming, normal)))
+    vertical = polarisation == "vertical"
+    before, after = (_field(way, vertical) for way in (incoming, turned))
+    s_in, s_out = dots(before, across), dots(after, across)
+    p_in = dots(before, crosses(incoming, across))
+    p_out = dots(after, crosses(turned, across))
+    kept: Complex = r_s * s_in * s_out + r_p * p_in * p_out
+    share = np.full(s_in.shape, 0.5) if polarisation == "average" else s_in**2
+    power = share * np.abs(r_s) ** 2 + (1 - share) * np.abs(r_p) ** 2
+    return np.asarray(power, dtype=np.float64), np.angle(kept)
+
+
+def _level(ways: Real) -> Real:
+    """Return level unit vectors across ways, (n, 3); along x for ways straight up or down."""
+    level = crosses(ways, np.broadcast_to(np.array([0.0, 0.0, 1.0]), ways.shape))
+    level[norms(level) < _PARALLEL] = (1.0, 0.0, 0.0)
+    return np.asarray(level / norms(level)[:, None])
+
+
+def _field(ways: Real, vertical: bool) -> Real:
+    """Return unit vectors of the field of waves along unit vectors, (n, 3)."""
+    level = _level(ways)
+    return crosses(level, ways) if vertical else level

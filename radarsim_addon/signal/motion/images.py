@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images of antennas in planar mirrors, for the ends of paths that go over them.
+
+A path over a mirror is as long as the straight one from the antenna's image. Seen from the antenna
+itself, it goes to the scatterer's image: the scatterer, unfolded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...array_types import Int32, Real
+from ...contract import ImageRecord
+from ...physics.mirrors import mirror_matrix
+from .path_motion import Rows
+
+
+@dataclass(frozen=True)
+class PathImages:
+    """Images of receiver and transmitter over which n paths go.
+
+    Attributes
+    ----------
+    linear, offset_m
+        Image x -> A x + b of a point, by the image's number: (images, 3, 3), (images, 3) [m].
+        Number 0 is the antenna itself.
+    numbers
+        Numbers of the receiver's and of the transmitter's image, (n, 2).
+    """
+
+    linear: Real
+    offset_m: Real
+    numbers: Int32
+
+    @classmethod
+    def of(cls, records: Sequence[ImageRecord], numbers: NDArray[np.integer]) -> PathImages:
+        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`."""
+        linear, offset_m = [np.eye(3)], [np.zeros(3)]
+        for record in records:
+            turned, shift = np.eye(3), np.zeros(3)
+            for normal, at_m in zip(record.normals, record.offsets_m, strict=True):
+                mirror, back = mirror_matrix(normal, at_m)
+                turned, shift = mirror @ turned, mirror @ shift + back
+            linear.append(turned)
+            offset_m.append(shift)
+        return cls(np.array(linear), np.array(offset_m), np.asarray(numbers, dtype=np.int32))
+
+    def select(self, rows: Rows) -> PathImages:
+        """Return the images of some paths."""
+        return PathImages(self.linear, self.offset_m, self.numbers[rows])
+
+    def join(self, parts: Sequence[PathImages | None], counts: Sequence[int]) -> PathImages:
+        """Return the images of parts of a table, with so many paths each; None: without any."""
+        numbers = [
+            np.zeros((count, 2), dtype=np.int32) if part is None else part.numbers
+            for part, count in zip(parts, counts, strict=True)
+        ]
+        return PathImages(self.linear, self.offset_m, np.concatenate(numbers))
+
+    def places(self, end: int, antenna_m: Real) -> Real:
+        """Return where the image of an antenna is, (n, 3) [m]; `end` 0 receiver, 1 transmitter."""
+        found = self.linear @ antenna_m + self.offset_m
+        return np.asarray(found[self.numbers[:, end]])
+
+    def moves(self, end: int, moves_m: Real) -> Real:
+        """Return how the image moves where the antenna does, (times, 3) or (3,): (n, ..., 3)."""
+        found = np.einsum("kij,...j->k...i", self.linear, moves_m)
+        return np.asarray(found[self.numbers[:, end]])
+
+    def unfolded(self, end: int, points_m: Real) -> Real:
+        """Return points (n, 3) as the antenna sees them over the mirrors, (n, 3) [m]."""
+        return self.unturned(end, points_m - self.offset_m[self.numbers[:, end]])
+
+    def unturned(self, end: int, vectors: Real) -> Real:
+        """Return vectors (n, ..., 3) as the antenna sees them over the mirrors."""
+        turned: Real = np.einsum("nji,n...j->n...i", self.linear[self.numbers[:, end]], vectors)
+        return turned

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths that go over a planar mirror on their last leg, against images by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim_addon.signal import open_run
+from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.materials import physical_materials as pm
+from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
+
+pytestmark = pytest.mark.blender
+
+HEIGHT_M, RANGE_M = 4.0, 40.0
+#: Both are 4 m over the mirror, 40 m apart: the image is 8 m below.
+IMAGE_M = np.array([0.0, 0.0, -HEIGHT_M])
+THREE = {"max_reflections": 3}
+
+
+def gammas(index: complex, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Textbook coefficients of ground for H and V at a grazing angle, exp(-j w t)."""
+    eps = index**2
+    root = np.sqrt(eps - (1 - sine**2))
+    return (sine - root) / (sine + root), (eps * sine - root) / (eps * sine + root)
+
+
+def scene(ground: Any = None, *, view_deg: float = 30.0, plate_m: float = 0.4) -> Any:
+    """Radar and a Lambert plate at one height over a mirror; returns the plate's material."""
+    rs.new_scene()
+    ph.field_of_view(view_deg)
+    ph.radar_at((0, 0, HEIGHT_M))
+    ground_material = ph.mirror() if ground is None else ground()
+    corners = [(-60, -5, 0), (60, -5, 0), (60, 90, 0), (-60, 90, 0)]
+    ph.quad("Ground", corners, ground_material)
+    rough = ph.rough_metal()
+    half, low = plate_m / 2, HEIGHT_M - plate_m / 2
+    ph.quad(
+        "Plate",
+        [
+            (-half, RANGE_M, low),
+            (half, RANGE_M, low),
+            (half, RANGE_M, low + plate_m),
+            (-half, RANGE_M, low + plate_m),
+        ],
+        rough,
+    )
+    return rough
+
+
+def measure(folder: Path, *, pixels: int = 128, **options: Any) -> ph.PathRun:
+    return ph.run_paths(
+        folder,
+        width_px=pixels,
+        height_px=pixels,
+        options={**THREE, **options},
+    )
+
+
+@pytest.mark.parametrize("code", ["world", "materials"])
+def test_all_four_families(tmp_path: Path, code: str) -> None:
+    scene()
+    run = measure(tmp_path, pixels=256, range_encoding=code)
+    rows = run.table()
+    assert rows.dtype == IMAGE_DTYPE
+    over = rows["transmitter_image"] == 1
+    seen = rows["direction"][:, 2] > -0.1  # the others see the plate in the mirror
+    last_m = rows["last_scatterer_m"]
+    radar_m = np.array([0.0, 0.0, HEIGHT_M])
+    there_m = np.linalg.norm(last_m - np.where(over[:, None], IMAGE_M, radar_m), axis=1)
+    back_m = np.linalg.norm(last_m - np.where(seen[:, None], radar_m, IMAGE_M), axis=1)
+    np.testing.assert_allclose(rows["length_m"], there_m + back_m, atol=1e-5)
+    np.testing.assert_allclose(rows["length_m"][seen], (there_m + back_m)[seen], atol=1e-9)
+    np.testing.assert_array_equal(rows["order"], 1 + over + ~seen)
+    # Irradiance under the cosine, and what the mirror reflects on each way.
+    radiance = 1 / math.pi * ph.irradiance(there_m) * (RANGE_M / there_m)
+    index = 1e4 + 1e4j
+    for way, how in ((there_m, over), (back_m, ~seen)):
+        lossy = np.mean([np.abs(g) ** 2 for g in gammas(index, 2 * HEIGHT_M / way)], axis=0)
+        radiance *= np.where(how, lossy, 1.0)
+    # Rows are of pixels that see the plate directly: over the mirror it looks smaller.
+    direct_m = np.linalg.norm(last_m - radar_m, axis=1)
+    radiance *= np.where(seen, 1.0, (direct_m / back_m) ** 3)
+    np.testing.assert_allclose(ph.radiance(rows), radiance * 0.9998, rtol=3e-4)
+    families = {(bool(a), bool(b)) for a, b in zip(over, seen, strict=True)}
+    assert len(families) == 4
+    # The pixels that see the plate in the mirror would count its points a second time.
+    assert rows.size == 4 * np.count_nonzero(rows["order"] == 1)
+    for name in ("last_object", "last_body"):
+        assert set(rows[name]) == {2}, name
+
+
+def test_phase_and_power_of_each_polarisation(tmp_path: Path) -> None:
+    """Wet ground near its Brewster angle, where H and V differ most."""
+    for number, (polarisation, which) in enumerate((("horizontal", 0), ("vertical", 1))):
+        scene(
+            lambda: pm.make_physical_material(
+                "Ground", "index", carrier_hz=5.3e9, n=3.0, k=0.4, penetrable=False
+            ),
+            plate_m=2.0,
+        )
+        ph.radar_at((0, 0, 12.0)).rotation_euler.x -= math.radians(11)
+        folder = tmp_path / str(number)
+        run = ph.run_paths(
+            folder, width_px=64, height_px=64, polarisation=polarisation, options=THREE
+        )
+        rows = run.table()
+        over = rows[(rows["transmitter_image"] == 1) & (rows["order"] == 2)]
+        assert over.size > 10
+        way = over["last_scatterer_m"] - np.array([0.0, 0.0, -12.0])
+        distance = np.linalg.norm(way, axis=1)
+        gamma = gammas(3 + 0.4j, way[:, 2] / distance)[which]
+        radiance = 1 / math.pi * ph.irradiance(distance) * way[:, 1] / distance
+        found = ph.radiance(over) / 0.9998
+        np.testing.assert_allclose(found, radiance * np.abs(gamma) ** 2, rtol=2e-4)
+        # Echoes carry exp(+j w t): the conjugate.
+        np.testing.assert_allclose(
+            np.exp(1j * over["mirror_phase_rad"]), np.conj(gamma) / np.abs(gamma), atol=1e-6
+        )
+        phases = frame_paths(open_run(folder).frame(1)).mirror_phase_rad
+        np.testing.assert_array_equal(phases, rows["mirror_phase_rad"])
+
+
+def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float]) -> Any:
+    """A rough metal box between two corners."""
+    middle, half = (np.add(low, high) / 2, np.subtract(high, low) / 2)
+    bpy.ops.mesh.primitive_cube_add(size=2, location=tuple(middle))
+    item = bpy.context.object
+    item.name, item.scale = name, tuple(half)
+    item.data.materials.append(ph.rough_metal())
+    return item
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high", "blocks"),
+    [
+        ("between scatterer and mirror", (-9, 30, 1), (9, 31, 2.5), True),
+        ("between mirror and transmitter", (-9, 9, 1), (9, 10, 2.5), True),
+        ("straddling the plane", (-9, 19.5, -1), (9, 20.5, 0.5), True),
+        ("below the plane", (-9, 1, -9), (9, 35, -1), False),
+        ("beside", (1, 9, 1), (9, 31, 2.5), False),
+        ("above", (-9, 9, 6), (9, 31, 7), False),
+    ],
+)
+def test_obstacles(
+    tmp_path: Path,
+    name: str,
+    low: tuple[float, float, float],
+    high: tuple[float, float, float],
+    blocks: bool,
+) -> None:
+    scene(view_deg=2.0)
+    box(name, low, high)
+    rows = measure(tmp_path, pixels=32).table()
+    plate = rows[(rows["last_object"] == list_of_objects().index("Plate") + 1)]
+    assert np.any(plate["order"] == 1)
+    assert np.any(plate["transmitter_image"] == 1) != blocks
+
+
+def list_of_objects() -> list[str]:
+    """Names in the order of their numbers."""
+    return sorted(item.name for item in bpy.data.objects if item.type == "MESH")
+
+
+def test_mirror_patch_ends_and_sides(tmp_path: Path) -> None:
+    """A patch that ends before the point of reflection, and one that the radar sees from below."""
+    for number, (low, high, height, count) in enumerate(
+        ((-5, 15, 0.0, 0), (15, 25, 0.0, 1), (15, 25, 8.0, 1), (15, 25, 4.0, 0))
+    ):
+        scene(view_deg=2.0)
+        ground = bpy.data.objects["Ground"]
+        for vertex, y in zip(ground.data.vertices, (low, low, high, high), strict=True):
+            vertex.co.y, vertex.co.z = y, height
+        rows = measure(tmp_path / str(number), pixels=16).table()
+        images = rows["transmitter_image"] if rows.dtype == IMAGE_DTYPE else np.zeros(1)
+        assert np.any(images == 1) == bool(count), (low, high, height)
+
+
+def test_scatterer_behind_the_mirror(tmp_path: Path) -> None:
+    """A wall as a mirror, the plate on its far side: seen past its edge, but not mirrored."""
+    scene(view_deg=4.0)
+    ground = bpy.data.objects["Ground"]
+    wall = ((-0.1, 5, -9), (-0.1, 20, -9), (-0.1, 20, 9), (-0.1, 5, 9))
+    for vertex, place in zip(ground.data.vertices, wall, strict=True):
+        vertex.co = place
+    rows = measure(tmp_path, pixels=64).table()
+    over = rows[rows["transmitter_image"] == 1]
+    assert over.size
+    # only what is to the right of the wall's plane, on the transmitter's side, is mirrored
+    assert over["last_scatterer_m"][:, 0].min() > -0.1
+    assert rows["last_scatterer_m"][rows["order"] == 1][:, 0].min() < -0.15
+
+
+def test_what_is_seen_in_the_mirror_alone(tmp_path: Path) -> None:
+    """A plate behind a screen: only the way over the ground on both legs is free."""
+    scene()
+    box("Screen", (-2, 35, 3.5), (2, 35.5, 5))
+    run = measure(tmp_path, pixels=256)
+    rows = run.table()
+    plate = rows[rows["last_object"] == run.record().objects.index("Plate") + 1]
+    assert plate.size
+    assert set(plate["order"]) == {3}
+    assert set(plate["receiver_image"]) == {0}  # first vertex on the mirror, as seen
+    np.testing.assert_allclose(plate["first_scatterer_m"][:, 2], 0, atol=1e-5)
+    np.testing.assert_allclose(
+        plate["length_m"],
+        2 * np.linalg.norm(plate["last_scatterer_m"] - IMAGE_M, axis=1),
+        atol=1e-4,
+    )
+
+
+def test_the_underside_is_another_point(tmp_path: Path) -> None:
+    """A level plate: its top is seen directly, its underside in the mirror."""
+    scene()
+    plate = bpy.data.objects["Plate"]
+    for vertex, (x, y) in zip(
+        plate.data.vertices, ((-2, 38), (2, 38), (2, 42), (-2, 42)), strict=True
+    ):
+        vertex.co = (x, y, 2.0)
+    rows = measure(tmp_path, pixels=256).table()
+    top = rows[rows["order"] == 1]
+    assert top.size
+    assert set(rows["order"]) == {1, 3}
+    assert np.all(rows["mirrors"][rows["order"] == 3] == 1)
+
+
+def test_narrow_lobes_are_kept_as_measured(tmp_path: Path) -> None:
+    """A glossy plate: over the mirror it scatters otherwise than towards the radar."""
+    scene()
+    plate = bpy.data.objects["Plate"]
+    plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
+    run = measure(tmp_path, pixels=256)
+    rows = run.table()
+    found = {item.code: item for item in run.record().findings}
+    assert found["mirror-lobe-narrow"].subjects == ("Plate",)
+    assert np.all(rows["receiver_image"] == 0)
+    assert np.all(rows["point"][rows["mirrors"] > 0] == 0)
+    assert {1, 2, 3} == set(rows["order"])
+
+
+def test_rows_of_the_transmitter_stay_bit_by_bit(tmp_path: Path) -> None:
+    scene(view_deg=4.0)
+    without = measure(tmp_path / "off", pixels=32, mirror_images=0).table()
+    assert without.dtype == PATH_DTYPE
+    rows = measure(tmp_path / "on", pixels=32).table()
+    assert rows.size > without.size
+    own = rows[rows["mirrors"] == 0]
+    # The motion file has the mirror's body, too: others have other numbers.
+    for column in set(PATH_DTYPE.names or ()) - {"first_body", "last_body"}:
+        np.testing.assert_array_equal(own[column], without[column])
+
+
+def test_nothing_is_rendered_without_a_mirror(tmp_path: Path) -> None:
+    scene(ph.rough_metal, view_deg=4.0)
+    on = measure(tmp_path / "on", pixels=32)
+    off = measure(tmp_path / "off", pixels=32, mirror_images=0)
+    assert on.table().tobytes() == off.table().tobytes()
+    assert on.record().renders == off.record().renders
+    assert "scattering" not in on.record().column_groups
+
+
+def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+    def codes(name: str, **options: Any) -> set[str]:
+        run = measure(tmp_path / name, pixels=16, **options)
+        return {item.code for item in run.record().findings if "mirror" in item.code}
+
+    scene(view_deg=4.0)
+    assert codes("all") == set()
+    assert codes("two", max_reflections=2) == {"mirror-both-ways-left-out"}
+    assert codes("one", max_reflections=1) == {"mirrors-need-reflections"}
+    assert codes("none", mirror_images=0) == {"mirrors-left-out"}
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(3, 30, 4))
+    bpy.context.object.data.materials.append(ph.mirror())
+    bpy.ops.object.shade_smooth()
+    assert codes("sphere") == {"mirror-curved"}
+
+
+def test_a_pane_on_the_way_is_said(tmp_path: Path) -> None:
+    scene(view_deg=4.0)
+    pane = nodes.make_material("Pane", 1.5, 0.0, 0.0, 0.5)
+    box("Pane", (-9, 30, 1), (9, 31, 2.5)).data.materials[0] = pane
+    run = measure(tmp_path, pixels=32)
+    found = {item.code: item for item in run.record().findings}
+    assert float(str(found["mirror-way-through"].numbers["fraction"])) > 0.1
+    rows = run.table()
+    assert not np.any((rows["transmitter_image"] == 1) & (rows["order"] == 2))
+
+
+def test_the_scene_comes_back(tmp_path: Path) -> None:
+    scene(view_deg=4.0)
+    before = {(kind, item.name) for kind in ("objects", "meshes", "collections", "lights")
+              for item in getattr(bpy.data, kind)}  # fmt: skip
+    hidden = {item.name: item.hide_render for item in bpy.data.objects}
+    measure(tmp_path, pixels=16)
+    after = {(kind, item.name) for kind in ("objects", "meshes", "collections", "lights")
+             for item in getattr(bpy.data, kind)}  # fmt: skip
+    assert after == before
+    assert {item.name: item.hide_render for item in bpy.data.objects} == hidden
+
+
+def test_the_diffuse_rest_of_a_mirror_stays(tmp_path: Path) -> None:
+    """Ground that mirrors half of the power and scatters the other half everywhere."""
+    scene(lambda: nodes.make_material("Half", 1e4, 1e4, 0.5, 0.0, penetrable=False), view_deg=25)
+    on = measure(tmp_path / "on", pixels=128).table()
+    off = measure(tmp_path / "off", pixels=128, mirror_images=0).table()
+
+    def scattered(rows: np.ndarray) -> float:
+        """Power of paths that scatter at the ground first and at the plate next."""
+        plate = rows["last_scatterer_m"][:, 1] > RANGE_M - 1e-3
+        ground = np.abs(rows["first_scatterer_m"][:, 2]) < 1e-4
+        way = rows["last_scatterer_m"] - rows["first_scatterer_m"]
+        up = way[:, 2] / np.maximum(np.linalg.norm(way, axis=1), 1e-9)
+        mirrored = np.abs(up + rows["direction"][:, 2]) < 1e-3
+        chosen = (rows["order"] == 2) & plate & ground & ~mirrored
+        return float(rows["power_w"][chosen].sum())
+
+    assert scattered(off) > 0
+    images = on["mirrors"] == 0
+    assert scattered(on[images]) == pytest.approx(scattered(off), rel=1e-12)

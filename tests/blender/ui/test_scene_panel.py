@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The checklist of the tab: what it lists before a render, and what its buttons do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bmesh
+import bpy
+import pytest
+
+from radarsim_addon import blender as radarsim
+from radarsim_addon.blender import addon as addon_module
+from radarsim_addon.blender.plan import PRESETS
+from radarsim_addon.blender.rig_settings import WAVEFORMS, read_measurement, settings
+from radarsim_addon.blender.scene import active_radar
+from radarsim_addon.blender.ui.fixes import fixes_of
+from radarsim_addon.blender.ui.panels import time_text
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
+from radarsim_addon.findings import finding
+from tests.blender import radar_scenes as rs
+from tests.blender import recording
+
+
+@pytest.fixture
+def scene(addon: Any, tmp_path: Path) -> Iterator[Any]:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.window_manager.radarsim.checked = ""
+    yield bpy.context.scene
+
+
+def listed() -> dict[str, recording.Button]:
+    """Buttons of the scene panel by label, those of findings by their code."""
+    found = {}
+    for button in recording.drawn(RADARSIM_PT_scene).buttons:
+        code = button.values.get("code")
+        found[code or button.text or button.operator] = button
+    return found
+
+
+def press(button: recording.Button) -> None:
+    group, _, name = button.operator.partition(".")
+    assert getattr(getattr(bpy.ops, group), name)(**button.values) == {"FINISHED"}
+
+
+def car(speed_mps: float) -> Any:
+    item = rs.add_plate(50.0)
+    item.name = "Car"
+    rs.move_steadily(item, (0.0, speed_mps, 0.0))
+    return item
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_all_panels_draw_for_every_radar(scene: Any, preset: str) -> None:
+    assert recording.drawn(*recording.TAB).buttons  # without a radar
+    rig = radarsim.add_radar(preset=preset)
+    car(20.0)
+    view = settings(rig)
+    for kind in (*WAVEFORMS, "file"):
+        view.waveform_kind = kind
+        recording.drawn(*recording.TAB)
+    view.waveform_kind = "lfm"
+    for name, value in {
+        "sampling_mode": "rings", "frame_mode": "range", "max_standard_error": 0.02,
+        "rain_mm_per_h": 4.0, "gases": True, "extinction": "wavelength",
+    }.items():  # fmt: skip
+        setattr(view, name, value)
+        recording.drawn(*recording.TAB)
+
+
+@pytest.mark.parametrize("preset", ["automotive_77ghz", "long_range_77ghz", "paper"])
+def test_an_ambiguous_velocity_is_fixed_by_a_press(scene: Any, preset: str) -> None:
+    """60 m/s need 4 x 60 / wavelength: 61.7 kHz at 77 GHz, where the chirp has to be shorter."""
+    radarsim.add_radar(preset=preset, range_stop_m=0.0)
+    car(60.0)
+    assert "scene-beyond-unambiguous-velocity" in listed()
+    (fix,) = (button for text, button in listed().items() if text.startswith("PRF "))
+    press(fix)
+    measurement = read_measurement(scene)  # the pulse fits
+    assert measurement.radar.max_unambiguous_velocity_mps >= 60.0
+    assert "scene-beyond-unambiguous-velocity" not in listed()
+
+
+def test_range_limits_are_extended_by_a_press(scene: Any) -> None:
+    radarsim.add_radar(preset="paper", range_stop_m=30.0)
+    rs.add_plate(47.0)
+    (fix,) = (button for text, button in listed().items() if text.startswith("Stop "))
+    press(fix)
+    assert 47.0 < settings(active_radar(scene)).range_stop_m < 55.0
+    assert "scene-beyond-range-limits" not in listed()
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ({"snapshots": 1}, "single-snapshot"),
+        ({"snapshot_interval_s": 0.001}, "short-snapshot-interval"),
+        ({"rings": 1, "ring_step_m": 10.0}, "scene-beyond-rings"),
+        ({"ring_step_m": 1.0}, "ring-step-below-resolution"),
+        ({"prf_hz": 5e6, "chirp_duration_s": 1e-7}, "scene-beyond-unambiguous-range"),
+    ],
+)
+def test_fixes_of_rings_and_ranges(scene: Any, values: dict[str, Any], code: str) -> None:
+    radarsim.add_radar(preset="paper", sampling_mode="rings", **values)
+    rs.add_plate(47.0)
+    before = listed()
+    assert code in before
+    fixes = [button for button in before.values() if button.operator == "radarsim.set_values"]
+    assert fixes
+    for button in fixes:
+        press(button)
+    assert code not in listed()
+
+
+def flipped_cube() -> Any:
+    mesh = bpy.data.meshes.new("Cube")
+    faces = bmesh.new()
+    bmesh.ops.create_cube(faces, size=2.0)
+    bmesh.ops.reverse_faces(faces, faces=faces.faces[:])
+    faces.to_mesh(mesh)
+    faces.free()
+    cube = bpy.data.objects.new("Cube", mesh)
+    cube.location = (0.0, 20.0, 0.0)
+    bpy.context.scene.collection.objects.link(cube)
+    radarsim.assign_material(cube, radarsim.material("itu_concrete"))
+    return cube
+
+
+def test_the_check_finds_what_a_run_would_and_leaves_no_trace(scene: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar(width_px=8, height_px=8, output_folder=str(tmp_path / "run"))
+    other = rs.add_plate(60.0)
+    cube = flipped_cube()
+    render = (scene.render.resolution_x, scene.render.engine, scene.frame_current)
+    assert "mesh-inside-out" not in listed()
+    assert bpy.ops.radarsim.check_scene() == {"FINISHED"}
+    assert not list(tmp_path.iterdir())
+    assert render == (scene.render.resolution_x, scene.render.engine, scene.frame_current)
+    found = listed()
+    assert "mesh-inside-out" in found
+    # Select, repair, check again.
+    press(found["Cube"])
+    assert [item for item in (cube, other, rig) if item.select_get()] == [cube]
+    assert bpy.context.view_layer.objects.active == cube
+    press(found["Recalculate Normals"])
+    assert bpy.ops.radarsim.check_scene() == {"FINISHED"}
+    assert "mesh-inside-out" not in listed()
+
+
+def test_the_check_reports_what_refuses_a_run(scene: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar(output_folder=str(tmp_path / "run"))
+    rig.scale = (2.0, 2.0, 2.0)
+    with pytest.raises(RuntimeError, match="is scaled"):
+        bpy.ops.radarsim.check_scene()
+    settings(rig).prf_hz = 1e7
+    text = recording.drawn(*recording.TAB).texts
+    assert any("longer than the pulse interval" in line for line in text)
+    assert "cannot measure" in text
+
+
+def test_a_file_that_was_never_saved_is_said_before_the_run(scene: Any, tmp_path: Path) -> None:
+    rig = radarsim.add_radar()
+    assert "No place for the run yet" in recording.drawn(*recording.TAB).texts
+    settings(rig).output_folder = str(tmp_path / "run")
+    assert "No place for the run yet" not in recording.drawn(*recording.TAB).texts
+
+
+def test_without_radar_materials_the_row_says_so(scene: Any) -> None:
+    radarsim.add_radar(range_encoding="materials")
+    rs.add_plate(10.0)
+    rs.add_plate(20.0, preset=None).name = "Bare"
+    assert "1 of 2 objects have radar materials" in recording.drawn(RADARSIM_PT_scene).texts
+    found = listed()
+    assert "Bare" in found["no-radar-material"].values["message"]
+    assert found["Assign by Name..."].operator == "radarsim.suggest_materials"
+
+
+def test_weather_is_said_in_its_header(scene: Any) -> None:
+    """10 mm/h take 5.50 and 5.95 dB/km at 70 and 80 GHz (table of P.838-3): 5.82 at 77 GHz."""
+    rig = radarsim.add_radar()
+    assert "clear" in recording.drawn(*recording.TAB).texts
+    settings(rig).rain_mm_per_h = 10.0
+    (text,) = (text for text in recording.drawn(*recording.TAB).texts if text.endswith(" dB/km"))
+    assert float(text.split()[0]) == pytest.approx(5.82, rel=0.01)
+
+
+def test_quality_sets_replicates_and_refinement(scene: Any) -> None:
+    rig = radarsim.add_radar()
+    group, view = rig.radarsim, settings(rig)
+    assert group.quality == "good"
+    group.quality = "draft"
+    assert (view.replicates, view.max_standard_error) == (2, 0.0)
+    group.quality = "error"
+    assert (view.replicates, view.max_standard_error) == (4, 0.01)
+    view.max_standard_error = 0.03
+    group.quality = "error"  # as it is: the user's number stays
+    assert view.max_standard_error == 0.03
+    group.quality = "good"
+    assert (view.replicates, view.max_standard_error, view.time_limit_s) == (4, 0.0, 0.0)
+
+
+def test_a_long_run_is_said_before_it_begins(scene: Any) -> None:
+    """1000 frames of 4 million rays at 5 us: 20 s a frame, 5.7 h."""
+    rig = radarsim.add_radar(width_px=1024, height_px=1024, frame_mode="scene")
+    bpy.context.window_manager.radarsim.seconds_per_ray = 5e-6
+    scene.frame_end = 1000
+    drawn = recording.drawn(*recording.TAB)
+    assert "about 6 h" in drawn.texts
+    assert "quality=draft" in drawn.fields
+    settings(rig).max_standard_error = 0.01
+    assert any(text.startswith("at least") for text in recording.drawn(*recording.TAB).texts)
+    assert [time_text(value) for value in (0.2, 90, 400, 8000)] == [
+        "1 s",
+        "90 s",
+        "6.7 min",
+        "2.2 h",
+    ]
+
+
+def test_operators_are_found_by_search_and_undone_in_one_step(addon: Any) -> None:
+    """What needs to be told about what is internal; what changes the file can be undone."""
+    operators: list[Any] = [
+        item for item in addon_module.CLASSES if issubclass(item, bpy.types.Operator)
+    ]
+    internal = {
+        item.bl_idname for item in operators if "INTERNAL" in getattr(item, "bl_options", ())
+    }
+    assert internal == {
+        "radarsim.watch_escape", "radarsim.set_values", "radarsim.select_subjects",
+        "radarsim.recalculate_normals", "radarsim.explain",
+    }  # fmt: skip
+    changing = {item.bl_idname for item in operators if "UNDO" in getattr(item, "bl_options", ())}
+    assert changing >= {
+        "radarsim.setup_rig", "radarsim.assign_material", "radarsim.apply_materials",
+        "radarsim.apply_preset", "radarsim.load_preset", "radarsim.set_values",
+        "radarsim.select_subjects", "radarsim.recalculate_normals", "radarsim.make_physical",
+        "radarsim.draw_patterns", "radarsim.remove_patterns",
+    }  # fmt: skip
+    for item in operators:
+        assert item.__doc__ and not item.__doc__.endswith("."), item
+
+
+def test_numbers_that_do_not_fit_have_no_button(scene: Any) -> None:
+    """A code's length is not shortened by a guess."""
+    radarsim.add_radar(preset="paper", waveform_kind="pmcw", chip_duration_s=1e-6, prf_hz=100.0)
+    measurement = read_measurement(scene)
+    item = finding(
+        "scene-beyond-unambiguous-velocity", "Car", fastest_mps=900.0,
+        max_unambiguous_velocity_mps=1.0, prf_hz=64e3,
+    )  # fmt: skip
+    assert fixes_of(item, measurement) == []

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths over mirrors in processing: lengths, gains, elements and interference against images."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from radarsim_addon.contract import (
+    AntennaRecord,
+    ImageRecord,
+    LinkBudget,
+    ReceiverRecord,
+    TransmitterRecord,
+)
+from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.mirrors import mirror_reflection
+from radarsim_addon.signal.motion import (
+    AntennaMotion,
+    BodyMotion,
+    FrameMotion,
+    LinearMotion,
+    PathImages,
+)
+from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.signal.paths import (
+    IMAGE_DTYPE,
+    PATH_DTYPE,
+    channel_lengths,
+    geometry_of,
+    images_of,
+    make_paths,
+    motion_of_rows,
+)
+from radarsim_addon.signal.radar import Channel, Element, make_system
+from radarsim_addon.signal.scattering import Link, interference_factors
+from radarsim_addon.signal.scattering.antenna_gains import PathEnds
+
+C0_MPS = 299_792_458.0
+FLOOR = ImageRecord([[0.0, 0.0, 1.0]], [-1.0], ["Floor"])
+SLOPE = ImageRecord([[0.6, 0.0, 0.8]], [-2.0], ["Slope"])
+BOTH = ImageRecord([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], [-1.0, -5.0], ["Floor", "Wall"])
+
+
+def mirrored(point: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
+    """A point behind a plane: twice its distance along the normal."""
+    return point - 2 * (point @ normal - offset) * normal
+
+
+def test_images_of_points() -> None:
+    images = PathImages.of([FLOOR, SLOPE, BOTH], np.array([[0, 1], [0, 2], [0, 3], [3, 0]]))
+    radar = np.array([1.0, 2.0, 3.0])
+    floor, slope = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    wall = np.array([1.0, 0.0, 0.0])
+    twice = mirrored(mirrored(radar, floor, -1.0), wall, -5.0)
+    expected = [mirrored(radar, floor, -1.0), mirrored(radar, slope, -2.0), twice, radar]
+    np.testing.assert_allclose(images.places(1, radar), expected, atol=1e-14)
+    np.testing.assert_allclose(images.places(0, radar)[3], twice, atol=1e-14)
+    # Unfolded scatterers are as far from the antenna as scatterers from its image.
+    points = np.random.default_rng(1).normal(size=(4, 3))
+    straight = np.linalg.norm(images.unfolded(1, points) - radar, axis=1)
+    np.testing.assert_allclose(straight, np.linalg.norm(points - expected, axis=1), rtol=1e-14)
+    # and the antenna sees them over the mirror: the way meets the plane where it is reflected
+    seen = images.unfolded(1, points)[0]
+    np.testing.assert_allclose(seen, mirrored(points[0], floor, -1.0), atol=1e-14)
+
+
+def rows_over(images: list[tuple[int, int]], points: np.ndarray) -> np.ndarray:
+    """Rows of one scattering each, with images of receiver and transmitter."""
+    rows = np.zeros(len(images), dtype=IMAGE_DTYPE)
+    rows["first_scatterer_m"] = rows["last_scatterer_m"] = points
+    rows["receiver_image"], rows["transmitter_image"] = np.array(images).T
+    rows["mirrors"] = (np.array(images) > 0).sum(axis=1)
+    rows["order"] = 1 + rows["mirrors"]
+    rows["last_body"] = rows["first_body"] = 1
+    return rows
+
+
+def moving(velocity: tuple[float, float, float], place: np.ndarray) -> BodyMotion:
+    """A body that moves straight for a second."""
+    pose = np.eye(4)
+    pose[:3, 3] = place
+    half = np.array(velocity) / 2
+    way = np.array([place + half, half])
+    return BodyMotion(pose, (Segment(0.0, 1.0, way, np.zeros(3), np.zeros((1, 3)), np.eye(3)),))
+
+
+def test_lengths_follow_the_mirrored_antennas() -> None:
+    start, speed = np.array([1.0, 2.0, 3.0]), np.array([3.0, -7.0, 0.5])
+    target, target_speed = np.array([8.0, 30.0, 2.0]), np.array([-2.0, 1.0, 0.7])
+    radar = moving(tuple(speed), start)
+    scene = FrameMotion(
+        1.0, radar, radar, False, [moving(tuple(target_speed), target)], images=[FLOOR]
+    )
+    rows = rows_over([(0, 1), (1, 1), (0, 0)], target)
+    floor = np.array([0.0, 0.0, 1.0])
+    times_s = np.array([0.0, 0.3, 1.0])
+
+    def length(image: tuple[int, int], time_s: float) -> float:
+        ends = [start + time_s * speed] * 2
+        ends = [mirrored(e, floor, -1.0) if i else e for e, i in zip(ends, image, strict=True)]
+        at = target + time_s * target_speed
+        return float(sum(np.linalg.norm(at - end) for end in ends))
+
+    expected = np.array([[length(i, t) for t in times_s] for i in ((0, 1), (1, 1), (0, 0))])
+    rows["length_m"] = expected[:, 0]
+    motion = motion_of_rows(rows, scene)
+    np.testing.assert_allclose(motion.lengths_m(times_s, slice(None)), expected, atol=1e-9)
+    rates = [(length(i, 1e-6) - length(i, 0.0)) / 2e-6 for i in ((0, 1), (1, 1), (0, 0))]
+    np.testing.assert_allclose(motion.range_rates_mps(), rates, atol=1e-5)
+    np.testing.assert_allclose(
+        motion.select(np.array([1])).lengths_m(times_s, slice(None)), expected[1:2], atol=1e-9
+    )
+
+
+def test_unknown_images_are_named() -> None:
+    rows = rows_over([(0, 2)], np.zeros(3))
+    with pytest.raises(ConfigError, match="image 2, its sidecar has 1"):
+        images_of(rows, [FLOOR])
+    assert images_of(np.zeros(1, dtype=PATH_DTYPE), [FLOOR]) is None
+
+
+def test_paths_of_one_point_interfere() -> None:
+    """Four paths of a point, direct and over a mirror: |a + b|^4 by hand, others alone."""
+    carrier_hz = 10e9
+    wave = 2 * math.pi * carrier_hz / C0_MPS
+    rows = np.zeros(6, dtype=IMAGE_DTYPE)
+    rows["point"] = [7, 0, 7, 7, 7, 9]
+    way, ratio, turn = 0.0123, 0.8, 2.5
+    rows["length_m"] = [100, 100.003, 100 + way, 100 + way, 100 + 2 * way, 100]
+    rows["power_w"] = [1.0, 5.0, ratio**2, ratio**2, ratio**4, 3.0]
+    rows["mirror_phase_rad"] = [0, 0, turn, turn, 2 * turn, 0]
+    factors = interference_factors(rows, rows["power_w"], carrier_hz, 1e6)
+    one_way = 1 + ratio * np.exp(1j * (turn - wave * way))
+    of_point = rows["point"] == 7
+    total = float(np.sum((rows["power_w"] * factors)[of_point]))
+    assert total == pytest.approx(abs(one_way) ** 4, rel=1e-6)
+    np.testing.assert_array_equal(factors[~of_point], 1.0)
+    # Another tile or replicate is another point, and what range tells apart does not interfere.
+    rows["replicate"][2:4] = 1
+    rows["tile"][4] = 3
+    apart = interference_factors(rows, rows["power_w"], carrier_hz, 1e6)
+    pair = float(np.sum((rows["power_w"] * apart)[2:4]))
+    assert pair == pytest.approx((2 * ratio) ** 2, rel=1e-9)
+    assert apart[[0, 1, 4, 5]].tolist() == [1, 1, 1, 1]
+    rows["replicate"] = rows["tile"] = 0
+    rows["length_m"][4] += 40 * 0.5  # 40 range cells beyond
+    resolved = interference_factors(rows, rows["power_w"], carrier_hz, 0.5, "hamming")
+    assert resolved[4] == pytest.approx(1.0, abs=0.02)
+
+
+def test_overlap_of_responses() -> None:
+    """Two paths in phase, a fraction of a range cell apart: the sinc of a flat band."""
+    rows = np.zeros(2, dtype=IMAGE_DTYPE)
+    rows["point"] = 1
+    carrier_hz, resolution_m = 10e9, 0.75
+    steps = round(0.4 * 2 * resolution_m / (C0_MPS / carrier_hz))
+    apart_m = steps * C0_MPS / carrier_hz
+    rows["length_m"] = [100.0, 100.0 + apart_m]
+    rows["power_w"] = 1.0
+    factors = interference_factors(rows, rows["power_w"], carrier_hz, resolution_m)
+    expected = 1 + np.sinc(apart_m / (2 * resolution_m))
+    np.testing.assert_allclose(factors, expected, rtol=1e-4)
+
+
+def test_reflection_of_tilted_mirrors() -> None:
+    """A wall turns H into p and V into s; a mirror at 45 degrees mixes them as vectors say."""
+    index = 2.5 + 0.3j
+    eps = index**2
+    incoming = np.array([[math.cos(0.4), math.sin(0.4), 0.0]])
+    cosine = math.cos(0.4)
+    root = np.sqrt(eps - math.sin(0.4) ** 2)
+    r_s, r_p = (cosine - root) / (cosine + root), (eps * cosine - root) / (eps * cosine + root)
+    wall = np.array([-1.0, 0.0, 0.0])
+    for polarisation, expected in (("vertical", r_s), ("horizontal", r_p)):
+        power, phase = mirror_reflection(index, incoming, wall, polarisation)
+        assert power[0] == pytest.approx(abs(expected) ** 2, rel=1e-12)
+        assert np.exp(1j * phase[0]) == pytest.approx(expected / abs(expected), abs=1e-12)
+    power, _ = mirror_reflection(index, incoming, wall, "average")
+    assert power[0] == pytest.approx((abs(r_s) ** 2 + abs(r_p) ** 2) / 2, rel=1e-12)
+    # Field by vectors: s keeps its direction, p turns with the wave.
+    normal = np.array([0.0, -math.sqrt(0.5), math.sqrt(0.5)])
+    way = np.array([0.0, 1.0, 0.0])
+    turned = way - 2 * (way @ normal) * normal
+    np.testing.assert_allclose(turned, [0, 0, 1], atol=1e-12)
+    cosine = math.sqrt(0.5)
+    root = np.sqrt(eps - 0.5)
+    r_s = (cosine - root) / (cosine + root)
+    power, phase = mirror_reflection(index, way[None], normal, "horizontal")
+    assert power[0] == pytest.approx(abs(r_s) ** 2, rel=1e-12)
+
+
+def link(pose: np.ndarray) -> Link:
+    """Both antennas at a pose, Gaussian, and an EIRP of 1 MW."""
+    beam = AntennaRecord(
+        "gaussian", {"azimuth_beamwidth_deg": 30.0, "elevation_beamwidth_deg": 20.0}
+    )
+    system = make_system(LinkBudget(5.0, beam, beam), 0.03)
+    camera = ReceiverRecord("perspective", pose.tolist(), -1, 1, -1, 1, 0.0)
+    return Link(system, camera, TransmitterRecord(pose.tolist(), 1e6))
+
+
+def level_pose(place: tuple[float, float, float]) -> np.ndarray:
+    """An antenna that looks along +Y, z up."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float)
+    pose[:3, 3] = place
+    return pose
+
+
+def test_gains_are_those_towards_the_mirror() -> None:
+    """Over the floor the antenna looks down at the point of reflection, on both ways."""
+    pose = level_pose((0.0, 0.0, 3.0))
+    target = np.array([0.0, 40.0, 5.0])
+    rows = rows_over([(0, 0), (0, 1), (1, 0), (1, 1)], target)
+    depressed = math.degrees(math.atan2(3 + 5 + 2, 40))  # floor at z = -1
+    raised = math.degrees(math.atan2(2, 40))
+    for row, back in zip(rows, (0, 0, 1, 1), strict=True):
+        row["direction"] = [0, math.cos(math.radians(raised)), math.sin(math.radians(raised))]
+        if back:
+            down = math.radians(depressed)
+            row["direction"] = [0, math.cos(down), -math.sin(down)]
+        row["length_m"] = 80
+    ends = PathEnds(
+        rows["length_m"],
+        rows["direction"],
+        rows["first_scatterer_m"],
+        rows["last_scatterer_m"],
+        LinearMotion(rows["length_m"], np.zeros(4)),
+        images_of(rows, [FLOOR]),
+    )
+    budget = link(pose)
+
+    def loss_db(angle_deg: float) -> float:
+        return 40 * math.log10(2) * (angle_deg / 20) ** 2
+
+    straight, over = loss_db(raised), loss_db(depressed)
+    expected = [0.0, over - straight, over - straight, 2 * (over - straight)]
+    for found in (budget.ends_factor(ends), budget.factors(ends, np.zeros(1))[:, 0]):
+        np.testing.assert_allclose(-10 * np.log10(found / found[0]), expected, atol=1e-6)
+
+
+def test_elements_away_from_the_origin() -> None:
+    """An element above the antenna's origin has its image below the image."""
+    pose = level_pose((0.0, 0.0, 3.0))
+    target = np.array([2.0, 40.0, 5.0])
+    rows = rows_over([(0, 1), (1, 1)], target)
+    image = np.array([0.0, 0.0, -5.0])
+    back = [np.linalg.norm(target - place) for place in (pose[:3, 3], image)]
+    rows["length_m"] = np.array(back) + np.linalg.norm(target - image)
+    paths = dataclasses.replace(
+        make_paths(np.ones(2), rows["length_m"]), geometry=geometry_of(rows, [FLOOR])
+    )
+    raised = Element(position_m=(0.0, 0.5, 0.0))
+    body = BodyMotion(pose)
+    found = channel_lengths(paths, Channel(raised, raised), AntennaMotion(body, body))
+    up = np.array([0.0, 0.0, 0.5])
+    back = [np.linalg.norm(target - place) for place in (pose[:3, 3] + up, image - up)]
+    expected = np.array(back) + np.linalg.norm(target - (image - up))
+    np.testing.assert_allclose(
+        found.lengths_m(np.zeros(1), slice(None))[:, 0], expected, rtol=1e-13
+    )
