@@ -129,7 +129,7 @@ class MovingPathAccumulator:
         return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
 
     def _by_pulses(self, lengths_m: Real) -> Real:
-        """To (pulses, rows); of a ramp (pulses, 3, rows), of a pulse with rates (pulses, 2, rows)."""
+        """To (pulses, rows); of a ramp (pulses, 3, rows), of a pulse (pulses, 2, rows)."""
         if self._offsets_s.size == 1:
             return lengths_m
         found = lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
