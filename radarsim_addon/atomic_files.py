@@ -8,6 +8,7 @@ wins, and no reader ever sees a mixture. Standard library, and numpy for :func:`
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import errno
 import json
 import os
@@ -113,8 +114,15 @@ def write_text(path: Path, text: str, sync: bool = True) -> None:
 
 
 def write_json(path: Path, data: Any, sync: bool = True) -> None:
-    """Write JSON without NaN or Inf."""
-    write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n", sync)
+    """Write JSON without NaN or Inf; records in it as objects."""
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False, default=_fields)
+    write_text(path, text + "\n", sync)
+
+
+def _fields(record: Any) -> dict[str, Any]:
+    """Fields of a dataclass by name; TypeError for anything else."""
+    # `dataclasses.asdict` copies all that is in it, which takes longer than writing it
+    return {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -13,8 +13,9 @@ import json
 import os
 import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 from .errors import RadarSimError
@@ -65,9 +66,25 @@ def _opened(folder: str, words: Sequence[str], joins: bool) -> FrameWorker:
     key = (folder, *words)
     if key not in _open:
         close()
-        with contextlib.chdir(folder):  # for file names of the command line
+        with contextlib.chdir(folder), _signals_wait():  # for file names of the command line
             _open[key] = _open_worker(words, joins)
     return _open[key]
+
+
+@contextlib.contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Let SIGTERM wait: where it cuts Blender's import, the process ends without us, or hangs."""
+    if threading.current_thread() is not threading.main_thread():  # on Dask, which stops by itself
+        yield
+        return
+    arrived: list[int] = []
+    handler = signal.signal(signal.SIGTERM, lambda number, _: arrived.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+        if arrived:
+            signal.raise_signal(arrived[0])
 
 
 def _open_worker(words: Sequence[str], joins: bool) -> FrameWorker:

@@ -61,7 +61,7 @@ def write_record(path: Path, record: Any, sync: bool = True) -> None:
 
     Without `sync` it may be lost, or damaged, by a power failure.
     """
-    write_json(path, dataclasses.asdict(record), sync)
+    write_json(path, record, sync)
 
 
 def read_record(path: Path, kind: type[Record]) -> Record:

@@ -16,6 +16,7 @@ from .ui import (
     material_names,
     material_panel,
     operators,
+    overlays,
     panels,
     preset_menu,
     scene_panel,
@@ -30,6 +31,7 @@ CLASSES: tuple[type, ...] = (
     *material_names.CLASSES,
     *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
+    *overlays.CLASSES,
     panels.RADARSIM_PT_waveform,
     *scene_panel.CLASSES,
     *panels.RUN_CLASSES,
@@ -53,10 +55,12 @@ def register() -> None:
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
+    overlays.show_overlays()
 
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
+    overlays.hide_overlays()
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)

@@ -131,6 +131,23 @@ MIRRORS = {
         "in which the transmitter sees most.",
         "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
     ),
+    "mirror-pairs-left-out": Kind(
+        "caution",
+        "{count:#pair} of mirrors of {subjects} got no image of the transmitter; the most of all "
+        "images is {most}.",
+        "Paths to the transmitter over two mirrors in a row are missing. The images are of the "
+        "pairs in which the transmitter sees most.",
+        "Raise Mirror images, or lower Max reflections to 2.",
+    ),
+    "mirror-slightly-rough": Kind(
+        "info",
+        "{subjects} are mirrors with an RMS height and no slope: paths over them have the coherent "
+        "part that it leaves of the amplitude.",
+        "The rest of the reflected power, which scatters around, is not in the paths over them. "
+        "What is seen in these mirrors alone has the reflectance of a smooth one.",
+        "Give the surface a correlation length too if its scattering matters more than its "
+        "mirroring.",
+    ),
     "mirror-curved": Kind(
         "caution",
         "{subjects} are smooth and curved.",

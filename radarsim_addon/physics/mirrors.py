@@ -16,6 +16,8 @@ from .fresnel import reflection_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
 _PARALLEL = 1e-9
+#: Argument of the Bessel function from which two terms of its expansion do: 1e-6.
+_LARGE = 300.0
 
 
 def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
@@ -75,6 +77,36 @@ def mirror_reflection(
     share = np.full(s_in.shape, 0.5) if polarisation == "average" else s_in**2
     power = share * np.abs(r_s) ** 2 + (1 - share) * np.abs(r_p) ** 2
     return np.asarray(power, dtype=np.float64), np.angle(kept)
+
+
+def coherent_reflection(rms_height_m: float, sine: ArrayLike, wavelength_m: float) -> Real:
+    """Return the factor of a slightly rough plane on the amplitude that it mirrors.
+
+    Parameters
+    ----------
+    rms_height_m
+        RMS height [m].
+    sine
+        Sines of grazing angles.
+    wavelength_m
+        Wavelength [m].
+
+    Returns
+    -------
+    ndarray
+        1 for a smooth plane, less for a rough one.
+
+    References
+    ----------
+    A. R. Miller, R. M. Brown, E. Vegh, New derivation for the rough-surface reflection coefficient
+    and for the distribution of sea-wave elevations, IEE Proc. H 131 (1984) 114-116:
+    exp(-x) I0(x) with x = 2 (k h sin psi)^2.
+    """
+    x = 2 * (2 * np.pi * rms_height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
+    near = np.minimum(x, _LARGE)
+    with np.errstate(divide="ignore"):
+        far = (1 + 1 / (8 * x)) / np.sqrt(2 * np.pi * x)
+    return np.asarray(np.where(x < _LARGE, np.exp(-near) * np.i0(near), far))
 
 
 def _level(ways: Real) -> Real:

@@ -84,14 +84,18 @@ def context() -> Any:
     )
 
 
-def drawn(*panels: Any) -> Layout:
-    """Headers and bodies of panels that would show, all on one layout."""
+def drawn(*panels: Any, closed: bool = False) -> Layout:
+    """Headers and bodies of panels that would show, all on one layout.
+
+    closed: without the bodies of panels that are closed until a user opens them.
+    """
     layout, given = Layout(), context()
     for panel in panels:
         if not getattr(panel, "poll", lambda _: True)(given):
             continue
         self = SimpleNamespace(layout=layout)
-        for name in ("draw_header", "draw_header_preset", "draw"):
+        shut = closed and "DEFAULT_CLOSED" in getattr(panel, "bl_options", ())
+        for name in ("draw_header", "draw_header_preset", *(() if shut else ("draw",))):
             if hasattr(panel, name):
                 getattr(panel, name)(self, given)
     return layout

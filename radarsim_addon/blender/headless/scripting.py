@@ -16,6 +16,7 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import math
 import operator
@@ -42,6 +43,7 @@ from ..rig_settings import (
     migrate_file,
     register,
     set_values,
+    unregister,
 )
 from ..rig_settings import settings as settings_of
 from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
@@ -376,6 +378,8 @@ def _ensure_registered() -> None:
     # The extension, where it is enabled, has registered the settings already.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
+        # Blender 4.5 as a module hangs at exit with properties that have functions of Python.
+        atexit.register(unregister)
         migrate_file()  # of a file that was opened before
 
 

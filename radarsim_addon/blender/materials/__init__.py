@@ -4,7 +4,13 @@
 In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
 """
 
-from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from .assignments import (
+    SURFACE_TYPES,
+    MaterialAssignment,
+    assigned_materials,
+    has_no_faces,
+    slot_materials,
+)
 from .averaging import averaging_objects, separate_averages
 from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
@@ -37,6 +43,7 @@ __all__ = [
     "clutter_of",
     "delays",
     "fluctuation_of",
+    "has_no_faces",
     "has_rough_facets",
     "interior_losses_db",
     "is_entered",

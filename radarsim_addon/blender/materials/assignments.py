@@ -54,6 +54,21 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     return list(found.values())
 
 
+def has_no_faces(item: Any) -> bool:
+    """Return whether an object is a mesh of points or edges alone, as those that carry instances.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Original; modifiers may add faces.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(item.type == "MESH" and not item.modifiers and not len(item.data.polygons))
+
+
 def slot_materials(item: Any) -> tuple[Any, ...]:
     """Return the original materials in the slots of an object; None for an empty slot.
 

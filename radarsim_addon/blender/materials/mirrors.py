@@ -11,13 +11,14 @@ import numpy as np
 
 from ...array_types import Real
 from ...physics.fresnel import unpolarised_reflectance
-from ...physics.mirrors import mirror_reflection
+from ...physics.mirrors import coherent_reflection, mirror_reflection
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import KIND as PHYSICAL_KIND
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from .clutter import clutter_of
+from .physical_materials import surface_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
 _SHARP = 0.0037
@@ -35,13 +36,18 @@ class MirrorMaterial:
         Part of the reflected power that is mirrored, 0 to 1.
     polarised
         Whether the power depends on the run's polarisation.
+    rms_height_m
+        Of a slightly rough surface [m]; 0: smooth.
     """
 
     index: complex
     share: float
     polarised: bool
+    rms_height_m: float = 0.0
 
-    def reflection(self, incoming: Real, normal: Real, polarisation: str) -> tuple[Real, Real]:
+    def reflection(
+        self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
+    ) -> tuple[Real, Real]:
         """Return the fraction of the power and the phase of reflected waves.
 
         As `physics.mirrors.mirror_reflection`; the power is that of the material's nodes.
@@ -50,6 +56,8 @@ class MirrorMaterial:
         ----------
         incoming, normal, polarisation
             As there.
+        wavelength_m
+            Wavelength [m].
 
         Returns
         -------
@@ -59,6 +67,9 @@ class MirrorMaterial:
         power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
         if not self.polarised:
             power = unpolarised_reflectance(self.index, np.abs(incoming @ normal))
+        if self.rms_height_m > 0:
+            sine = np.abs(incoming @ normal)
+            power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
         return self.share * power, phase_rad
 
 
@@ -83,13 +94,16 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
     if len(values) < 3:
         return None
     n, kappa, roughness = values
+    surface = surface_of(material)
+    height_m = 0.0 if surface is None else surface.rms_height_m
     if kind == PHYSICAL_KIND:
         smooth = roughness <= SMOOTH_BELOW
-        return MirrorMaterial(complex(n, kappa), 1.0, True) if smooth else None
+        return MirrorMaterial(complex(n, kappa), 1.0, True, height_m) if smooth else None
     specularity = group_input(material, SPECULARITY)
     if specularity is None or specularity.default_value <= 0 or roughness > _SHARP:
         return None
-    return MirrorMaterial(complex(n, kappa), float(specularity.default_value), False)
+    share = float(specularity.default_value)
+    return MirrorMaterial(complex(n, kappa), share, False, height_m)
 
 
 def lobe_width(material: Any) -> float:

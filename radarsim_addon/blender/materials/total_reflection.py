@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from ...array_types import Real
+from ...array_types import Int32, Real
 from ...findings import Finding, finding
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
@@ -28,6 +28,8 @@ _TRIANGLES = 500
 _LEAST_FRACTION, _DANGER = 0.005, 0.05
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
+#: Triangles up to which all planes of a convex mesh are compared with each ray.
+_FEW_TRIANGLES = 64
 
 
 def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
@@ -47,13 +49,14 @@ def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
     """
     found = []
     is_inside = cache(has_interior)
+    places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
         sockets = [group_input(material, INDEX) for material in entered]
         index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
-        fraction = 0.0 if index <= 1 else _reflected(item, depsgraph, index, antennas)
+        fraction = 0.0 if index <= 1 else _reflected(item, depsgraph, index, places)
         if fraction > _LEAST_FRACTION:
             said = finding("total-reflection", item.name, fraction=fraction, index=index)
             found.append(said if fraction > _DANGER else said.as_information())
@@ -74,26 +77,72 @@ def _reflected(
     points = vertices.astype(np.float64) @ matrix[:3, :3].T
     if np.linalg.det(matrix[:3, :3]) < 0:
         corners = corners[:, ::-1]
-    tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
     starts, normals, areas = _starts(points[corners])
     inside = _OFF_FACE * float(np.ptp(points, axis=0).max())
+    arrive = _arrivals(points, corners)
     entering, reflected = 0.0, 0.0
     for place in antennas:
         ray = starts - (np.asarray(place) - matrix[:3, 3])
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
         cosine = -np.sum(ray * normals, axis=1)
+        enters = cosine > 0
+        ray, cosine, outward = ray[enters], cosine[enters], normals[enters]
         bent = np.sqrt(1 - (1 - cosine**2) / index**2)
-        onward = ray / index + (cosine / index - bent)[:, None] * normals
-        for row in np.flatnonzero(cosine > 0):
-            start = Vector(starts[row] - inside * normals[row])
-            _, normal, _, _ = tree.ray_cast(start, Vector(onward[row]))
-            if normal is None:
-                continue
-            seen = areas[row] * cosine[row]
-            entering += seen
-            sine = np.sqrt(max(0.0, 1 - float(np.dot(normal, onward[row])) ** 2))
-            reflected += seen * (index * sine > 1)
-    return float(reflected / entering) if entering else 0.0
+        onward = ray / index + (cosine / index - bent)[:, None] * outward
+        exit_cosine = arrive(starts[enters] - inside * outward, onward)
+        met = np.isfinite(exit_cosine)
+        seen = areas[enters] * cosine
+        sine = np.sqrt(np.maximum(0.0, 1 - exit_cosine**2))
+        entering += float(seen[met].sum())
+        reflected += float(seen[met & (index * sine > 1)].sum())
+    return reflected / entering if entering else 0.0
+
+
+def _arrivals(points: Real, corners: Int32) -> Callable[[Real, Real], Real]:
+    """Return a function that gives the cosine to the normal where rays (n, 3) from inside arrive.
+
+    (n,); NaN where the mesh is open.
+    """
+    planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
+    if planes is None:
+        tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
+
+        def cast(starts: Real, onward: Real) -> Real:
+            pairs = zip(starts.tolist(), onward.tolist(), strict=True)
+            met = (tree.ray_cast(Vector(start), Vector(along))[1] for start, along in pairs)
+            normals = np.array([(np.nan,) * 3 if one is None else tuple(one) for one in met])
+            return np.asarray(np.sum(normals.reshape(-1, 3) * onward, axis=1))
+
+        return cast
+    normals, heights = planes
+
+    def leave(starts: Real, onward: Real) -> Real:
+        cosines = onward @ normals.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            way = np.where(cosines > 0, (heights - starts @ normals.T) / cosines, np.inf)
+        return np.asarray(cosines[np.arange(len(way)), way.argmin(axis=1)])
+
+    return leave
+
+
+def _convex_planes(points: Real, corners: Int32) -> tuple[Real, Real] | None:
+    """Unit normals (n, 3) and heights (n,) of the faces of a closed convex mesh, else None."""
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    there, back = (edges.astype(np.int64) @ pair for pair in ((len(points), 1), (1, len(points))))
+    there.sort()
+    if np.any(there[1:] == there[:-1]) or not np.array_equal(there, np.sort(back)):
+        return None
+    a, b, c = (points[corner] for corner in corners.T)
+    outward = np.cross(b - a, c - a)
+    length = np.linalg.norm(outward, axis=1)
+    if not np.all(length > 0):
+        return None
+    normals = outward / length[:, None]
+    heights = np.einsum("ni,ni->n", normals, a)
+    beyond = points @ normals.T - heights
+    if beyond.max() > _OFF_FACE * float(np.ptp(points, axis=0).max()):
+        return None
+    return normals, heights
 
 
 def _starts(triangles: Real) -> tuple[Real, Real, Real]:

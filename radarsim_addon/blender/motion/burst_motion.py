@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -234,11 +235,8 @@ class BurstMotion:
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()
-        steps = [
-            items[0].name
-            for items in self._moving_items()
-            if any(moves_in_steps(item, *plan.burst) for item in items)
-        ]
+        in_steps = cache(lambda item: moves_in_steps(item, *plan.burst))
+        steps = [items[0].name for items in self._moving_items() if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
         tracks = None
@@ -258,12 +256,10 @@ class BurstMotion:
         """Return the rows of poses to be a cubic through whole frames."""
         if not self._smooth:
             return set()
-        scene = self._measured_scene
-        return {
-            row
-            for row, items in enumerate(self._moving_items())
-            if any(is_linear_between_frames(scene, item) for item in items)
-        }
+        # thousands of instances share their objects
+        linear = cache(lambda item: is_linear_between_frames(self._measured_scene, item))
+        rows = enumerate(self._moving_items())
+        return {row for row, items in rows if any(map(linear, items))}
 
     def _smooth_surfaces(self) -> set[str]:
         """Return the deforming surfaces to be a cubic through whole frames."""

@@ -70,7 +70,7 @@ class SamplingPlan:
         """First and last Blender frame of the burst."""
         return float(self.frame), self.frame + self.frames
 
-    @property
+    @functools.cached_property
     def rendered(self) -> tuple[float, Instant]:
         """The moment that is rendered, as `at` returns it."""
         return self.at(self.rendered_fraction)

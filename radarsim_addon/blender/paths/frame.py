@@ -130,10 +130,7 @@ class FrameWork:
     # -- renders -----------------------------------------------------------------------------------
 
     def measure(self) -> Generator[PathTask, None, str]:
-        """Make all renders of the frame; return the limit that ended the refinement.
-
-        Where a run is stopped before `write`, call `keep_tiles`: the next one takes them.
-        """
+        """Make all renders; return the limit that ended it. If stopped, call `keep_tiles`."""
         uniform = tiles = Tile(self._whole).split(self._options.tile_px)
         if self._options.refines:
             chosen = yield from self._choose(uniform)

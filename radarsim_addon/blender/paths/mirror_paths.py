@@ -14,27 +14,24 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import contract
-from ...array_types import Indices, Mask, Real
+from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ...signal.motion import PathImages
 from ...signal.paths import IMAGE_DTYPE, PathFlag, PathRows
-from ...vectors import are_finite, crosses, dots, norms
-from ..materials import MirrorMaterial, lobe_width
+from ...vectors import are_finite, crosses, distances, dots, norms
+from ..materials import lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
 from .hit_points import HitPoints
-from .mirrors import Mirror, find_mirrors
+from .image_chains import find_blocked, first_images, reflection, second_images, ways_over
+from .mirrors import find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
 
-#: Distance of a vertex from the mirror that it is on, over the length of its path: float32.
-_ON_MIRROR = 1e-5
-#: How far a mirrored ray passes its next vertex, over the length of the path: float32.
-_MIRRORED = 1e-4
-#: Height over a mirror, over the way to it, below which a point is on its plane.
-_LEAST_HEIGHT = 1e-6
+#: How far a mirrored ray may pass its scatterer, and its length be off, over that: float32.
+_MIRRORED = 2e-5
 
 
 class MirrorPaths:
@@ -83,9 +80,10 @@ class MirrorPaths:
         #: Width of the narrowest lobe by the body's number, from 1.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
         self._reflections = options.max_reflections
+        self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
         self.mirrors, self._findings = find_mirrors(
-            self._obstacles, transmitter_m, measurement.waveform.wavelength_m, most
+            self._obstacles, transmitter_m, self._wavelength_m, most
         )
         if self._reflections == 1:
             names = [name for item in self._findings for name in item.subjects]
@@ -93,6 +91,9 @@ class MirrorPaths:
         elif self._reflections == 2 and self.mirrors:
             names = [name for mirror in self.mirrors for name in mirror.objects]
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
+        rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
+        if rough:
+            self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
@@ -100,9 +101,21 @@ class MirrorPaths:
             self._findings.append(finding("mirror-ways-not-in-phase", distance_m=apart_m))
         #: Bodies that scatter otherwise towards an image.
         self._narrow: set[int] = set()
-        places = [mirror.image_m(transmitter_m) for mirror in self.mirrors]
+        self.images = first_images(self.mirrors, transmitter_m)
+        if self._reflections > 2:
+            self._add_second_images(most)
         #: Places of the images, (n, 3) [m].
-        self.images_m: Real = np.array(places).reshape(-1, 3)
+        self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
+
+    def _add_second_images(self, most: int) -> None:
+        """Add the images over two mirrors in a row, as far as there may be more images."""
+        second = second_images(self.images)
+        free = most - len(self.images)
+        self.images += second[:free]
+        if second[free:]:
+            names = dict.fromkeys(name for chain in second[free:] for name in chain.objects)
+            count = len(second) - free
+            self._findings.append(finding("mirror-pairs-left-out", *names, count=count, most=most))
 
     @property
     def findings(self) -> list[Finding]:
@@ -126,32 +139,29 @@ class MirrorPaths:
     @property
     def records(self) -> list[contract.ImageRecord]:
         """The images, in the order of their numbers from 1."""
-        return [mirror.record for mirror in self.mirrors]
+        return [chain.record for chain in self.images]
 
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
-        """Return the paths among rows that were measured with an image, from 1, with the mirror in
-        their order, power and phase; and the power of those left out because open objects lie on
+        """Return the paths among rows that were measured with an image, from 1, with its mirrors
+        in their order, power and phase; and the power of those left out because open objects lie on
         the way [W].
         """
-        mirror = self.mirrors[image - 1]
+        chain = self.images[image - 1]
         rows = rows[are_finite(rows["last_scatterer_m"]) & (rows["flags"] & PathFlag.NO_RANGE == 0)]
-        last_m = rows["last_scatterer_m"]
-        way_m = self.images_m[image - 1] - last_m
-        over_m, under_m = mirror.heights_m(last_m), mirror.heights_m(self._transmitter_m[None])
-        above = np.flatnonzero(over_m > _LEAST_HEIGHT * norms(way_m))
-        share = over_m[above] / (over_m[above] + under_m)
-        met_m = last_m[above] + share[:, None] * way_m[above]
-        triangle = mirror.triangle_at(met_m)
-        there = np.flatnonzero(triangle >= 0)
-        rows, met_m, triangle = rows[above[there]], met_m[there], triangle[there]
-        blocked, through = self._blocked(rows, met_m, mirror.body[triangle])
+        ways = ways_over(chain, rows["last_scatterer_m"])
+        rows = rows[ways.rows]
+        blocked, through = find_blocked(
+            chain, ways, rows["last_scatterer_m"], rows["last_body"], self._obstacles
+        )
         through_w = float(rows["power_w"][through].sum())
         free = ~(blocked | through)
         rows = rows[free]
-        self._reflect(mirror, rows, met_m[free], triangle[free])
+        power, phase_rad = reflection(chain, ways.of(free), self._polarisation, self._wavelength_m)
+        rows["power_w"] *= power
+        rows["mirror_phase_rad"] = -phase_rad  # echoes carry exp(+j w t)
         rows["transmitter_image"] = image
-        rows["mirrors"] = 1
-        rows["order"] += 1
+        rows["mirrors"] = len(chain.mirrors)
+        rows["order"] += len(chain.mirrors)
         return rows, through_w
 
     def number(self, rows: PathRows, traced: TracedReplicate, image: int) -> PathRows:
@@ -187,63 +197,42 @@ class MirrorPaths:
         return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, image_m, lobe)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
-        """Rows whose first vertex is on a mirror, and whose second one another pixel sees."""
+        """Rows that come over mirrors to a vertex that another pixel sees."""
         gone = np.zeros(rows.size, dtype=bool)
-        two = rows["order"] - rows["mirrors"] == 2
-        two &= (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
-        two &= are_finite(rows["first_scatterer_m"]) & are_finite(rows["last_scatterer_m"])
-        for image, mirror in enumerate(self.mirrors, start=1):
-            mine = np.flatnonzero(two & np.isin(rows["first_body"], np.unique(mirror.body)))
-            first_m = rows["first_scatterer_m"][mine]
-            close = np.abs(mirror.heights_m(first_m)) <= _ON_MIRROR * rows["length_m"][mine]
-            # The rest of the power of a mirror may be diffuse.
-            onward_m = rows["last_scatterer_m"][mine] - first_m
-            turned = onward_m - 2 * dots(onward_m, mirror.normal)[:, None] * mirror.normal
-            off_m = norms(crosses(turned, rows["direction"][mine]))
-            close &= off_m <= _MIRRORED * rows["length_m"][mine]
-            mine, first_m = mine[close], first_m[close]
-            mine = mine[mirror.triangle_at(first_m) >= 0]
+        once = (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
+        once &= are_finite(rows["last_scatterer_m"])
+        for image, chain in enumerate(self.images, start=1):
+            scatterers = rows["order"] - rows["mirrors"] == 1 + len(chain.mirrors)
+            mine = np.flatnonzero(once & scatterers)
+            if not mine.size:
+                continue
+            # The way over these mirrors has its direction and length; others scatter on the way.
+            ends = np.stack([np.full(mine.size, image), rows["transmitter_image"][mine]], axis=-1)
+            over = PathImages.of(self.records, ends)
+            last_m = rows["last_scatterer_m"][mine]
+            seen_m = over.unfolded(0, last_m) - self._receiver_m
+            way_m = norms(seen_m) + distances(last_m, over.places(1, self._transmitter_m))
+            length_m = rows["length_m"][mine]
+            close = norms(crosses(seen_m, rows["direction"][mine])) <= _MIRRORED * length_m
+            close &= np.abs(way_m - length_m) <= _MIRRORED * length_m
+            mine = mine[close]
             mine = mine[self._alike(rows[mine], image)]
             mine = mine[in_view(rows["last_scatterer_m"][mine], self._receiver)]
-            gone[mine[self._visible(rows[mine])]] = True
+            place_m = over.places(0, self._receiver_m)[0]
+            gone[mine[self._visible(rows[mine], place_m)]] = True
         return gone
 
-    def _visible(self, rows: PathRows) -> Mask:
-        """Whether the receiver sees last vertices from the side from which first vertices do."""
+    def _visible(self, rows: PathRows, image_m: Real) -> Mask:
+        """Whether the receiver sees last vertices from the side from which its image does."""
         last_m = rows["last_scatterer_m"]
-        normals = self._hits.normals(rows["last_body"], rows["first_scatterer_m"], last_m)
-        sides = [
-            dots(normals, place_m - last_m)
-            for place_m in (rows["first_scatterer_m"], self._receiver_m)
-        ]
-        seen = sides[0] * sides[1] > 0
-        ends_m = np.broadcast_to(self._receiver_m, last_m.shape)
+        places_m = (
+            np.broadcast_to(place_m, last_m.shape) for place_m in (image_m, self._receiver_m)
+        )
+        from_m, ends_m = places_m
+        normals = self._hits.normals(rows["last_body"], from_m, last_m)
+        seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
         blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
         return np.asarray(seen & ~blocked & ~through)
-
-    def _blocked(self, rows: PathRows, met_m: Real, mirror_body: Indices) -> tuple[Mask, Mask]:
-        """Whether something opaque, or only something open, lies on the ways of each row."""
-        blocked, through = self._obstacles.block(rows["last_scatterer_m"], met_m, rows["last_body"])
-        left = np.flatnonzero(~blocked)
-        ends_m = np.broadcast_to(self._transmitter_m, met_m[left].shape)
-        blocked[left], on_through = self._obstacles.block(met_m[left], ends_m, mirror_body[left])
-        through[left] |= on_through
-        return blocked, through & ~blocked
-
-    def _reflect(self, mirror: Mirror, rows: PathRows, met_m: Real, triangle: Indices) -> None:
-        """Put the reflection coefficients of the mirror into powers and phases."""
-        to_mirror = met_m - self._transmitter_m
-        to_mirror /= norms(to_mirror)[:, None]
-        groups: dict[MirrorMaterial, list[int]] = {}
-        for number, material in enumerate(mirror.material):
-            groups.setdefault(material, []).append(number)
-        for material, numbers in groups.items():
-            mine = np.flatnonzero(np.isin(triangle, numbers))
-            power, phase_rad = material.reflection(
-                to_mirror[mine], mirror.normal, self._polarisation
-            )
-            rows["power_w"][mine] *= power
-            rows["mirror_phase_rad"][mine] = -phase_rad  # echoes carry exp(+j w t)
 
 
 def with_image_columns(rows: PathRows) -> PathRows:

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ... import contract
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import mirror_matrix
@@ -42,11 +42,6 @@ class Mirror:
     objects: tuple[str, ...]
     sight_sr: float
 
-    @property
-    def record(self) -> contract.ImageRecord:
-        """As the table's sidecar has it."""
-        return contract.ImageRecord([self.normal.tolist()], [self.offset_m], list(self.objects))
-
     def image_m(self, point_m: Real) -> Real:
         """Return the image of a point, (3,) [m]."""
         turned, shift_m = mirror_matrix(self.normal, self.offset_m)
@@ -55,6 +50,11 @@ class Mirror:
     def heights_m(self, points_m: Real) -> Real:
         """Return the distances of points (n, 3) from the plane, on the transmitter's side, (n,)."""
         return dots(points_m, self.normal) - self.offset_m
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether a material has an RMS height."""
+        return any(one.rms_height_m > 0 for one in self.material)
 
     @cached_property
     def _flat(self) -> tuple[Real, Real]:
@@ -194,7 +194,7 @@ def _faces(obstacles: Obstacles, transmitter_m: Real, curved: list[str]) -> _Fac
 def _brightness(material: MirrorMaterial) -> float:
     """What a mirror reflects at normal incidence."""
     along = np.array([[0.0, 0.0, -1.0]])
-    return float(material.reflection(along, -along[0], "average")[0][0])
+    return float(material.reflection(along, -along[0], "average", math.inf)[0][0])
 
 
 def _area(a: Real, b: Real) -> Real:

@@ -27,6 +27,7 @@ from ..materials import (
     SURFACE_TYPES,
     Interiors,
     assigned_materials,
+    has_no_faces,
     has_rough_facets,
     objects_in_walls,
 )
@@ -406,7 +407,9 @@ def _holds_foreign_materials(view_layer: Any) -> bool:
     shown = [
         one
         for one in bpy.data.objects
-        if one.type in SURFACE_TYPES and (not one.hide_render or is_hidden_at_times(one))
+        if one.type in SURFACE_TYPES
+        and not has_no_faces(one)
+        and (not one.hide_render or is_hidden_at_times(one))
     ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)

@@ -100,9 +100,9 @@ class PathOptions:
     )
     mirror_images: int = setting(
         "Mirror images",
-        "Set the most planar mirrors (smooth Radar Materials) over which paths go to the "
-        "transmitter, those first in which it sees most. They count as reflections. 0: none",
-        4,
+        "Set the most images of the transmitter in planar mirrors (smooth Radar Materials), and in "
+        "pairs of them; each is one more view. Mirrors count as reflections. 0: none",
+        8,
         minimum=0,
         maximum=64,
         soft_maximum=16,

@@ -349,18 +349,36 @@ def read_link_budget(
     ConfigError
         Values out of bounds, or a table or file that cannot be read.
     """
-    view = settings(radar)
-    if file is not None:
-        record = read_system(file)
-    elif not view.use_link_budget:
-        return None
-    else:
-        antennas = {
-            name: _antenna_record(getattr(view, name)) for name in ("transmitter", "receiver")
-        }
-        record = view.record(LinkBudget, **antennas)
-    make_system(record, wavelength_m)  # checks it
+    record = own_link_budget(radar) if file is None else read_system(file)
+    if record is not None:
+        make_system(record, wavelength_m)  # checks it
     return record
+
+
+def own_link_budget(radar: Any) -> LinkBudget | None:
+    """Return the link budget of a radar's settings, whose antennas are not checked.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Returns
+    -------
+    LinkBudget or None
+        None where the radar uses none.
+
+    Raises
+    ------
+    ConfigError
+        Values out of bounds, or a table that cannot be read.
+    """
+    view = settings(radar)
+    if not view.use_link_budget:
+        return None
+    names = ("transmitter", "receiver")
+    antennas = {name: _antenna_record(getattr(view, name)) for name in names}
+    return view.record(LinkBudget, **antennas)
 
 
 def output_folder(radar: Any) -> Path:

@@ -60,6 +60,27 @@ class RadarProgress(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Time per ray and reflection of the last run with paths [s]",
     )
+    overlay_view: bpy.props.BoolProperty(
+        name="Field of View",
+        default=True,
+        options={"SKIP_SAVE"},
+        description="Draw the edges of the receiver's view up to the range limit",
+    )
+    overlay_beams: bpy.props.BoolProperty(
+        name="Beams at -3 dB",
+        options={"SKIP_SAVE"},
+        description="Draw where the gain of each antenna is half of its peak, one way",
+    )
+    overlay_rings: bpy.props.BoolProperty(
+        name="Range Rings",
+        options={"SKIP_SAVE"},
+        description="Draw arcs of constant range with labels, in the plane of the receiver's X",
+    )
+    overlay_unambiguous: bpy.props.BoolProperty(
+        name="Unambiguous Range",
+        options={"SKIP_SAVE"},
+        description="Draw the arc beyond which echoes fold or are filtered off",
+    )
     checked: bpy.props.StringProperty(
         name="Checked", options={"SKIP_SAVE"}, description="Findings of the last check, as JSON"
     )

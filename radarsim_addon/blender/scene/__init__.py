@@ -22,7 +22,7 @@ from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
-from .projections import NEAR_CLIP_UNITS, aim, camera_kind
+from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
 from .rig import (
     ACTIVE_RADAR_PROPERTY,
     Rig,
@@ -75,6 +75,7 @@ __all__ = [
     "echoing_boxes",
     "evaluated_poses",
     "find_rig",
+    "frame_edges",
     "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",

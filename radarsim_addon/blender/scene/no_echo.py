@@ -7,6 +7,7 @@ Called for such frames alone, because it looks at every triangle of what may sur
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,8 @@ def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Find
     assigned = {one.item.name: one.materials for one in assigned_materials(depsgraph)}
     if not seen:
         return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
-    dark = [n for n in seen if n in assigned and not any(map(_reflects, assigned[n] or (None,)))]
+    reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree
+    dark = [n for n in seen if n in assigned and not any(map(reflects, assigned[n] or (None,)))]
     found = [finding("shaders-reflect-nothing", *dark)] if dark else []
     others = [name for name in seen if name not in dark]
     return found + ([finding("surfaces-return-nothing", *others)] if others else [])

@@ -59,6 +59,19 @@ def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: flo
 
     The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
     The pixels, which are square, give the other dimension.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+    width_px, height_px
+        Pixels of the render.
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    left, right, bottom, top
+        At distance 1 (perspective), in metres (orthographic) or in radians (equirectangular).
     """
     if camera.type == "PANO":
         settings = _panorama(camera)

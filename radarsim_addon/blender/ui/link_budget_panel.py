@@ -13,8 +13,8 @@ from ...errors import ConfigError, RadarSimError
 from ...options import declared
 from ...physics.radar_equation import monostatic_power_w, to_db
 from ...signal.detection import predicted_snr
-from ...signal.radar import PATTERNS, RadarSystem, make_system
-from ..rig_settings import read_link_budget, read_measurement
+from ...signal.radar import PATTERNS, Radar, RadarSystem, make_system
+from ..rig_settings import own_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
 from .fields import ActiveRadarPanel, active_group, draw_fields, draw_state, split, wrapped
 from .shown_findings import reported
@@ -105,7 +105,7 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             return
         try:
             system = scene_system(context.scene)
-            lines = budget_lines(system, read_measurement(context.scene).radar)
+            lines = _shown_lines(system, read_measurement(context.scene).radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
@@ -115,10 +115,34 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
 
 
 def scene_system(scene: Any) -> RadarSystem | None:
-    """The scene's link budget with its antennas; None where none is used."""
+    """The scene's link budget with its antennas; None where none is used.
+
+    The last ones are kept: the gain of an antenna is an integral, and panels draw all the time.
+    """
     wavelength_m = read_measurement(scene).waveform.wavelength_m
-    record = read_link_budget(active_radar(scene), wavelength_m)
-    return None if record is None else make_system(record, wavelength_m)
+    record = own_link_budget(active_radar(scene))
+    if record is None:
+        return None
+    key = (repr(record), wavelength_m)
+    if key not in _systems:
+        if len(_systems) >= _MOST_KEPT:
+            _systems.clear()
+        _systems[key] = make_system(record, wavelength_m)
+    return _systems[key]
+
+
+def _shown_lines(system: RadarSystem | None, radar: Radar) -> list[str]:
+    """Return `budget_lines`, kept for the system and the radar that were drawn last."""
+    if _lines.get("of") != (system, radar):
+        _lines.update({"of": (system, radar), "text": budget_lines(system, radar)})
+    found: list[str] = _lines["text"]
+    return found
+
+
+#: Link budgets whose antennas are kept.
+_MOST_KEPT = 8
+_systems: dict[tuple[str, float], RadarSystem] = {}
+_lines: dict[str, Any] = {}
 
 
 def eirp_w(system: RadarSystem) -> float:

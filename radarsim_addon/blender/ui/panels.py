@@ -52,8 +52,8 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout, scene = split(self.layout), context.scene
-        known = radars(scene)
-        if not known:
+        # To look for radars takes long in a large scene: not where one is chosen.
+        if getattr(scene, ACTIVE_RADAR_PROPERTY) is None and not radars(scene):
             layout.operator("radarsim.setup_rig", icon="OUTLINER_OB_CAMERA")
         else:
             row = layout.row(align=True)

@@ -22,7 +22,13 @@ from ..plan import (
     config_findings,
     shortest_decimal,
 )
-from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, read_measurement, settings
+from ..rig_settings import (
+    PROGRESS_PROPERTY,
+    RADAR_PROPERTY,
+    carrier_hz,
+    read_measurement,
+    settings,
+)
 from ..scene import (
     Rig,
     active_radar,
@@ -81,7 +87,7 @@ def scene_record(context: Any) -> SceneRecord | None:
             if not bpy.app.timers.is_registered(_read_later):
                 bpy.app.timers.register(_read_later, first_interval=_CALM_S)
             return _latest.get(context.scene.name)
-        known[key] = _read(depsgraph, key)
+        known[key] = _read(context.scene, depsgraph, key)
     return known[key]
 
 
@@ -92,7 +98,7 @@ def _read_later() -> float | None:
     try:
         key = _key(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
-        record = _read(depsgraph, key)
+        record = _read(context.scene, depsgraph, key)
     except (RadarSimError, AttributeError, ReferenceError):
         return None  # the panels say what is missing
     _records.setdefault(take_snapshot(depsgraph), {})[key] = record
@@ -112,10 +118,10 @@ def redraw_panels(context: Any) -> None:
 def _key(scene: Any) -> Any:
     """All that a record depends on besides the snapshot."""
     radar = active_radar(scene)
-    view = settings(radar)
+    view, group = settings(radar), getattr(radar, RADAR_PROPERTY)
     return (
-        radar,
-        rig_of(scene, radar),
+        # Looking for the antennas takes as long as all else: they are found when a scene is read.
+        (radar, group.camera, group.light, scene.camera, view.sampling_mode),
         check_unit_scale(shortest_decimal(scene.unit_settings.scale_length)),
         any_material_echoes(radar),
         scene.render.fps / shortest_decimal(scene.render.fps_base),
@@ -136,9 +142,10 @@ def any_material_echoes(radar: Any) -> bool:
     return bool(view.sampling_mode == "paths" and view.range_encoding != "materials")
 
 
-def _read(depsgraph: Any, key: Any) -> SceneRecord:
+def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
     """Walk through the scene."""
-    _, rig, scale, any_material, fps, span_s, frame = key
+    (radar, *_), scale, any_material, fps, span_s, frame = key
+    rig = rig_of(scene, radar)
     extent = scene_extent(depsgraph, rig, scale, any_material=any_material)
     boxes = echoing_boxes(depsgraph, any_material=any_material)
     speeds = keyed_speeds(boxes, (rig.camera, rig.emitter), frame, fps, span_s)

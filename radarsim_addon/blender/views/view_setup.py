@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..materials import SURFACE_TYPES
+from ..materials import SURFACE_TYPES, has_no_faces
 from ..nodes import attributes
 from ..nodes.materials import lets_nothing_through
 from ..scene import PATTERN_PROPERTY
@@ -102,6 +102,8 @@ def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
 
 def _is_opaque(item: Any, opaque_material: Callable[[Any], bool]) -> bool:
     """Whether an object is known to let nothing through; geometry nodes may set any material."""
+    if has_no_faces(item):
+        return True
     slots = item.material_slots
     if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
         return False

@@ -79,7 +79,8 @@ class _Child:
     def close(self) -> None:
         """See it end, if need be by force."""
         try:
-            self.process.wait(_GRACE_S)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(_GRACE_S)
         finally:
             self.process.kill()
             self._log.close()

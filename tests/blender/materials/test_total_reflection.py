@@ -7,11 +7,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.materials import total_reflections
+from radarsim_addon.blender.materials import total_reflection, total_reflections
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.slab_scene import physical_material
@@ -101,3 +102,42 @@ def test_rims_and_facets_are_information_with_their_fraction() -> None:
     assert said[0].numbers["fraction"] == pytest.approx(want, rel=0.3)
     prism(44.0, 1.4)  # the critical angle of 1.4 is 45.6 degrees
     assert found() == []
+
+
+def box_and_rays() -> tuple[Any, Any, Any, Any]:
+    """A skewed box, and rays that start within it."""
+    rng = np.random.default_rng(4)
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    points = (corners - 0.5) @ (np.eye(3) + 0.3 * rng.random((3, 3)))
+    squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    halves = [half for a, b, c, d in squares for half in ((a, b, c), (a, c, d))]
+    onward = rng.normal(size=(400, 3))
+    onward /= np.linalg.norm(onward, axis=1, keepdims=True)
+    return points, np.array(halves, dtype=np.int32), 0.2 * rng.normal(size=(400, 3)), onward
+
+
+def test_planes_of_convex_meshes_tell_where_rays_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Blender's own rays do."""
+    points, halves, starts, onward = box_and_rays()
+    assert total_reflection._convex_planes(points, halves) is not None
+    inside = np.linalg.norm(starts, axis=1) < 0.3
+    starts, onward = starts[inside], onward[inside]
+    by_planes = total_reflection._arrivals(points, halves)(starts, onward)
+    monkeypatch.setattr(total_reflection, "_FEW_TRIANGLES", 0)
+    by_rays = total_reflection._arrivals(points, halves)(starts, onward)
+    assert len(starts) > 100
+    assert np.all(by_planes > 0)
+    np.testing.assert_allclose(by_planes, by_rays, atol=1e-5)
+
+
+def test_open_and_hollow_meshes_have_no_such_planes() -> None:
+    """A ray leaves an open box through the hole; a dent hides planes behind others."""
+    points, halves, starts, onward = box_and_rays()
+    assert total_reflection._convex_planes(points, halves[:-2]) is None
+    assert total_reflection._convex_planes(points, np.delete(halves, [0, 1, 2, 3], 0)) is None
+    assert total_reflection._convex_planes(points, halves[:, ::-1]) is None
+    dented = points.copy()
+    dented[0] *= -0.2
+    assert total_reflection._convex_planes(dented, halves) is None
+    through = total_reflection._arrivals(points, halves[:-2])(starts, onward)
+    assert 0 < np.isnan(through).sum() < len(through) / 2

@@ -12,8 +12,12 @@ from radarsim_addon.signal import PathFlag
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.error_budget import CellGrid, CellPowers, ErrorBudget
-from radarsim_addon.blender.paths.frame import _uncertain
+from radarsim_addon.blender.paths.error_budget import (
+    CellGrid,
+    CellPowers,
+    ErrorBudget,
+    uncertain_objects,
+)
 from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import TracedReplicate
@@ -177,15 +181,15 @@ def test_objects_beyond_the_target_are_named() -> None:
     errors = budget.object_errors()
     assert errors == pytest.approx({1: 0.05, 2: 0.025})  # the third one is too faint to count
     names = ["Strip", "Square", "Faint"]
-    assert _uncertain(errors, names, 0.03) == []
-    (found,) = _uncertain(errors, names, 0.02)
+    assert uncertain_objects(errors, names, 0.03) == []
+    (found,) = uncertain_objects(errors, names, 0.02)
     assert (found.code, found.subjects) == ("object-error-above-target", ("Strip",))
     assert found.numbers == {
         "stderr_fraction": pytest.approx(0.05),
         "target_fraction": 0.02,
     }
     many = {n: 0.5 + n / 100 for n in range(1, 9)}
-    (found,) = merge(_uncertain(many, [str(n) for n in many], 0.1))
+    (found,) = merge(uncertain_objects(many, [str(n) for n in many], 0.1))
     assert found.subjects == tuple("87654321")
     assert found.numbers["stderr_fraction"] == (0.51, 0.58)
     assert "'8', '7', '6' and 5 more has" in found.text

@@ -209,3 +209,24 @@ def test_a_time_budget_limits_the_tiles(tmp_path: Path) -> None:
     record = ph.run_paths(tmp_path, options=options, width_px=32, height_px=16).record()
     assert (record.small_objects, record.small_objects_tiled) == (5, 0)
     assert SHARED in [item.code for item in record.findings]
+
+
+@pytest.mark.parametrize("modified", [False, True])
+def test_points_that_carry_instances_need_no_material(modified: bool, tmp_path: Path) -> None:
+    """A mesh without faces cannot echo: Radar Materials encode, and all that is there is opaque.
+
+    A modifier may give it faces.
+    """
+    rs.new_scene()
+    plate = ph.plate_at(10, 4, ph.rough_metal())
+    mesh = bpy.data.meshes.new("Places")
+    mesh.from_pydata([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)], [], [])
+    places = bpy.data.objects.new("Places", mesh)
+    bpy.context.scene.collection.objects.link(places)
+    plate.parent, places.instance_type = places, "VERTS"
+    if modified:
+        places.modifiers.new("Skin", "SKIN")
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8)
+    assert run.record().range_encoding == ("world" if modified else "materials")
+    assert run.job.path_scene.all_opaque is not modified
+    assert run.table().size > 0

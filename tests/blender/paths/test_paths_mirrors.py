@@ -328,3 +328,23 @@ def test_the_diffuse_rest_of_a_mirror_stays(tmp_path: Path) -> None:
     assert scattered(off) > 0
     images = on["mirrors"] == 0
     assert scattered(on[images]) == pytest.approx(scattered(off), rel=1e-12)
+
+
+def test_slightly_rough_ground(tmp_path: Path) -> None:
+    """An RMS height without a slope: the amplitude over the ground falls by Miller and Brown."""
+    powers = []
+    for height_m in (0.0, 0.02):
+        scene(view_deg=2.0)
+        material = bpy.data.objects["Ground"].data.materials[0]
+        material["radarsim_rms_height_m"] = height_m
+        run = measure(tmp_path / str(height_m), pixels=32)
+        rows = run.table()
+        powers.append([rows["power_w"][rows["order"] == order].sum() for order in (1, 2, 3)])
+        codes = [item.code for item in run.record().findings]
+        assert ("mirror-slightly-rough" in codes) == (height_m > 0)
+    sine = 8 / math.hypot(8, 40)
+    x = 2 * (2 * math.pi * 5.3e9 / ph.C0_MPS * 0.02 * sine) ** 2
+    rho = math.exp(-x) * float(np.i0(x))
+    assert rho < 0.95
+    found = np.array(powers[1]) / powers[0]
+    np.testing.assert_allclose(found, [1.0, rho**2, rho**4], rtol=2e-3)

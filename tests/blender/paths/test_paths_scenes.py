@@ -132,7 +132,7 @@ def test_scales(tmp_path: Path, metres_per_unit: float, size: float, code: str) 
     ph.quad("Floor", [(-x, near, 0), (x, near, 0), (x, end, 0), (-x, end, 0)], floor)
     wall = [(-x, end, 0), (x, end, 0), (x, end, top), (-x, end, top)]
     ph.quad("Wall", wall, ph.rough_metal())
-    options = {"max_reflections": 2, "range_encoding": code}
+    options = {"max_reflections": 2, "range_encoding": code, "mirror_images": 0}
     run = ph.run_paths(tmp_path, width_px=24, height_px=24, options=options)
     rows, record = run.table(), run.record()
     unit_m = size * metres_per_unit

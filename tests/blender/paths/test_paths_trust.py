@@ -49,7 +49,7 @@ def test_kilometres_do_not_underflow(tmp_path: Path, code: str) -> None:
         kept.append(traced) or original(traced, *rest)
     )
     try:
-        options = {"max_reflections": 3, "range_encoding": code}
+        options = {"max_reflections": 3, "range_encoding": code, "mirror_images": 0}
         run = ph.run_paths(tmp_path, width_px=32, height_px=32, options=options)
     finally:
         view_tracer.rows_of_replicate = original

@@ -115,6 +115,25 @@ def script(robot: Any) -> Any:
     }
     yield 1.5
 
+    # Overlays: all of them, seen from above.
+    shown = bpy.context.window_manager.radarsim
+    names = ("overlay_beams", "overlay_rings", "overlay_unambiguous")
+    for name in names:
+        setattr(shown, name, True)
+    region = robot.view.spaces.active.region_3d
+    before = (region.view_distance, region.view_rotation.copy(), region.view_location.copy())
+    region.view_perspective = "ORTHO"
+    region.view_distance, region.view_rotation = 190.0, (1.0, 0.0, 0.0, 0.0)
+    region.view_location = (0.0, 45.0, 0.0)
+    robot.view.tag_redraw()
+    yield 1.5
+    robot.shot("03_overlays")
+    yield 1.5
+    region.view_perspective = "PERSP"
+    region.view_distance, region.view_rotation, region.view_location = before
+    for name in names:
+        setattr(shown, name, False)
+
     # The checklist: what it says of too low a PRF, and what its button does.
     settings = bpy.data.objects["Radar"].radarsim
     settings.prf_hz = 5000.0

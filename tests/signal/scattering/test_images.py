@@ -17,7 +17,7 @@ from radarsim_addon.contract import (
     TransmitterRecord,
 )
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.mirrors import mirror_reflection
+from radarsim_addon.physics.mirrors import coherent_reflection, mirror_reflection
 from radarsim_addon.signal.motion import (
     AntennaMotion,
     BodyMotion,
@@ -263,3 +263,18 @@ def test_elements_away_from_the_origin() -> None:
     np.testing.assert_allclose(
         found.lengths_m(np.zeros(1), slice(None))[:, 0], expected, rtol=1e-13
     )
+
+
+def test_coherent_part_of_rough_mirrors() -> None:
+    """Against the integral over the heights of a sinusoid of Gaussian amplitude: exp(-x) I0(x)."""
+    wavelength_m, height_m = 0.03, 0.05
+    sines = np.array([0.0, 0.02, 0.1, 0.5, 1.0])
+    found = coherent_reflection(height_m, sines, wavelength_m)
+    # I0 by its integral, mean of exp(x cos t)
+    turn = (np.arange(20_000) + 0.5) * math.pi / 20_000
+    for sine, value in zip(sines, found, strict=True):
+        x = 2 * (2 * math.pi * height_m * sine / wavelength_m) ** 2
+        expected = np.mean(np.exp(x * (np.cos(turn) - 1)))
+        assert value == pytest.approx(expected, rel=1e-5)
+    steep = coherent_reflection(1.0, np.array([0.99, 1.0]), 0.0806)
+    assert steep[1] / steep[0] == pytest.approx(0.99, rel=1e-6)  # 1 / sqrt(x) far out

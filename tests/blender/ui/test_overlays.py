@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Overlays: where their lines and labels are. Drawing itself needs a window (tests/gui)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from radarsim_addon import blender as radarsim
+from radarsim_addon.blender.plan import PRESETS
+from radarsim_addon.blender.ui import overlay_lines as ol
+from radarsim_addon.blender.ui import overlays
+from radarsim_addon.physics.antennas import Aperture, Gaussian
+from radarsim_addon.physics.arrays import PlanarArray
+from tests.blender import radar_scenes as rs
+from tests.blender import recording
+
+NAMES = ("view", "beams", "rings", "unambiguous")
+AHEAD = np.array([0.0, 0.0, -1.0])
+
+
+@pytest.fixture
+def shown(addon: Any) -> Iterator[Any]:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    state = bpy.context.window_manager.radarsim
+    before = [getattr(state, f"overlay_{name}") for name in NAMES]
+    assert before == [True, False, False, False]
+    yield state
+    for name, value in zip(NAMES, before, strict=True):
+        setattr(state, f"overlay_{name}", value)
+
+
+def found() -> tuple[dict[str, overlays.Lines], list[Any]]:
+    bpy.context.view_layer.update()
+    lines, labels = overlays.overlay_lines(recording.context())
+    return {item.kind: item for item in lines}, labels
+
+
+@pytest.mark.parametrize(
+    ("longest_m", "expected"),
+    [
+        (120.0, [20, 40, 60, 80, 100, 120]), (35.0, [5, 10, 15, 20, 25, 30, 35]),
+        (22e3, [2e3 * n for n in range(1, 12)]), (1.0, [0.2, 0.4, 0.6, 0.8, 1.0]),
+    ],
+)  # fmt: skip
+def test_rings_have_round_ranges(longest_m: float, expected: list[float]) -> None:
+    assert ol.ring_ranges(longest_m) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(60.0, 12.0), (3.0, 25.0), (100.0, 20.0)])
+def test_a_beam_ends_at_half_its_width(azimuth: float, elevation: float) -> None:
+    """Of a Gaussian beam the half-power contour crosses the axes at half the beamwidths."""
+    ends = ol.beam(Gaussian(math.radians(azimuth), math.radians(elevation)), AHEAD, 50.0)
+    np.testing.assert_allclose(np.linalg.norm(ends, axis=1), 50.0, rtol=1e-12)
+    across = np.degrees(np.arctan2(np.abs(ends[:, 0]), -ends[:, 2]))
+    up = np.degrees(np.arctan2(np.abs(ends[:, 1]), -ends[:, 2]))
+    assert across.max() == pytest.approx(azimuth / 2, rel=2e-3)
+    assert up.max() == pytest.approx(elevation / 2, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "antenna",
+    [
+        Aperture(0.3, 0.2, 0.03),
+        PlanarArray(8, 4, 0.015, 0.015, 0.03, steer_azimuth_rad=0.3, element_exponent=1.0),
+    ],
+)
+def test_beams_of_apertures_and_steered_arrays(antenna: Any) -> None:
+    azimuth = 0.3 if isinstance(antenna, PlanarArray) else 0.0
+    axis = np.array([math.sin(azimuth), 0.0, -math.cos(azimuth)])
+    ends = ol.beam(antenna, axis, 1.0)
+    np.testing.assert_allclose(antenna.gain(ends), antenna.gain(axis) / 2, rtol=1e-6)
+
+
+def test_the_view_is_the_cameras(shown: Any) -> None:
+    """90 degrees across, 512 x 109 pixels: 24.1 degrees up; the frame lies on the range limit."""
+    radarsim.add_radar((0.0, 0.0, 2.0))
+    lines, labels = found()
+    assert set(lines) == {"view"} and not labels
+    ends = lines["view"].ends
+    lengths = np.linalg.norm(ends, axis=1)
+    assert set(np.round(lengths[:8:2], 9)) == {0.0}
+    np.testing.assert_allclose(lengths[8:], 120.0, rtol=1e-6)
+    frame = ends[8:] / -ends[8:, 2:]
+    assert math.degrees(math.atan(frame[:, 0].max())) == pytest.approx(45.0, abs=1e-3)
+    assert frame[:, 1].max() == pytest.approx(109 / 512, rel=1e-5)
+
+
+def test_lines_stand_in_the_scene_in_metres(shown: Any) -> None:
+    """A unit of 100 m, the radar at (1, 2, 3), looking along +X: 60 m are 0.6 units."""
+    shown.overlay_rings = shown.overlay_unambiguous = True
+    bpy.context.scene.unit_settings.scale_length = 100.0
+    radarsim.add_radar((1.0, 2.0, 3.0), look_at=(5.0, 2.0, 3.0))
+    lines, labels = found()
+    assert {"view", "rings", "unambiguous"} == set(lines)
+    texts = {label.text: matrix @ Vector(label.place) for label, matrix in labels}
+    assert list(texts)[:6] == ["20 m", "40 m", "60 m", "80 m", "100 m", "120 m"]
+    np.testing.assert_allclose(texts["60 m"], [1.6, 2.0, 3.0], atol=1e-5)
+    np.testing.assert_allclose(texts["128 m unambiguous"], [1 + 1.2791, 2.0, 3.0], atol=1e-3)
+    first = lines["rings"].matrix @ Vector(lines["rings"].ends[0])
+    assert (first - Vector((1, 2, 3))).length == pytest.approx(0.2, rel=1e-5)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_all_overlays_of_every_radar(shown: Any, preset: str) -> None:
+    for name in NAMES:
+        setattr(shown, f"overlay_{name}", True)
+    radarsim.add_radar(preset=preset)
+    rs.add_plate(50.0)
+    lines, _ = found()
+    beams = set() if preset == "paper" else {"transmitter", "receiver"}
+    assert set(lines) == {"view", "rings", "unambiguous"} | beams
+    for item in lines.values():
+        assert np.isfinite(item.ends).all()
+        assert item.ends.shape[1] == 3 and len(item.ends) % 2 == 0
+    assert "overlay_beams" in recording.drawn(overlays.RADARSIM_PT_overlays).fields
+
+
+def test_orthographic_and_panoramic_receivers_have_no_pyramid(shown: Any) -> None:
+    radarsim.add_radar()
+    for kind in ("ORTHO", "PANO"):
+        bpy.context.scene.camera.data.type = kind
+        assert "view" not in found()[0]
