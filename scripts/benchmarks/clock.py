@@ -66,7 +66,8 @@ def command_cost(words: Sequence[str | Path], folder: Path) -> Cost:
         process = subprocess.Popen(
             [sys.executable, *map(str, words)],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(folder)},
+            # compiled modules are kept, as they are where the program is installed
+            env={**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": ""},
             stdout=output,
             stderr=output,
         )

@@ -40,7 +40,7 @@ def render_cost(blend: Path, run: Path, *words: str | int) -> dict[str, Any]:
 
 def process_cost(run: Path, *words: str) -> dict[str, float]:
     """Process a run; processor time and memory of the command."""
-    cost = command_cost(["-m", "radarsim_addon", "process", str(run), *words], _ROOT)
+    cost = command_cost(["-m", "radarsim_addon", "process", str(run), "--again", *words], _ROOT)
     return {"process_s": cost.cpu_s, "peak_mib": cost.peak_mib}
 
 

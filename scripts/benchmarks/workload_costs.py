@@ -16,8 +16,6 @@ _ROOT = Path(__file__).resolve().parents[2]
 _REPEATS = 3
 #: Nothing is repeated that has taken so long [s].
 _ENOUGH_S = 60.0
-#: Frames of the car that are processed: with pictures a frame takes a second.
-_PROCESSED = 10
 
 
 def _built(name: str, folder: Path) -> Path:
@@ -45,13 +43,11 @@ def run_frames(folder: Path, quick: bool = False) -> dict[str, Any]:
 
     def once() -> dict[str, float]:
         render = render_cost(blend, run, "--frames", f"1:{count}")
-        frames = f"1:{_PROCESSED}"
-        plain = process_cost(run, "--no-plots", "--frames", frames, "--allow-incomplete")
-        pictures = process_cost(run, "--plots", "--frames", frames, "--allow-incomplete")
+        plain, pictures = process_cost(run, "--no-plots"), process_cost(run, "--plots")
         return {
             "render_s": render["render_s"] / count,
-            "process_s": plain["process_s"] / _PROCESSED,
-            "process_pictures_s": pictures["process_s"] / _PROCESSED,
+            "process_s": plain["process_s"] / count,
+            "process_pictures_s": pictures["process_s"] / count,
         }
 
     return {"frames": count, **_median(once, quick)}

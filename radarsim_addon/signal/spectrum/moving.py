@@ -42,6 +42,8 @@ _MOTION_SHARE = 0.25
 _OFFSETS_SHARE = 4.0
 #: Lengths (rows x times) asked of a motion at a time: 16 MB.
 _MAX_LENGTHS = 1 << 21
+#: Fewer rows are for one thread: more would wait for the interpreter, at twice the processor time.
+_FEW = 1 << 14
 #: Blocks of pulses, at least: so many that threads have work, not their number, on which sums of
 #: errors would hang.
 _BLOCKS = 8
@@ -127,9 +129,7 @@ class MovingPathAccumulator:
         return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
 
     def _by_pulses(self, lengths_m: Real) -> Real:
-        """(pulses x offsets, rows) to (pulses, rows), with a ramp to (pulses, 3, rows), with a
-        pulse to lengths and rates (pulses, 2, rows).
-        """
+        """To (pulses, rows); of a ramp (pulses, 3, rows), of a pulse (pulses, 2, rows)."""
         if self._offsets_s.size == 1:
             return lengths_m
         found = lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
@@ -370,7 +370,8 @@ class MovingPathAccumulator:
                 return partial(self._pool.block, block, lengths, weights, folds)
 
             error = ErrorSum()
-            for result in self._lanes.run(map(job, blocks), len(blocks)):
+            few = min(self._rows, count) < _FEW and self._backend != "direct"
+            for result in self._lanes.run(map(job, blocks), 1 if few else len(blocks)):
                 moving[result.pulses] += result.values
                 error.beside(result.error)
                 cpu_s, transforms = cpu_s + result.cpu_s, transforms + result.values.shape[0]

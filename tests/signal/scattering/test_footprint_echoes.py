@@ -21,12 +21,12 @@ from radarsim_addon.signal import (
     synthesize,
 )
 from radarsim_addon.signal.decoding import FrameInput, frame_paths, open_frame
-from radarsim_addon.signal.maps import range_process
+from radarsim_addon.signal.maps import expected_power, range_process
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, JoinedMotion, PathMotion
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import Paths, motion_of_rows, replicate_offset_px
 from radarsim_addon.signal.paths.paths import path_power_w
-from radarsim_addon.signal.scattering import FrameSpeckle
+from radarsim_addon.signal.scattering import FrameSpeckle, table_footprints
 from tests.signal import path_runs as pr
 
 HEIGHT_M, EIRP_W, SIZE_PX, REPLICATES = 0.5, 5.0, 128, 2
@@ -184,3 +184,16 @@ def test_points_move_with_what_they_lie_on(ground: FrameInput, joined: bool) -> 
         length_m = found.lengths.lengths_m(np.array([time_s]), slice(None))[:, 0]
         # the scatterer of a point is in its cell
         assert np.abs(length_m - 2 * np.linalg.norm(away, axis=1)).max() < 4 * cell_m
+
+
+def test_steps_of_the_expected_power_are_those_of_the_echoes(ground: FrameInput) -> None:
+    """Found once a frame: the points have the same bits, and come again as they were."""
+    table = ground.table
+    own, handed = table_footprints(ground), table_footprints(ground)
+    expected_power(ground, footprints=handed)
+    assert len(handed._views) == table.record.replicates
+    for numbers in (np.arange(table.rows.size), np.arange(3, table.rows.size, 7)):
+        index, rows = own.points(numbers)
+        assert index.size > 2 * numbers.size
+        for again in (handed.points(numbers), handed.points(numbers), own.points(numbers)):
+            assert (again[0] == index).all() and (again[1] == rows).all()
