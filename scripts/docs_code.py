@@ -7,7 +7,7 @@ block right after a Python block is its expected output: words must be equal, nu
 comment ``<!-- not run: REASON -->`` is left out.
 
     python scripts/docs_code.py docs/tutorials/first-map-python.md           # compare
-    python scripts/docs_code.py --write docs/tutorials/first-map-python.md   # write the outputs anew
+    python scripts/docs_code.py --write docs/tutorials/first-map-python.md   # write the outputs
 """
 
 from __future__ import annotations

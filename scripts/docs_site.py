@@ -26,9 +26,9 @@ COMMANDS_PAGE = "reference/commands.md"
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
 
-The command `radarsim` has the subcommands below. `blender -b FILE -P scripts/render_radar.py -- OPTIONS`
-takes the options of `radarsim render`. [Rendering without a window](../headless.md) explains exit codes
-and how runs resume.
+The command `radarsim` has the subcommands below. `blender -b FILE -P scripts/render_radar.py --
+OPTIONS` takes the options of `radarsim render`. [Rendering without a window](../headless.md)
+explains exit codes and how runs resume.
 """
 
 

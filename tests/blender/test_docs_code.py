@@ -11,14 +11,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
 
-import docs_code  # noqa: E402
+import docs_code
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 #: Other pages with Python in them, but for those that read the run of `make demo`.
-PAGES = [
-    ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")
-]
+PAGES = [ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")]
 
 
 @pytest.mark.parametrize("page", [*TUTORIALS, *PAGES], ids=lambda page: page.stem)

@@ -26,7 +26,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     )
     log = done.stdout + done.stderr
     assert done.returncode == 0, log
-    assert "not included in the \"nav\"" not in log, log
+    assert 'not included in the "nav"' not in log, log
     commands = (tmp_path / "site" / "reference" / "commands.html").read_text("utf-8")
     assert "--max-reflections" in commands and "--cfar" in commands
     interface = (tmp_path / "site" / "reference" / "api-signal.html").read_text("utf-8")
