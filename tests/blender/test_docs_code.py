@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts"))
+from scripts import docs_code
 
-import docs_code
+ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))

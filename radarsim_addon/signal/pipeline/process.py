@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -79,7 +79,7 @@ def process_run(
     frames: Sequence[int] | None = None,
     allow_incomplete: bool = False,
     resume: bool = False,
-) -> Iterator[Progress | FrameResult]:
+) -> Generator[Progress | FrameResult, None, None]:
     """Process a run frame by frame.
 
     Parameters
@@ -236,7 +236,7 @@ def open_products(
 
 def _process_frames(
     products: Products, chosen: Sequence[RadarFrame]
-) -> Iterator[Progress | FrameResult]:
+) -> Generator[Progress | FrameResult, None, None]:
     products.draw_antennas()
     steps = products.run.record.rings + _STEPS_AFTER_RINGS
     total, finished = steps * len(chosen), 0
