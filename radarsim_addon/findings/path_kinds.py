@@ -155,6 +155,16 @@ MIRRORS = {
         "transmitter over it are missing.",
         "Give these surfaces a roughness above 0, or shade flat faces flat.",
     ),
+    "mirror-without-image": Kind(
+        "caution",
+        "{subjects} are smooth and planar like mirrors, but radarsim makes no image of the "
+        "transmitter in their materials: BSDFs of Blender, thin sheets, or inputs that nodes set.",
+        "Paths to the transmitter over them are missing. Those that rays from the receiver meet on "
+        "their way are there.",
+        "Assign a Radar Material whose inputs are numbers, or raise the roughness of what is no "
+        "mirror. Thin sheets have no image with any setting; a Physical material without a "
+        "thickness has one, with the reflection of one boundary.",
+    ),
     "mirror-moves": Kind(
         "caution",
         "{subjects} are mirrors and move during the burst.",

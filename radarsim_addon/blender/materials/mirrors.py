@@ -17,11 +17,19 @@ from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import KIND as PHYSICAL_KIND
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from ..nodes.sheet import KIND as SHEET_KIND
 from .clutter import clutter_of
 from .physical_materials import surface_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
 _SHARP = 0.0037
+#: BSDFs with a reflecting lobe of their Roughness.
+_GLOSSY = {
+    "ShaderNodeBsdfAnisotropic",
+    "ShaderNodeBsdfGlass",
+    "ShaderNodeBsdfGlossy",
+    "ShaderNodeBsdfMetallic",
+}
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,69 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
         return None
     share = float(specularity.default_value)
     return MirrorMaterial(complex(n, kappa), share, False, height_m)
+
+
+def is_mirror_like(material: Any) -> bool:
+    """Return whether a material has a lobe that Cycles takes for a mirror.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    bool
+        Of any material: also of thin sheets, of Radar Materials with inputs that nodes set, and of
+        Blender's BSDFs. False where a node sets the roughness.
+    """
+    node = group_node(material)
+    if node is None:
+        return any(_is_sharp(shader) for shader in _foreign_shaders(material))
+    kind = node.node_tree.get(KIND_PROPERTY)
+    if kind == SHEET_KIND:
+        return True
+    limit = SMOOTH_BELOW if kind == PHYSICAL_KIND else _SHARP
+    roughness, specularity = (group_input(material, name) for name in (ROUGHNESS, SPECULARITY))
+    shiny = specularity is None or specularity.default_value > 0
+    return bool(shiny and roughness is not None and roughness.default_value <= limit)
+
+
+def _foreign_shaders(material: Any) -> list[Any]:
+    """Shader nodes that reach the output of a material, through mixes and groups."""
+    if material is None or material.node_tree is None:
+        return []
+    output = material.node_tree.get_output_node("CYCLES")
+    waiting = [] if output is None else [output.inputs["Surface"]]
+    found: dict[int, Any] = {}
+    while waiting:
+        for link in waiting.pop().links:
+            node = link.from_node
+            if node.mute or node.as_pointer() in found:
+                continue
+            found[node.as_pointer()] = node
+            waiting += [socket for socket in node.inputs if socket.type == "SHADER"]
+            tree = getattr(node, "node_tree", None)
+            if tree is not None and tree.get(KIND_PROPERTY) is None:
+                ends = [one for one in tree.nodes if one.bl_idname == "NodeGroupOutput"]
+                waiting += [s for one in ends for s in one.inputs if s.type == "SHADER"]
+    return list(found.values())
+
+
+def _is_sharp(shader: Any) -> bool:
+    """Whether a BSDF of Blender mirrors, by those of its inputs that no node sets."""
+
+    def below(name: str) -> bool:
+        socket = shader.inputs[name]
+        return not socket.is_linked and float(socket.default_value) <= _SHARP
+
+    def above_0(name: str) -> bool:
+        socket = shader.inputs[name]
+        return socket.is_linked or float(socket.default_value) > 0
+
+    if shader.bl_idname != "ShaderNodeBsdfPrincipled":
+        return shader.bl_idname in _GLOSSY and below("Roughness")
+    coated = above_0("Coat Weight") and below("Coat Roughness")
+    return coated or (below("Roughness") and (above_0("Metallic") or above_0("Specular IOR Level")))
 
 
 def lobe_width(material: Any) -> float:

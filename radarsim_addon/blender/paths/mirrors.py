@@ -14,7 +14,7 @@ from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import mirror_matrix
 from ...vectors import dots, norms
-from ..materials import MirrorMaterial, mirror_of
+from ..materials import MirrorMaterial, is_mirror_like, mirror_of
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.
@@ -91,7 +91,8 @@ def find_mirrors(
     """
     found: list[Mirror] = []
     curved: list[str] = []
-    parts = _faces(obstacles, transmitter_m, curved)
+    without: list[str] = []
+    parts = _faces(obstacles, transmitter_m, curved, without)
     left = np.ones(len(parts.sight_sr), dtype=bool)
     while left.any() and len(found) < max(_MOST_PLANES, most):
         first = np.argmax(np.where(left, parts.sight_sr, -1.0))
@@ -118,6 +119,8 @@ def find_mirrors(
     findings = []
     if curved:
         findings.append(finding("mirror-curved", *dict.fromkeys(curved)))
+    if without:
+        findings.append(finding("mirror-without-image", *dict.fromkeys(without)))
     beyond = found[most:]
     if beyond:
         names = dict.fromkeys(name for mirror in beyond for name in mirror.objects)
@@ -144,25 +147,31 @@ class _Faces:
     names: list[str]
 
 
-def _faces(obstacles: Obstacles, transmitter_m: Real, curved: list[str]) -> _Faces:
+def _faces(
+    obstacles: Obstacles, transmitter_m: Real, curved: list[str], without: list[str]
+) -> _Faces:
+    """Find the faces; add objects that are curved, and whose material has no image."""
     bodies = obstacles.bodies
     columns = defaultdict(list)
     names: list[str] = []
     materials: list[MirrorMaterial] = []
     every = {one for shape in bodies.snapshot.shapes for one in shape.materials}
     mirrors = {one: mirror_of(one) for one in every}
-    of_shape = [[mirrors[one] for one in shape.materials] for shape in bodies.snapshot.shapes]
-    mirroring = np.array([any(slots) for slots in of_shape], dtype=bool)
+    like = {one: mirrors[one] is not None or is_mirror_like(one) for one in every}
+    shapes = bodies.snapshot.shapes
+    smooth_slots = [np.array([like[one] for one in shape.materials], bool) for shape in shapes]
+    mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
     for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
-        slots = of_shape[int(bodies.shape[index])]
+        number = int(bodies.shape[index])
+        slots = [mirrors[one] for one in shapes[number].materials]
         mesh = obstacles.mesh(index)
         if mesh is None:
             continue
-        mirrored = np.array([one is not None for one in slots])[
-            np.minimum(mesh.slots, len(slots) - 1)
-        ]
+        slot = np.minimum(mesh.slots, len(slots) - 1)
+        mirrored = np.array([one is not None for one in slots])[slot]
+        smooth = smooth_slots[number][slot]
         name = bodies.originals[int(bodies.number[index])].name
-        if np.any(mirrored & mesh.curved):
+        if np.any(smooth & mesh.curved):
             curved.append(name)
         pose = bodies.pose[index]
         corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]
@@ -173,9 +182,11 @@ def _faces(obstacles: Obstacles, transmitter_m: Real, curved: list[str]) -> _Fac
         facing = dots(across, away_m)
         if not mesh.closed:  # a sheet has two sides
             across, facing = across * np.sign(facing)[:, None], np.abs(facing)
-        kept = np.flatnonzero(mirrored & ~mesh.curved & (facing > 0) & (double_m2 > 0))
-        own = [slots[slot] for slot in np.minimum(mesh.slots[kept], len(slots) - 1).tolist()]
-        chosen = [one for one in own if one is not None]
+        smooth &= ~mesh.curved & (facing > 0) & (double_m2 > 0)
+        if np.any(smooth & ~mirrored):
+            without.append(name)
+        kept = np.flatnonzero(smooth & mirrored)
+        chosen = [one for one in (slots[own] for own in slot[kept].tolist()) if one is not None]
         bright = np.array([_brightness(one) for one in chosen])
         columns["triangles"].append(corners[kept])
         columns["normals"].append(across[kept] / double_m2[kept, None])

@@ -17,6 +17,7 @@ from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.materials import is_mirror_like
 from radarsim_addon.blender.materials import physical_materials as pm
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -284,6 +285,124 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     bpy.context.object.data.materials.append(ph.mirror())
     bpy.ops.object.shade_smooth()
     assert codes("sphere") == {"mirror-curved"}
+
+
+def textured_mirror() -> Any:
+    """A mirror whose index is set by a node."""
+    material = ph.mirror()
+    tree = material.node_tree
+    group = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
+    value = tree.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = 1e4
+    tree.links.new(value.outputs[0], group.inputs["Index of Refraction"])
+    return material
+
+
+def sheet() -> Any:
+    return pm.make_physical_material(
+        "Sheet", "index", carrier_hz=5.3e9, n=2.5, k=0.0, sheet_thickness_m=0.008
+    )
+
+
+def two_closures(kind: str, roughness: float) -> Any:
+    return ph.shader_material(
+        "Two", ("ShaderNodeBsdfDiffuse", {}), (kind, {"Roughness": roughness})
+    )
+
+
+WITHOUT = {"mirror-without-image"}
+
+
+@pytest.mark.parametrize(
+    ("ground", "options", "expected"),
+    [
+        (lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0), {}, WITHOUT),
+        (lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.01), {}, set()),
+        (
+            lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0),
+            {"max_reflections": 1},
+            {"mirrors-need-reflections"},
+        ),
+        # absorbs: no path over it exists
+        (
+            lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0),
+            {"range_encoding": "materials"},
+            set(),
+        ),
+        (lambda: two_closures("ShaderNodeBsdfAnisotropic", 0.0), {}, WITHOUT),
+        (lambda: two_closures("ShaderNodeBsdfMetallic", 0.0), {}, WITHOUT),
+        (lambda: two_closures("ShaderNodeBsdfMetallic", 0.3), {}, set()),
+        (sheet, {}, WITHOUT),
+        (textured_mirror, {}, WITHOUT),
+    ],
+)
+def test_mirrors_without_an_image_are_named(
+    tmp_path: Path, ground: Any, options: dict[str, Any], expected: set[str]
+) -> None:
+    scene(ground, view_deg=4.0)
+    run = measure(tmp_path, pixels=16, **{"range_encoding": "world", **options})
+    found = {item.code: item for item in run.record().findings if "mirror" in item.code}
+    assert set(found) == expected
+    assert all(item.subjects == ("Ground",) for item in found.values())
+    assert not run.record().images
+
+
+def in_a_group(inside: str) -> Any:
+    """A material whose BSDF, of the default inputs but a roughness of 0, is in a node group."""
+    tree = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    shader, end = tree.nodes.new(inside), tree.nodes.new("NodeGroupOutput")
+    shader.inputs["Roughness"].default_value = 0.0
+    tree.links.new(shader.outputs[0], end.inputs[0])
+    material = ph.shader_material("Grouped", ("ShaderNodeBsdfDiffuse", {}))
+    nodes_of = material.node_tree.nodes
+    group = nodes_of.new("ShaderNodeGroup")
+    group.node_tree = tree
+    output = next(node for node in nodes_of if node.bl_idname == "ShaderNodeOutputMaterial")
+    material.node_tree.links.new(group.outputs[0], output.inputs["Surface"])
+    return material
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        ({"Roughness": 0.0}, True),
+        ({"Roughness": 0.0, "Specular IOR Level": 0.0}, False),
+        ({"Roughness": 0.0, "Specular IOR Level": 0.0, "Metallic": 1.0}, True),
+        ({"Coat Weight": 0.5, "Coat Roughness": 0.0}, True),
+        ({"Coat Weight": 0.0, "Coat Roughness": 0.0}, False),
+        ({"Coat Weight": 0.5}, False),  # a roughness of 0.03
+    ],
+)
+def test_lobes_of_principled(inputs: dict[str, float], expected: bool) -> None:
+    rs.new_scene()
+    material = ph.principled("P", (0.5, 0.5, 0.5))
+    node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    assert is_mirror_like(material) == expected
+    if "Roughness" in inputs:
+        value = material.node_tree.nodes.new("ShaderNodeValue")
+        material.node_tree.links.new(value.outputs[0], node.inputs["Roughness"])
+        assert not is_mirror_like(material)
+
+
+def test_lobes_in_groups_and_of_radar_materials() -> None:
+    rs.new_scene()
+    assert is_mirror_like(in_a_group("ShaderNodeBsdfGlass"))
+    assert not is_mirror_like(in_a_group("ShaderNodeBsdfDiffuse"))
+    assert is_mirror_like(ph.mirror())
+    assert not is_mirror_like(ph.rough_metal())
+    assert not is_mirror_like(None)
+
+
+def test_a_plane_edge_on_is_not_named(tmp_path: Path) -> None:
+    """A Radar Material there has no image either: `test_mirror_patch_ends_and_sides`."""
+    scene(lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0), view_deg=4.0)
+    for vertex in bpy.data.objects["Ground"].data.vertices:
+        vertex.co.z = HEIGHT_M
+    run = measure(tmp_path, pixels=16, range_encoding="world")
+    assert not [item for item in run.record().findings if "mirror" in item.code]
 
 
 def test_a_pane_on_the_way_is_said(tmp_path: Path) -> None:
