@@ -148,15 +148,16 @@ class Snapshot:
     @contextlib.contextmanager
     def mesh(self, shape: Shape) -> Iterator[Any]:
         """Provide the evaluated mesh of a shape during a context; None without a surface."""
-        with evaluated_mesh(self._evaluated(shape)) as mesh:
-            yield mesh
-
-    def _evaluated(self, shape: Shape) -> Any:
         if shape.own:
-            return shape.original.evaluated_get(self.depsgraph)
+            with evaluated_mesh(shape.original.evaluated_get(self.depsgraph)) as mesh:
+                yield mesh
+            return
+        # Blender frees the object of an instance with the iterator that gave it.
         for row, item in enumerate(self.depsgraph.object_instances):
             if row == shape.first:
-                return item.object
+                with evaluated_mesh(item.object) as mesh:
+                    yield mesh
+                return
         raise ReferenceError(f"{shape.original.name} is no longer evaluated")
 
 
