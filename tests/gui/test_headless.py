@@ -54,7 +54,7 @@ def test_paths_are_measured_and_processed(scenes: Chroot):
     """One path per pixel, EXR files read by the OpenImageIO that the Blender program has."""
     done = batch(
         scenes, "plate é.blend",
-        "--out", "batch paths", "--sampling-mode", "paths", "--resolution", "16x16",
+        "--out", "batch paths", "--sampling-mode", "paths", "--resolution", "32x32",
         "--max-reflections", "2",
         "--process",
     )  # fmt: skip

@@ -43,7 +43,7 @@ from ..paths import (
 from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
 from ..runs import RadarFrame
 from ..scattering import Link, interference_factors
-from ..spectrum import repeat_orders, smooth_size
+from ..spectrum import check_finite, repeat_orders, smooth_size
 from .range_compression import expected_power_profile
 
 
@@ -203,6 +203,7 @@ class _TableSums:
 
     def _add_view(self, grid: Real, number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells
+        check_finite(rows["length_m"], number, "length")
         gain = self._gain(rows)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]

@@ -14,6 +14,7 @@ import functools
 import hashlib
 import importlib.metadata
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,8 @@ _OF_ALL_FRAMES = ("frames", "frame_times_s")
 #: Options that change no file of a frame; `plots` is settled by who draws.
 _OF_NO_FRAME = ("animate", "plots")
 _MOST_BYTES = 1 << 26
+#: In a frame's record: no product depends on it.
+_RENDER_TIME = re.compile(rb'"render_time_s": *[^,}\s]*')
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,8 @@ class Fingerprints:
             if path.suffix in (".json", ".npy", ".npz", ".exr") and path.name[0] != ".":
                 digest.update(f"\0{path.relative_to(folder)} {path.stat().st_size}\0".encode())
                 # the records hold hashes of all that is large
-                digest.update(path.read_bytes() if path.suffix == ".json" else b"")
+                record = path.read_bytes() if path.suffix == ".json" else b""
+                digest.update(_RENDER_TIME.sub(b"", record))
         return digest.hexdigest()
 
 

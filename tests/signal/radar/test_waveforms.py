@@ -109,14 +109,17 @@ def test_stepped_frequency_repeats_after_c_over_two_steps() -> None:
 
 
 def test_stepped_samples_are_taken_in_the_middle_of_their_steps() -> None:
-    """Tone k of pulse m meets a target of 40 m/s at m/PRF + (k + 1/2) T, by hand."""
+    """Tone k of pulse m is received at m/PRF + (k + 1/2) T, by hand; half the delay before it met
+    the target of 40 m/s.
+    """
     waveform = SteppedWaveform(5.3e9, 1e6, 8, 25e-6)
     echoes = synthesize(
         make_paths(4 * math.pi / waveform.wavelength_m**2, 2 * 50.0, 40.0),
         Radar(waveform, Burst(1000.0, 3)), range_limits_m=(0.0, 100.0), tolerance=1e-9,
     )  # fmt: skip
     tone, pulse = np.arange(8), np.arange(3)[:, None]
-    length_m = 2 * (50.0 + 40.0 * (pulse * 1e-3 + (tone + 0.5) * 25e-6))
+    received_m = 2 * (50.0 + 40.0 * (pulse * 1e-3 + (tone + 0.5) * 25e-6))
+    length_m = received_m / (1 + 40.0 / SPEED_OF_LIGHT_MPS)  # c tau = l(t - tau / 2)
     want = np.exp(-2j * np.pi * (5.3e9 + (tone - 3.5) * 1e6) * length_m / SPEED_OF_LIGHT_MPS)
     np.testing.assert_allclose(echoes.plane, want, atol=1e-7)
 
