@@ -210,7 +210,9 @@ def test_a_negligible_error_is_no_caution(n: float, kappa: float, severity: str)
     depth_m = math.sqrt(2) * 2 * 2**-24 * 10e3
     loss_db_per_m = 40 * math.pi * kappa / WAVELENGTH_M / math.log(10)
     assert said.numbers["power_db"] == pytest.approx(depth_m * loss_db_per_m, rel=1e-3)
-    assert said.numbers["length_wavelengths"] > 0.999 * depth_m * (n - 1) / WAVELENGTH_M
+    wavelengths = said.numbers["length_wavelengths"]
+    assert isinstance(wavelengths, float)
+    assert wavelengths > 0.999 * depth_m * (n - 1) / WAVELENGTH_M
     assert (said.code, said.severity) == ("interior-rounded", severity)
 
 
