@@ -42,6 +42,9 @@ _ABSORPTION_ROUNDINGS = 2.0
 #: Errors of an echo through one object, from which on its faces take the place of its volume, or
 #: it is named: two-way power [dB], and two-way length [wavelengths].
 _TOLERANCE_DB, _TOLERANCE_WAVELENGTHS = 0.005, 0.02
+#: The same errors up to which an object is named for information only: less than calibration is
+#: known to, and the part of a wavelength from which on phases of a table are called unreliable.
+_DANGER_DB, _DANGER_WAVELENGTHS = 0.1, 0.05
 #: Fraction of a wall's surface that is its rim from which on its echoes from inside are named.
 _LEAST_RIM = 0.01
 #: Part of a wall's thickness by which others may reach into it and still only touch it.
@@ -144,12 +147,7 @@ def settle_interiors_far_away(
                     loss_db = losses_db.get(item.name, 0.0)
                     rims.append(finding("rim-echoes-weak", item.name, power_db=loss_db))
     found = [
-        finding(
-            "interior-rounded",
-            item.name,
-            power_db=error.power_db,
-            length_wavelengths=error.length / wavelength,
-        )
+        _named(item.name, error, wavelength)
         for item, error in errors.values()
         if _matters(error, wavelength)
     ]
@@ -167,6 +165,16 @@ def settle_interiors_far_away(
 def _matters(error: _Rounding, wavelength: float) -> bool:
     """Whether echoes are off by more than the tolerances."""
     return error.power_db > _TOLERANCE_DB or error.length > _TOLERANCE_WAVELENGTHS * wavelength
+
+
+def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
+    """The finding about an object: a caution only where its errors are more than negligible."""
+    wavelengths = error.length / wavelength
+    said = finding(
+        "interior-rounded", name, power_db=error.power_db, length_wavelengths=wavelengths
+    )
+    small = error.power_db < _DANGER_DB and wavelengths < _DANGER_WAVELENGTHS
+    return said.as_information() if small else said
 
 
 def _rounding(

@@ -194,6 +194,29 @@ def test_what_faces_cannot_stand_for_is_named() -> None:
 
 
 @pytest.mark.parametrize(
+    ("n", "kappa", "severity"),
+    [
+        (1.5, 0.055, "info"),  # 0.09 dB, 0.02 wavelengths
+        (1.5, 0.07, "caution"),  # 0.11 dB, 0.02 wavelengths
+        (2.3, 0.02, "info"),  # 0.03 dB, 0.04 wavelengths
+        (3.3, 0.02, "caution"),  # 0.03 dB, 0.07 wavelengths
+    ],
+)
+def test_a_negligible_error_is_no_caution(n: float, kappa: float, severity: str) -> None:
+    """A small cube; roundings to 24 bits of distances of 10 km, 2 of them a way."""
+    rs.new_scene()
+    wall(2000.0, 0.0, (0.05, 0.05, 0.05), n=n, k=kappa)
+    (said,) = settled(10e3).findings
+    depth_m = math.sqrt(2) * 2 * 2**-24 * 10e3
+    loss_db_per_m = 40 * math.pi * kappa / WAVELENGTH_M / math.log(10)
+    assert said.numbers["power_db"] == pytest.approx(depth_m * loss_db_per_m, rel=1e-3)
+    wavelengths = said.numbers["length_wavelengths"]
+    assert isinstance(wavelengths, float)
+    assert wavelengths > 0.999 * depth_m * (n - 1) / WAVELENGTH_M
+    assert (said.code, said.severity) == ("interior-rounded", severity)
+
+
+@pytest.mark.parametrize(
     ("slope", "width_m", "named"), [(0.3, 2.0, 1), (0.0, 2.0, 0), (0.3, 90.0, 0)]
 )
 def test_echoes_of_a_rough_rim_are_named(slope: float, width_m: float, named: int) -> None:
