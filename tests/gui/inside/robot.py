@@ -199,7 +199,9 @@ class Robot:
         yield from self._leave_sidebar()
         for attempt in range(12):
             if attempt == 1:  # not in what is seen: from the top on
-                subprocess.run(["xdotool", "click", "--repeat", "80", "4"], check=True)
+                # its default is 100 ms a click, for which the window would stand still
+                words = ["xdotool", "click", "--repeat", "80", "--delay", "5", "4"]
+                subprocess.run(words, check=True)
                 yield 0.8
             region = self.sidebar
             x = region.x + region.width // 2
