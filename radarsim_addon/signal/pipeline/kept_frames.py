@@ -91,10 +91,11 @@ class Fingerprints:
         digest.update(f"{frame.number} {frame.time_s!r}".encode())
         for path in sorted(folder.rglob("*")):
             if path.suffix in (".json", ".npy", ".npz", ".exr") and path.name[0] != ".":
-                digest.update(f"\0{path.relative_to(folder)} {path.stat().st_size}\0".encode())
-                # the records hold hashes of all that is large
-                record = path.read_bytes() if path.suffix == ".json" else b""
-                digest.update(_RENDER_TIME.sub(b"", record))
+                digest.update(f"\0{path.relative_to(folder)}\0".encode())
+                if path.suffix == ".json":  # the records hold hashes of all that is large
+                    digest.update(_RENDER_TIME.sub(b"", path.read_bytes()))
+                else:
+                    digest.update(str(path.stat().st_size).encode())
         return digest.hexdigest()
 
 
