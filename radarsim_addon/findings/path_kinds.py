@@ -80,11 +80,12 @@ PATHS = {
     ),
     "rough-object-without-echo": Kind(
         "caution",
-        "Rays met {subjects}, which are rough, but received no echo from there.",
-        "A rough surface reflects around the specular direction: at grazing incidence, what comes "
-        "back is too little for float32 to hold. Objects in a radar shadow return none either.",
-        "If you expect an echo, raise the roughness, or give the material a diffuse part "
-        "(Specularity below 1).",
+        "Rays met {subjects}, which are rough, but received no echo from there, or one that is "
+        "more than 120 dB below the strongest.",
+        "A rough surface reflects around the specular direction: at grazing incidence, next to "
+        "nothing comes back. Objects in a radar shadow return no echo either.",
+        "If you expect an echo from ground or sea, give the material a clutter model; else raise "
+        "the roughness, or give the material a diffuse part (Specularity below 1).",
     ),
     "object-missed-by-rays": Kind(
         "caution",
@@ -157,13 +158,14 @@ MIRRORS = {
     ),
     "mirror-without-image": Kind(
         "caution",
-        "{subjects} are smooth and planar like mirrors, but radarsim makes no image of the "
-        "transmitter in their materials: BSDFs of Blender, thin sheets, or inputs that nodes set.",
-        "Paths to the transmitter over them are missing. Those that rays from the receiver meet on "
-        "their way are there.",
-        "Assign a Radar Material whose inputs are numbers, or raise the roughness of what is no "
-        "mirror. Thin sheets have no image with any setting; a Physical material without a "
-        "thickness has one, with the reflection of one boundary.",
+        "{subjects} are smooth and planar, so they act as mirrors, but radarsim makes no image of "
+        "the transmitter for them: their material is a BSDF of Blender, a thin sheet, or has "
+        "inputs that nodes set.",
+        "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
+        "whose ray from the receiver meets the mirror first are included.",
+        "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface that "
+        "is not a mirror. Thin sheets get no image with any setting. A Physical material with no "
+        "thickness gets one, with the reflectance of a single boundary, not of a sheet.",
     ),
     "mirror-moves": Kind(
         "caution",

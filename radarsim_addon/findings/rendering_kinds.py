@@ -200,12 +200,12 @@ SCENE = {
     ),
     "walls-averaged-separately": Kind(
         "info",
-        "{subjects} let waves through in the mean of both polarisations, each by itself, for "
-        "{paths}.",
-        "Behind two such walls the power is up to {loss_60_db:.2g} dB too low at 60 degrees of "
-        "incidence, {loss_30_db:.2g} dB at 30 (two ways; more walls, more).",
-        "Choose the polarisation of your radar. Only Paths of one reflection, with Radar Materials "
-        "alone, carry both polarisations through all walls.",
+        "For {paths}, the transmission of each of {subjects} is averaged over both polarisations "
+        "by itself; the averages are then multiplied.",
+        "Behind two such walls the two-way power is up to {loss_60_db:.2g} dB too low at 60 degrees "
+        "of incidence, {loss_30_db:.2g} dB at 30. The error grows with the number of walls.",
+        "Set Polarisation to that of your radar in place of Average. With Average, only the "
+        "sampling mode Paths with one reflection and Radar Materials alone has no such error.",
     ),
     "device-unfit": Kind(
         "caution",

@@ -82,7 +82,9 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
 
 
 def objects_in_walls(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
-    """Find what lies in walls that absorb and delay at their faces, at this moment.
+    """Find objects and antennas that are inside the material of walls, in the evaluated frame.
+
+    Only walls whose absorption and delay are applied where a ray crosses a face count.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def objects_in_walls(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> lis
     Returns
     -------
     list of Finding
-        One ``inside-a-wall`` with the pairs, if any.
+        One ``inside-a-wall`` that names each object and its wall; empty where there is none.
     """
     snapshot = take_snapshot(depsgraph)
     visible = snapshot.layout.visible

@@ -82,7 +82,7 @@ class MirrorMaterial:
 
 
 def mirror_of(material: Any) -> MirrorMaterial | None:
-    """Return the mirror that a Radar Material is, with its inputs at the carrier; None: none.
+    """Return the mirror properties of a Radar Material, with its inputs set for the carrier.
 
     Parameters
     ----------
@@ -91,7 +91,8 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
     Returns
     -------
     MirrorMaterial or None
-        None also where a node sets an input, so that the mirror is not the same everywhere.
+        None where the material is too rough, has no specular part, or has an input that a node
+        sets: the mirror may then vary over the surface.
     """
     node = group_node(material)
     kind = None if node is None else node.node_tree.get(KIND_PROPERTY)

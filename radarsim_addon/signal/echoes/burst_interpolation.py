@@ -62,21 +62,21 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
 
 
 def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
-    """Return at which pulses a render has any weight, in any channel.
+    """Return the pulses whose interpolated echoes this render contributes to, in any channel.
 
     Parameters
     ----------
     radar
         Burst and channels.
     shown_s
-        When each render shows the scene, ascending [s].
+        Scene time of each render after the start of the burst, ascending [s].
     number
-        The render, counted from 0.
+        Index of the render in `shown_s`.
 
     Returns
     -------
     ndarray of bool
-        (pulses,).
+        (pulses,), True where the weight is above 0.
     """
     return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
 

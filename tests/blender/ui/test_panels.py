@@ -95,7 +95,7 @@ def test_redraws_do_not_walk_through_the_scene(
 
 @pytest.mark.parametrize("preset", ["paper", "automotive_77ghz", "sar_c_band"])
 def test_drawing_all_panels_takes_at_most_5_ms(registered: None, preset: str) -> None:
-    """2000 objects, the least of 40 redraws, processor time: nothing is computed anew.
+    """2000 objects, the least of 40 redraws, processor time: nothing is computed again.
 
     Of the SAR's antenna, here an aperture of 12 m, the gain is an integral.
     """

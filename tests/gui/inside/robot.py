@@ -199,7 +199,7 @@ class Robot:
         yield from self._leave_sidebar()
         for attempt in range(12):
             if attempt == 1:  # not in what is seen: from the top on
-                # its default is 100 ms a click, for which the window would stand still
+                # its default is 100 ms a click, during which the window would not respond
                 words = ["xdotool", "click", "--repeat", "80", "--delay", "5", "4"]
                 subprocess.run(words, check=True)
                 yield 0.8
