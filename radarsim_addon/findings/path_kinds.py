@@ -163,9 +163,9 @@ MIRRORS = {
         "inputs that nodes set.",
         "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
         "whose ray from the receiver meets the mirror first are included.",
-        "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface that "
-        "is not a mirror. Thin sheets get no image with any setting. A Physical material with no "
-        "thickness gets one, with the reflectance of a single boundary, not of a sheet.",
+        "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface "
+        "that is not a mirror. Thin sheets get no image with any setting. A Physical material "
+        "with no thickness gets one, with the reflectance of a single boundary, not of a sheet.",
     ),
     "mirror-moves": Kind(
         "caution",

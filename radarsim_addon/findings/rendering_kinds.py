@@ -202,8 +202,9 @@ SCENE = {
         "info",
         "For {paths}, the transmission of each of {subjects} is averaged over both polarisations "
         "by itself; the averages are then multiplied.",
-        "Behind two such walls the two-way power is up to {loss_60_db:.2g} dB too low at 60 degrees "
-        "of incidence, {loss_30_db:.2g} dB at 30. The error grows with the number of walls.",
+        "Behind two such walls the two-way power is up to {loss_60_db:.2g} dB too low at 60 "
+        "degrees of incidence, {loss_30_db:.2g} dB at 30. The error grows with every further "
+        "wall.",
         "Set Polarisation to that of your radar in place of Average. With Average, only the "
         "sampling mode Paths with one reflection and Radar Materials alone has no such error.",
     ),

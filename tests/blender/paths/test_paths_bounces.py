@@ -219,6 +219,21 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     assert run.job.findings[-len(findings) :] == findings
 
 
+def test_ground_with_next_to_no_echo_is_said(tmp_path: Path) -> None:
+    """At 8 degrees of grazing, a lobe leaves a little that float32 still holds."""
+    rs.new_scene()
+    wall = nodes.make_material("Wall", 1e4, 1e4, 0.0, 0.5, penetrable=False)
+    ph.quad("Wall", [(-20, 10, -20), (0, 10, -20), (0, 10, 20), (-20, 10, 20)], wall)
+    corners = [(-20, 6, -1), (20, 6, -1), (20, 9, -1), (-20, 9, -1)]
+    ph.quad("Ground", corners, pm.make_physical_material(
+        "Ground", "index", carrier_hz=5.3e9, rms_slope=0.7, n=2.0, k=0.1, penetrable=False
+    ))  # fmt: skip
+    run = ph.run_paths(tmp_path / "faint", width_px=32, height_px=32)
+    assert np.unique(run.table()["last_object"]).size == 2  # it has paths
+    said = [item for item in run.record().findings if item.code == "rough-object-without-echo"]
+    assert [item.subjects for item in said] == [("Ground",)]
+
+
 def test_nothing_in_sight(tmp_path: Path) -> None:
     """A frame without any echo: an empty table that opens, and a word about it."""
     rs.new_scene()
