@@ -14,6 +14,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Int32, Real
 from ...findings import Finding, finding
+from ...vectors import norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
@@ -135,36 +136,43 @@ def _reflected(
         corners = corners[:, ::-1]
     starts, normals, areas = _starts(points[corners])
     inside = _OFF_FACE * float(np.ptp(points, axis=0).max())
-    arrive = _arrivals(points, corners)
+    planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
+    arrive = _arrivals(points, corners, planes)
     entering, reflected = 0.0, 0.0
     for place in antennas:
         ray = starts - (np.asarray(place) - matrix[:3, 3])
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        distance = norms(ray)
+        ray /= distance[:, None]
         cosine = -np.sum(ray * normals, axis=1)
         enters = cosine > 0
         ray, cosine, outward = ray[enters], cosine[enters], normals[enters]
+        first = np.ones(len(ray), dtype=bool)  # what enters a house enters its inner walls, too
+        if planes is None:
+            back = arrive(starts[enters] + inside * outward, -ray)[1]
+            first = ~(back < distance[enters])
         bent = np.sqrt(1 - (1 - cosine**2) / body.refraction**2)
         onward = ray / body.refraction + (cosine / body.refraction - bent)[:, None] * outward
         begin = starts[enters] - inside * outward
         out, way = arrive(begin, onward)
         seen = areas[enters] * cosine
-        entering += float(seen[np.isfinite(out)].sum())
+        entering += float(seen[first & np.isfinite(out)].sum())
         beyond = body.refraction * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1  # false where it is NaN
         straight = arrive(begin[beyond], ray[beyond])[1]
         if body.layer is not None:
             straight = straight * np.abs(ray[beyond] @ body.layer)
         least = np.minimum(np.fmin(way[beyond], straight), body.at_most)
         reflected += float(np.sum(seen[beyond] * np.exp(-body.per_unit * least)))
-    return reflected / entering if entering else 0.0
+    return min(reflected / entering, 1.0) if entering else 0.0
 
 
-def _arrivals(points: Real, corners: Int32) -> Callable[[Real, Real], tuple[Real, Real]]:
+def _arrivals(
+    points: Real, corners: Int32, planes: tuple[Real, Real] | None
+) -> Callable[[Real, Real], tuple[Real, Real]]:
     """Return a function that follows rays (n, 3) from inside to where they arrive.
 
     It gives the cosine to the normal there and the length of the way, (n,) each; NaN where the mesh
-    is open.
+    is open. `planes` are those of a convex mesh.
     """
-    planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
     if planes is None:
         tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
 
