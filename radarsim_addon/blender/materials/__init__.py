@@ -32,6 +32,7 @@ from .physical_materials import (
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
 from .unrefracted import straight_interiors
+from .wall_modifier import sharpen_edges
 
 __all__ = [
     "EXACT_FACETS",
@@ -69,6 +70,7 @@ __all__ = [
     "set_layer_normals",
     "settle_interiors",
     "settle_interiors_far_away",
+    "sharpen_edges",
     "slot_materials",
     "straight_interiors",
     "table_files",

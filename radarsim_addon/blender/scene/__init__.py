@@ -42,7 +42,7 @@ from .simulations import (
     renders_whole_frames_only,
     simulation_frames,
 )
-from .smooth_shading import check_normals
+from .smooth_shading import check_normals, sharpen_walls
 from .visibility import (
     hiding_is_animated,
     is_hidden_at_times,
@@ -100,6 +100,7 @@ __all__ = [
     "rigid_pose",
     "scene_extent",
     "setup_rig",
+    "sharpen_walls",
     "show_as_rendered",
     "show_what_ever_renders",
     "show_what_renders",
