@@ -54,7 +54,8 @@ def draw_sigma0(levels_db: Real, valid: Mask) -> Single:
 
     def row(level_db: Real) -> NDArray[np.intp]:
         clipped = np.clip(level_db, bottom_db, top_db)
-        return np.rint((top_db - clipped) / (top_db - bottom_db) * (rows - 1)).astype(np.intp)
+        part = (top_db - clipped) / (top_db - bottom_db)
+        return np.asarray(np.rint(part * (rows - 1)), dtype=np.intp)
 
     for level_db in nice_ticks(bottom_db, top_db, 5):
         place = int(row(np.array(level_db)))
