@@ -45,13 +45,25 @@ def add_prism(name: str, outline: Sequence[tuple[float, float]], half_width: flo
 
 def add_ellipsoid(name: str, centre: Point, radii: Point, material: Any) -> Any:
     """Add an ellipsoid whose mesh has its true size."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=12, radius=1.0)
-    item = bpy.context.object
-    item.name = item.data.name = name
-    for vertex in item.data.vertices:
-        vertex.co = [m + r * c for m, r, c in zip(centre, radii, vertex.co)]
-    item.data.materials.append(material)
-    return item
+    around, rings = 24, 12
+    angles = [
+        (math.pi * ring / rings, 2 * math.pi * turn / around)
+        for ring in range(1, rings)
+        for turn in range(around)
+    ]
+    units = [(math.sin(a) * math.cos(b), math.sin(a) * math.sin(b), math.cos(a)) for a, b in angles]
+    top, bottom = len(units), len(units) + 1
+    corners = [
+        [m + r * c for m, r, c in zip(centre, radii, unit)]
+        for unit in (*units, (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
+    ]
+    faces: list[tuple[int, ...]] = []
+    for one in range(around):
+        two, last = (one + 1) % around, (rings - 2) * around
+        faces += [(top, one, two), (bottom, last + two, last + one)]
+        for low in range(0, last, around):
+            faces.append((low + one, low + around + one, low + around + two, low + two))
+    return add_mesh(name, corners, faces, material)
 
 
 def coloured(material: Any, colour: tuple[float, float, float]) -> Any:

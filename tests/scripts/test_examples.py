@@ -166,6 +166,15 @@ def test_file_is_what_its_script_makes(bpy: Any, name: str) -> None:
     assert path.stat().st_size < 300_000
 
 
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "blend_examples").glob("*.blend")), ids=lambda path: path.stem
+)
+def test_blender_4_3_opens_the_file(bpy: Any, path: Path) -> None:
+    """Files of Blender 5 have a header that Blender 4.3 does not know."""
+    bpy.ops.wm.open_mainfile(filepath=str(path), use_scripts=False)
+    assert bpy.data.version < (5, 0, 0)
+
+
 def _contents(bpy: Any) -> Iterator[tuple[str, Any]]:
     """Yield objects with their places, meshes and keys, and materials."""
     for item in bpy.context.scene.objects:
