@@ -14,7 +14,7 @@ import numpy as np
 from ...array_types import Real
 from ...contract import FluctuationRecord
 from ...physics.clutter_statistics import clutter_velocities, texture
-from ..paths import PathRows
+from ..paths import AnyRows
 from .random_phases import hash_step, uniform
 from .surface_cells import Cells, SurfaceCells
 
@@ -38,7 +38,7 @@ class SurfaceFluctuations:
     def __bool__(self) -> bool:
         return bool(self._surfaces)
 
-    def of_vertex(self, rows: PathRows, cells: Cells, first: bool) -> tuple[Real, Real]:
+    def of_vertex(self, rows: AnyRows, cells: Cells, first: bool) -> tuple[Real, Real]:
         """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
         vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
         """
