@@ -15,8 +15,9 @@ from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
 from ..paths import PathColumns, Paths, TableFootprints, geometry_of
+from .speckle_report import SpeckleReport
 from .surface_cells import Body
-from .surface_speckle import Roughness, Scattering, SpeckleReport, SurfaceSpeckle
+from .surface_speckle import Roughness, Scattering, SurfaceSpeckle
 
 #: Largest distance of the points of one path, in range resolutions of the total length (half as
 #: much of range) and in Doppler bins: their echoes overlap without a ripple.

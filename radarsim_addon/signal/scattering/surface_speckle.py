@@ -34,9 +34,8 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Indices, Integers, Real
 from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
-from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...vectors import are_finite
+from ...vectors import are_finite, distances
 from ..paths import (
     AnyRows,
     PathColumns,
@@ -47,6 +46,7 @@ from ..paths import (
     scatterer_rows,
 )
 from .random_phases import hash_step
+from .speckle_report import ENOUGH_SCATTERERS, SpeckleReport
 from .surface_cells import Body, Hash, SurfaceCells
 from .surface_fluctuations import SurfaceFluctuations
 
@@ -62,8 +62,6 @@ _SMOOTH = 1e-6
 _COHERENT = 0.01
 #: Powers of two of float64, and some more.
 _EXPONENTS = 2200
-#: Scatterers in a resolution cell from which its intensity is taken to be exponential.
-ENOUGH_SCATTERERS = 40
 
 
 @dataclass(frozen=True)
@@ -72,58 +70,6 @@ class Roughness:
 
     rms_height_m: float
     correlation_length_m: float = 0.0
-
-
-@dataclass(frozen=True)
-class SpeckleReport:
-    """What the cells of a frame are like.
-
-    Attributes
-    ----------
-    cell_m
-        Edge of a cell [m]; larger where a material's correlation length is.
-    cells
-        Cells that paths hit.
-    median_scatterers
-        Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
-        median over the power.
-    undersampled_power_fraction
-        Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
-    coherent_power_fraction
-        Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
-    coherent_objects
-        Names of the objects of which more than 1 % of the power is.
-    """
-
-    cell_m: float
-    cells: int
-    median_scatterers: float
-    undersampled_power_fraction: float
-    coherent_power_fraction: float = 0.0
-    coherent_objects: tuple[str, ...] = ()
-
-    @property
-    def findings(self) -> list[Finding]:
-        """Too few scatterers for speckle, and coherent parts left out, where it is so."""
-        found = []
-        if self.undersampled_power_fraction >= 0.2:
-            found.append(
-                finding(
-                    "few-scatterers",
-                    fraction=self.undersampled_power_fraction,
-                    enough=ENOUGH_SCATTERERS,
-                    median=self.median_scatterers,
-                )
-            )
-        if self.coherent_objects:
-            found.append(
-                finding(
-                    "coherent-part-not-formed",
-                    *self.coherent_objects,
-                    fraction=self.coherent_power_fraction,
-                )
-            )
-        return found
 
 
 @dataclass(frozen=True)
@@ -262,6 +208,7 @@ class SurfaceSpeckle:
         coherent_w = self._coherent_w = np.zeros(self._heights.size)
         powers, ranges, places_m = np.zeros(0), np.zeros(0), np.zeros((0, 3))
         leaders, start = np.zeros(0, dtype=np.intp), 0
+        rows: AnyRows
         for rows in iter_rows(self._table):
             number = np.arange(start, start + rows.size)
             start += rows.size
@@ -426,15 +373,10 @@ def _unit(vectors: Real) -> Real:
         return np.where(length > 0, vectors / length, 0.0)
 
 
-def distances(points_m: Real, origin_m: Real) -> Real:
-    """Distances of points (n, 3) from one or as many others, (n,) [m]."""
-    found: Real = np.zeros(len(points_m))
-    for axis in range(3):  # by columns: a sum over three is slow
-        found += (points_m[:, axis] - origin_m[..., axis]) ** 2
-    return np.sqrt(found, out=found)
-
-
 def _even_phases(units: Real, order: Integers) -> Real:
     """Phases from unit heights (2, n) of 1e3 standard deviations, even over a cycle, (n,)."""
-    both = 2 * np.pi * (1e3 * units % 1.0)
-    return np.asarray(np.where(order == 2, both[0], 0.0) + both[1])
+    turns = 1e3 * units[1]
+    phases = 2 * np.pi * (turns - np.floor(turns))
+    two = np.flatnonzero(order == 2)
+    phases[two] += 2 * np.pi * (1e3 * units[0, two] % 1.0)
+    return np.asarray(phases)
