@@ -22,7 +22,7 @@ from .surface_cells import Cells, SurfaceCells
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
-def grazing_cosines(rows: PathRows) -> Real:
+def grazing_cosines(rows: AnyRows) -> Real:
     """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
 
     Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
