@@ -17,8 +17,9 @@ from ...findings import Finding, merge
 from ...options import declared
 from ...signal.radar import Weather
 from ..headless import make_job
+from ..materials import SURFACE_TYPES
 from ..plan import Measurement
-from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, settings
+from ..rig_settings import MIRROR_PROPERTY, PROGRESS_PROPERTY, carrier_hz, settings
 from ..scene import active_radar, echoes
 from .fields import (
     ActiveRadarPanel,
@@ -173,6 +174,9 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         row.prop(state, "preset", text="")
         button = row.operator("radarsim.assign_material", icon="MATERIAL")
         button.preset = state.preset
+        item = context.active_object
+        if item is not None and item.type in SURFACE_TYPES:
+            split(layout).prop(item, MIRROR_PROPERTY)
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
 
 
