@@ -26,7 +26,7 @@ from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
-from .mirror_choice import (
+from .mirror_marks import (
     marked_mirrors,
     mirror_choice,
     mirror_property,

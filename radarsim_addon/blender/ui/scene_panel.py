@@ -197,9 +197,11 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout, group = split(self.layout), active_group(context.scene)
-        names = ["rain_mm_per_h", "rain_polarisation", "fog_g_per_m3", "gases"]
-        if not group.rain_mm_per_h:
-            names.remove("rain_polarisation")
+        names = ["rain_mm_per_h"]
+        if group.rain_mm_per_h:
+            names += ["rain_polarisation", "rain_echo"]
+            names += ["wind_x_mps", "wind_y_mps"] if group.rain_echo else []
+        names += ["fog_g_per_m3", "gases"]
         if group.fog_g_per_m3 or group.gases:
             names.append("air_temperature_c")
         if group.gases:
@@ -210,7 +212,7 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
             _attenuation_db_per_km(weather, carrier_hz(context.scene))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
-        if group.rain_mm_per_h:
+        if group.rain_mm_per_h and not group.rain_echo:
             layout.label(text="The echo of rain is left out", icon="INFO")
 
 

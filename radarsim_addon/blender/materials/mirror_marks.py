@@ -99,7 +99,12 @@ def marked_mirrors() -> str:
 
 
 def mirror_property() -> Any:
-    """Return the choice as a property of objects, for the window."""
+    """Return the choice as a property of objects, for the window.
+
+    Returns
+    -------
+    bpy.props.EnumProperty
+    """
 
     def read(item: Any) -> int:
         return _NAMES.index(mirror_choice(item))
