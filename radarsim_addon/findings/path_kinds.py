@@ -184,11 +184,11 @@ MIRRORS = {
     ),
     "mirror-ways-not-in-phase": Kind(
         "caution",
-        "The antennas are {distance_m:length} apart, or the camera is orthographic: paths back to "
-        "the receiver over mirrors are measured by themselves.",
+        "The camera is orthographic: paths back to the receiver over mirrors are measured by "
+        "themselves.",
         "Powers of all paths are right, but paths back over a mirror do not interfere with the "
         "direct ones.",
-        "Put both antennas in one place, and use a perspective or panoramic camera.",
+        "Use a perspective or panoramic camera.",
     ),
     "mirror-lobe-narrow": Kind(
         "caution",
