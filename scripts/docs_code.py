@@ -4,8 +4,8 @@
 The Python blocks of a page run one after the other, in one process and one empty folder. A ``text``
 block right after a Python block is its expected output: words must be equal, numbers within 2 %
 (or the last digit printed). In tutorials the commands (``sh`` blocks) run too. A block after a
-comment ``<!-- not run: REASON -->`` is left out. The code cells of a Jupyter notebook run in the same
-way, without a kernel; what a cell prints is compared with the text that the file holds as output.
+comment ``<!-- not run: REASON -->`` is left out. The code cells of a Jupyter notebook run in the
+same way, without a kernel; what a cell prints is compared with the output in the file.
 
     python scripts/docs_code.py docs/tutorials/first-map-python.md           # compare
     python scripts/docs_code.py --write docs/tutorials/first-map-python.md   # write the outputs
