@@ -14,7 +14,7 @@ from .assignments import (
 from .averaging import average_in_a_row, averaging_objects, separate_averages
 from .clutter import clutter_name, clutter_of, set_clutter, set_clutter_tables, table_files
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
-from .inside_walls import objects_in_walls, overlapping_shells
+from .inside_walls import antennas_in_media, objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -39,6 +39,7 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "antennas_in_media",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
