@@ -275,6 +275,14 @@ MOTION = {
         "would give steps of Doppler.",
         "Set Motion to Linear simulations for Blender's straight lines.",
     ),
+    "cache-between-frames": Kind(
+        "caution",
+        "The cache that moves {subjects} has its own frames, between those of the scene.",
+        "radarsim takes a smooth cubic through whole frames of the scene, where the cache's "
+        "straight lines are cut: range rates are off by up to about {speed_mps:.2g} m/s.",
+        "Set the scene to the frame rate of the cache, with its frames on whole frames. Frames "
+        "of Mesh Cache modifiers (Time Mode Frame) are known, whatever their Frame Scale.",
+    ),
     "motion-in-steps": Kind(
         "caution",
         "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
