@@ -21,7 +21,7 @@ from .clutter import (
     table_files,
 )
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
-from .inside_walls import objects_in_walls, overlapping_shells
+from .inside_walls import antennas_in_media, objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -53,6 +53,7 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "antennas_in_media",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
