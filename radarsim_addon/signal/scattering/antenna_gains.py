@@ -41,8 +41,8 @@ _BLOCK = 1 << 19
 #: Pulses over which a mean gain is taken, at most.
 _MEAN_PULSES = 64
 #: Of these, so many tell the mean of gains whose polynomial through them has last two coefficients
-#: below this fraction of the gain.
-_MEAN_NODES, _MEAN_ERROR = 5, 1e-8
+#: below these fractions of the gain: the next one is then below 1e-9.
+_MEAN_NODES, _MEAN_TAIL = 5, (1e-5, 1e-8)
 
 
 @dataclass(frozen=True)
@@ -133,9 +133,9 @@ class _MeanNodes:
 
     def mean(self, values: Real) -> tuple[Real, Mask]:
         """Means of values (n, nodes), and which change smoothly, (n,) each."""
-        left = np.abs(np.einsum("nk,ck->nc", values, self.tail)).sum(axis=1)
-        smooth = left <= _MEAN_ERROR * np.abs(values).max(axis=1)
-        return np.einsum("nk,k->n", values, self.weights), smooth
+        tail = np.abs(np.einsum("nk,ck->cn", values, self.tail))
+        smooth = tail <= np.multiply.outer(_MEAN_TAIL, np.abs(values).max(axis=1))
+        return np.einsum("nk,k->n", values, self.weights), smooth.all(axis=0)
 
 
 class Link:
