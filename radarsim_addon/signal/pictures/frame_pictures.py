@@ -13,9 +13,14 @@ from .map import draw_range_doppler
 from .profile import draw_range_profile
 from .rings import plot_rings
 from .sheet import save_picture
+from .spectrogram import plot_spectrogram
+
+_ENDINGS = tuple(
+    f"_{name}.png" for name in ("rings", "echo", "range_profile", "range_doppler", "spectrogram")
+)
 
 
-@result_writer("png", "_rings.png", "_echo.png", "_range_profile.png", "_range_doppler.png")
+@result_writer("png", *_ENDINGS)
 def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     """Draw the pictures of a frame.
 
@@ -29,7 +34,8 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png`` too.
+        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``
+        too, and ``_spectrogram.png`` where there is one.
     """
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     unit = power_unit(result.echoes.amplitude_model)
@@ -67,4 +73,11 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
         noise_power=result.map_noise_power,
         unit=unit,
     )
-    return [*files, save_picture(pixels, file("range_doppler"))]
+    files.append(save_picture(pixels, file("range_doppler")))
+    if result.spectrogram is not None:
+        name = result.spectrogram.options.object_name
+        figure = plot_spectrogram(
+            result.spectrogram, f"Spectrogram{f' of {name}' if name else ''}, {title}", unit
+        )
+        files.append(save_figure(figure, file("spectrogram")))
+    return files

@@ -18,13 +18,14 @@ from ..results import FrameResult, frame_file, result_writer
 from ..spectrum import SynthesisReport
 
 
-@result_writer("npz", "_profile.npz", "_map.npz", "_expected.npz")
+@result_writer("npz", "_profile.npz", "_map.npz", "_expected.npz", "_spectrogram.npz")
 def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
     """Write range profile and range-Doppler map, and the expected powers where they are known.
 
     ``_profile.npz`` (range_m, expected_power, coherent_range_m, coherent_power), ``_map.npz``
-    (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), and ``_expected.npz`` with
-    the fields of :class:`.maps.ExpectedPower`.
+    (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), ``_expected.npz`` with the
+    fields of :class:`.maps.ExpectedPower`, and ``_spectrogram.npz`` (time_s, doppler_hz,
+    velocity_mps, power [window, Doppler]).
     """
     profile, rd_map = result.profile, result.rd_map
     arrays = {
@@ -45,6 +46,11 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
         arrays["_expected.npz"] = {
             field.name: getattr(result.expected, field.name)
             for field in dataclasses.fields(result.expected)
+        }
+    shown = result.spectrogram
+    if shown is not None:
+        arrays["_spectrogram.npz"] = {
+            name: getattr(shown, name) for name in ("time_s", "doppler_hz", "velocity_mps", "power")
         }
     files = []
     for ending, content in arrays.items():
