@@ -155,7 +155,7 @@ def spectrogram(
     prf_hz = radar.burst.prf_hz
     return Spectrogram(
         np.fft.fftshift(power, axes=1),
-        (starts + (window - 1) / 2) / prf_hz,
+        np.asarray((starts + (window - 1) / 2) / prf_hz, dtype=np.float64),
         np.fft.fftshift(np.fft.fftfreq(window, 1 / prf_hz)),
         limits_m,
         radar,
