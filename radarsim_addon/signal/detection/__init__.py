@@ -13,6 +13,7 @@ from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_backgro
 from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_findings
 from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_findings
 from .summary_peaks import find_edges
+from .target_paths import PathFinder, TargetPaths
 
 __all__ = [
     "SLOWEST_CELLS",
@@ -26,8 +27,10 @@ __all__ = [
     "FrameBudget",
     "FrameStatistics",
     "LeadingEdge",
+    "PathFinder",
     "Peak",
     "StatisticsSum",
+    "TargetPaths",
     "cfar_threshold",
     "detect_targets",
     "find_edges",
