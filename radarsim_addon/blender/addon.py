@@ -19,6 +19,8 @@ from .ui import (
     overlays,
     panels,
     preset_menu,
+    result_settings,
+    results_panel,
     scene_panel,
 )
 from .ui import link_budget_panel as system_panel
@@ -27,6 +29,7 @@ from .ui import link_budget_panel as system_panel
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
     *preset_menu.CLASSES,
+    *results_panel.CLASSES,
     *fixes.CLASSES,
     *material_names.CLASSES,
     *panels.RADAR_CLASSES,
@@ -52,6 +55,7 @@ def register() -> None:
         own_folder(own)
     remove_abandoned_folders()
     follow_evaluations()
+    result_settings.register_results()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -64,5 +68,6 @@ def unregister() -> None:
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)
+    result_settings.unregister_results()
     ignore_evaluations()
     rig_settings.unregister()

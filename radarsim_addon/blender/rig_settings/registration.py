@@ -81,6 +81,12 @@ class RadarProgress(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Draw the arc beyond which echoes fold or are filtered off",
     )
+    overlay_paths: bpy.props.BoolProperty(
+        name="Paths of Target",
+        default=True,
+        options={"SKIP_SAVE"},
+        description="Draw the strongest paths of the target that is chosen in Results",
+    )
     checked: bpy.props.StringProperty(
         name="Checked", options={"SKIP_SAVE"}, description="Findings of the last check, as JSON"
     )

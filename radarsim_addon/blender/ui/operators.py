@@ -28,9 +28,11 @@ from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .placement import radar_pose
 from .preset_menu import preset_choice
+from .result_settings import chosen_processing
 from .results import ProcessingJob, show_images
 from .scene_reading import redraw_panels
 from .shown_findings import findings_text, report_findings, reported
+from .shown_results import show_run
 
 #: Seconds between two looks at a running job.
 _TICK_S = 0.01
@@ -301,7 +303,7 @@ class RADARSIM_OT_render_frames(_TimedOperator):
 
 
 class RADARSIM_OT_process_last_run(_TimedOperator):
-    """Process the run in the output folder; show range-Doppler map and range profile as images"""
+    """Process the run in the output folder as set in Results; show its pictures as images"""
 
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
@@ -310,7 +312,8 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
 
     def _start(self, context: Any) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
-        self._job = ProcessingJob(folder, apart=not bpy.app.background)
+        apart = not bpy.app.background
+        self._job = ProcessingJob(folder, apart, chosen_processing(context))
         return []
 
     def _tick(self) -> bool:
@@ -330,7 +333,8 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
-        show_images(context, self._job.images)
+        images = show_run(context, self._job.result)
+        show_images(context, images)
         return {"FINISHED"}
 
     def execute(self, context: Any) -> set[str]:
@@ -341,6 +345,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
                 while not self._job.step():
                     pass
             self._report_end()
+            show_run(context, self._job.result)
             return {"FINISHED"}
         return {"CANCELLED"}
 

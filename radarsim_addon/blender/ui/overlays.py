@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Overlays of the 3D view: field of view, beams, range rings. Drawn, not part of the scene."""
+"""Overlays of the 3D view: field of view, beams, range rings, paths. No part of the scene."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from .fields import RadarPanel, active_group, split
 from .link_budget_panel import scene_system
 from .overlay_lines import Label, arc, beam, pyramid, ring_ranges, segments
 from .scene_reading import current_measurement, rig_of, scene_record
+from .shown_results import chosen_target
 
 #: Colours that are readable on light and dark themes (Okabe and Ito), with their opacity.
 _COLOURS = {
@@ -33,6 +34,7 @@ _COLOURS = {
     "receiver": (0.0, 0.62, 0.45, 0.9),
     "rings": (0.65, 0.65, 0.65, 0.8),
     "unambiguous": (0.84, 0.37, 0.0, 0.9),
+    "paths": (0.94, 0.89, 0.26, 0.9),
 }
 _WIDTH_PX = 1.5
 _FONT_PX = 11
@@ -83,6 +85,10 @@ def overlay_lines(context: Any) -> tuple[list[Lines], list[tuple[Label, Any]]]:
         found.append(Lines("unambiguous", ends, receiver))
         text = f"{length_text(float(f'{limit_m:.3g}'))} unambiguous"
         labels.append((Label((0.0, 0.0, -limit_m), text), receiver))
+    target = chosen_target() if shown.overlay_paths else None
+    if target is not None and target["lines_m"]:
+        ends = np.concatenate([segments(np.array(line)) for line in target["lines_m"]])
+        found.append(Lines("paths", ends, Matrix.Scale(1 / metres, 4)))
     system = scene_system(scene) if shown.overlay_beams else None
     for kind, matrix in (("transmitter", transmitter), ("receiver", receiver)):
         if system is not None and getattr(system.record, kind).kind not in ("isotropic", "table"):
@@ -185,7 +191,7 @@ class RADARSIM_PT_overlays(RadarPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = split(self.layout).column(heading="Show")
         shown = getattr(context.window_manager, PROGRESS_PROPERTY)
-        for name in ("view", "beams", "rings", "unambiguous"):
+        for name in ("view", "beams", "rings", "unambiguous", "paths"):
             column.prop(shown, f"overlay_{name}")
 
 

@@ -76,7 +76,23 @@ def add_process_parser(commands: Subcommands) -> None:
 
 
 def process_options(chosen: argparse.Namespace) -> ProcessOptions:
-    """Return options from parsed arguments."""
+    """Return options from parsed arguments.
+
+    Parameters
+    ----------
+    chosen
+        From `parse_process_arguments`.
+
+    Returns
+    -------
+    ProcessOptions
+        How the run is to be processed.
+
+    Raises
+    ------
+    ConfigError, FrameFileError
+        Options that do not fit together, or a file that cannot be read.
+    """
     radar = None
     if chosen.waveform is not None:
         # a waveform file may hold no burst: then the run's own

@@ -21,7 +21,7 @@ from radarsim_addon.physics.arrays import PlanarArray
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
-NAMES = ("view", "beams", "rings", "unambiguous")
+NAMES = ("view", "beams", "rings", "unambiguous", "paths")
 AHEAD = np.array([0.0, 0.0, -1.0])
 
 
@@ -30,7 +30,7 @@ def shown(addon: Any) -> Iterator[Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     state = bpy.context.window_manager.radarsim
     before = [getattr(state, f"overlay_{name}") for name in NAMES]
-    assert before == [True, False, False, False]
+    assert before == [True, False, False, False, True]
     yield state
     for name, value in zip(NAMES, before, strict=True):
         setattr(state, f"overlay_{name}", value)

@@ -33,6 +33,7 @@ snapshot_module = load("snapshot")
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 RINGS = 12
 OPERATOR = "RADARSIM_OT_render_frames"
+PROCESS = "RADARSIM_OT_process_last_run"
 
 
 def add_objects() -> list[Any]:
@@ -349,6 +350,50 @@ def script(robot: Any) -> Any:
         robot.shot(f"09_image_{number}")
         yield 1.5
     result["products"] = files(second)
+
+    # 9. Results of paths: a target of the list, its paths; settings that process again.
+    settings.sampling_mode, settings.output_folder = "paths", str(third)
+    shown = bpy.context.window_manager.radarsim_results
+    robot.view.tag_redraw()
+    yield 1.0
+    robot.start_watching()
+    yield from robot.click_until(
+        "radarsim.process_last_run",
+        lambda: PROCESS in robot.modal_operators() or len(shown.rows),
+        "the processing",
+    )
+    yield from robot.wait(lambda: len(shown.rows) > 0, "the list of targets", 120)
+    yield 2.0
+    region_3d = robot.view.spaces.active.region_3d
+    region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
+    shown.row = 0
+    yield 1.0
+    target = shown.rows[0].name
+    result["target"] = [target, bpy.context.view_layer.objects.active.name]
+    select(objects[2:3])  # the sphere: Blender tells of the new active object
+    yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
+    yield 1.5
+    robot.shot("10_targets")
+    yield 1.5
+    shown.cfar = "os"
+    yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
+    yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
+    yield 2.0
+    robot.shot("11_detector")
+    yield 1.5
+    shown.picture = "SPECTROGRAM"
+    name = "Radar spectrogram"
+    yield from robot.wait(lambda: name in bpy.data.images, "the spectrogram", 120)
+    yield 1.5
+    robot.shot("12_spectrogram")
+    yield 1.5
+    result["results"] = robot.stop_watching()
+    result["pictures"] = [
+        area.spaces.active.image.name
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR" and area.spaces.active.image is not None
+    ]
 
 
 if __name__ == "__main__":
