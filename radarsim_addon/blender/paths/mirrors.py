@@ -12,9 +12,9 @@ import numpy as np
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
-from ...physics.mirrors import mirror_matrix
+from ...physics.mirrors import MirrorMaterial, mirror_matrix
 from ...vectors import dots, norms
-from ..materials import MirrorMaterial, is_mirror_like, mirror_of
+from ..materials import is_mirror_like, mirror_of
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.

@@ -237,7 +237,8 @@ def draw_map(
     label = (
         "Doppler [Hz] (receding: negative)" if resolved else "One pulse: Doppler is not resolved"
     )
-    canvas = draw_levels(axes, power_db.T, (label, "Range [m]", title), unit, span_db, resolved)
+    texts = (label, "Range [m]", title)
+    canvas = draw_levels(axes, power_db.T, texts, f"Power [{unit}]", span_db, resolved)
     if resolved:
         _velocity_axis(canvas, axes, wavelength_m)
     draw_marks(canvas, axes, marks)
@@ -248,18 +249,19 @@ def draw_levels(
     axes: Axes,
     level_db: Real,
     texts: tuple[str, str, str],
-    unit: str,
+    label: str,
     span_db: float = SPAN_DB,
     x_ticks: bool = True,
+    highest_db: float | None = None,
 ) -> Single:
     """Draw levels as colours, with axes and a colour bar; the strongest of joined cells counts.
 
-    level_db: (y, x), both ascending; NaN is left white. texts: of the x axis, the y axis and the
-    title.
+    level_db: (y, x), both ascending; NaN is grey. texts: of the x axis, the y axis and the title.
+    label: of the colour bar. highest_db: level of the brightest colour; None: the strongest cell.
     """
     canvas = _blank()
     known = level_db[np.isfinite(level_db)]
-    top_db = float(known.max()) if known.size else 0.0
+    top_db = float(known.max(initial=-np.inf)) if highest_db is None else highest_db
     empty = not known.size or top_db <= _NOTHING_DB
     rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
     cells = resample_max(resample_max(level_db[::-1], rows, 0), columns, 1)
@@ -267,10 +269,10 @@ def draw_levels(
     if not empty:
         colours = np.clip((np.nan_to_num(cells, nan=top_db) - top_db) / span_db + 1, 0.0, 1.0)
     area = _atlas().viridis[np.round(colours * 255).astype(np.intp)]
-    area[np.isnan(cells)] = 1.0
+    area[np.isnan(cells)] = _GRID
     canvas[TOP : TOP + rows, LEFT : LEFT + columns] = area
     _frame(canvas, axes, *texts, x_ticks)
-    _colour_bar(canvas, 0.0 if empty else top_db, unit, span_db)
+    _colour_bar(canvas, 0.0 if empty else top_db, label, span_db)
     if empty:
         _put_text(canvas, "no echo", WIDTH - RIGHT / 2, HEIGHT - BOTTOM + 19)
     return canvas
@@ -303,7 +305,7 @@ def _velocity_axis(canvas: Single, axes: Axes, wavelength_m: float) -> None:
     _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 
-def _colour_bar(canvas: Single, top_db: float, unit: str, span_db: float) -> None:
+def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float) -> None:
     left, width = WIDTH - RIGHT + 30, 28
     rows = HEIGHT - TOP - BOTTOM
     table = _atlas().viridis[np.linspace(255, 0, rows).round().astype(np.intp)]
@@ -312,7 +314,7 @@ def _colour_bar(canvas: Single, top_db: float, unit: str, span_db: float) -> Non
         row = round(TOP + (top_db - value) / span_db * (rows - 1))
         canvas[row, left + width : left + width + 6] = _INK
         _put_text(canvas, _number(value), left + width + 10, row, anchor=0.0)
-    _put_text(canvas, f"Power [{unit}]", WIDTH - 22, TOP + rows / 2, vertical=True)
+    _put_text(canvas, label, WIDTH - 22, TOP + rows / 2, vertical=True)
 
 
 def draw_profile(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of a run that the window shows: one function a kind. Does not import bpy."""
+"""The pictures that the window shows: of a run, one function a kind; coverage. No import of bpy."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from ...array_types import Real, Single
 from .frame_views import COLUMNS, ROWS, FrameView, Target
 from .pictures import SPAN_DB, Axes, Mark, cell_edges, draw_levels, draw_map, draw_profile
 
+#: Strongest level of a coverage diagram, and what is below it in the picture [dB].
+_COVERAGE_TOP_DB, _COVERAGE_SPAN_DB = 12.5, 52.5
 #: Smallest sector of a plan position indicator [deg].
 _LEAST_SECTOR_DEG = 0.2
 
@@ -43,10 +45,12 @@ class Shown:
     span_db: float = SPAN_DB
     chosen: Target | None = None
     title: str = field(init=False)
+    power: str = field(init=False)
 
     def __post_init__(self) -> None:
         frame = f"frame {self.view.frame}, t = {self.view.time_s:.4g} s"
         object.__setattr__(self, "title", frame)
+        object.__setattr__(self, "power", f"Power [{self.view.unit}]")
 
 
 def profile_of(view: FrameView) -> FrameProfile:
@@ -95,7 +99,7 @@ def _echo(shown: Shown) -> Single:
     arrays = shown.view.arrays
     axes = Axes(*cell_edges(arrays["echo_row"]), *cell_edges(arrays["echo_s"] * 1e6))
     texts = ("Pulse", "Fast time [us]", f"Echo, {shown.title}")
-    return draw_levels(axes, arrays["echo_db"].T, texts, shown.view.unit, shown.span_db)
+    return draw_levels(axes, arrays["echo_db"].T, texts, shown.power, shown.span_db)
 
 
 def _spectrogram(shown: Shown) -> Single:
@@ -107,7 +111,7 @@ def _spectrogram(shown: Shown) -> Single:
         "Range rate [m/s] (receding: positive)",
         f"Spectrogram, {shown.title}",
     )
-    return draw_levels(axes, arrays["spectrogram_db"].T, texts, shown.view.unit, shown.span_db)
+    return draw_levels(axes, arrays["spectrogram_db"].T, texts, shown.power, shown.span_db)
 
 
 def _range_time(shown: Shown) -> Single:
@@ -123,13 +127,13 @@ def _range_time(shown: Shown) -> Single:
     levels = np.stack([_level_at(one, rows_m) for one in order], axis=1)
     texts = ("Time [s]", "Range [m]", f"Range profiles of {len(order)} frames")
     axes = Axes(low_s, high_s, low_m, high_m)
-    return draw_levels(axes, levels[:, nearest], texts, shown.view.unit, shown.span_db)
+    return draw_levels(axes, levels[:, nearest], texts, shown.power, shown.span_db)
 
 
 def _ppi(shown: Shown) -> Single:
     """Profiles of all frames by the direction that the receiver looked in: +Y of the world is up.
 
-    Each direction shows the frame that looked nearest to it, white where none did.
+    Each direction shows the frame that looked nearest to it, grey where none did.
     """
     azimuth_deg = np.array([one.azimuth_deg for one in shown.profiles])
     sorted_deg = np.sort(azimuth_deg)
@@ -158,7 +162,7 @@ def _ppi(shown: Shown) -> Single:
     level = np.where(outside, np.nan, level)
     texts = ("East, +X [m]", "North, +Y [m]", f"Plan position, {len(shown.profiles)} frames")
     axes = Axes(-half, half, -far_m, far_m)
-    return draw_levels(axes, level, texts, shown.view.unit, shown.span_db)
+    return draw_levels(axes, level, texts, shown.power, shown.span_db)
 
 
 def _range_edges(profiles: Sequence[FrameProfile]) -> tuple[float, float]:
@@ -216,3 +220,21 @@ KINDS: Mapping[str, Kind] = {
         "Radar plan position", _ppi,
     ),
 }  # fmt: skip
+
+
+def draw_coverage(range_m: Real, height_m: Real, level_db: Real, title: str) -> Single:
+    """Draw a coverage diagram: height against range, grey below the horizon.
+
+    Parameters
+    ----------
+    range_m, height_m
+        Ranges along the ground and heights, ascending, shapes (r,) and (h,) [m].
+    level_db
+        Pattern-propagation factor F^4, NaN below the horizon, shape (h, r) [dB].
+    title
+        First line.
+    """
+    axes = Axes(*cell_edges(range_m), *cell_edges(height_m))
+    texts = ("Range along the ground [m]", "Height over the ground [m]", title)
+    label = "F^4 [dB over free space]"
+    return draw_levels(axes, level_db, texts, label, _COVERAGE_SPAN_DB, highest_db=_COVERAGE_TOP_DB)

@@ -28,8 +28,9 @@ from .frame_views import FrameView, read_view
 from .processing_worker import processing_records
 from .result_pictures import KINDS, FrameProfile, profile_of
 
+COVERAGE_IMAGE = "Radar coverage"
 #: Names of the images of all kinds of pictures.
-_IMAGES = {kind.image for kind in KINDS.values()}
+_IMAGES = {COVERAGE_IMAGE, *(kind.image for kind in KINDS.values())}
 #: Maximum number of attempts to fit the view of a new editor.
 _MAX_FITS = 30
 _FIT_INTERVAL_S = 0.3

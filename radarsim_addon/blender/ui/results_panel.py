@@ -123,6 +123,7 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
             )
             _draw_chosen(layout)
         layout.operator("radarsim.open_output", icon="FILE_FOLDER")
+        layout.operator("radarsim.coverage", icon="IPO_SINE")
 
 
 def _draw_processing(context: Any, layout: Any, state: Any) -> None:

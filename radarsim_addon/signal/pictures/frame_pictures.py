@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..maps import power_unit
 from ..results import FrameResult, frame_file, result_writer
+from .clutter import plot_clutter
 from .echo import draw_echo, plot_echo
 from .figure import save_figure
 from .map import draw_range_doppler
@@ -15,12 +16,10 @@ from .rings import plot_rings
 from .sheet import save_picture
 from .spectrogram import plot_spectrogram
 
-_ENDINGS = tuple(
-    f"_{name}.png" for name in ("rings", "echo", "range_profile", "range_doppler", "spectrogram")
-)
+_NAMES = ("rings", "echo", "range_profile", "range_doppler", "clutter", "spectrogram")
 
 
-@result_writer("png", *_ENDINGS)
+@result_writer("png", *(f"_{name}.png" for name in _NAMES))
 def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     """Draw the pictures of a frame.
 
@@ -34,8 +33,8 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``
-        too, and ``_spectrogram.png`` where there is one.
+        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``, with
+        clutter ``_clutter.png``, where there is a spectrogram ``_spectrogram.png``, too.
     """
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     unit = power_unit(result.echoes.amplitude_model)
@@ -80,4 +79,15 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
             result.spectrogram, f"Spectrogram{f' of {name}' if name else ''}, {title}", unit
         )
         files.append(save_figure(figure, file("spectrogram")))
+    expected = result.expected
+    if expected is not None and expected.clutter_map is not None:
+        noise_power = result.noise_of_budget or 0.0
+        figure = plot_clutter(
+            expected,
+            result.source.radar,
+            f"Expected clutter, {title}",
+            noise_power=noise_power,
+            unit=unit,
+        )
+        files.append(save_figure(figure, file("clutter")))
     return files

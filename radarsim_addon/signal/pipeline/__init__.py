@@ -6,6 +6,7 @@ In: a run folder and options. Out: results frame by frame, files, text on the co
 
 from ..results import FrameResult
 from .cli import main
+from .coverage import write_coverage
 from .frame import process_frame
 from .frame_processor import FrameProcessor
 from .kept_frames import KeptFrame
@@ -27,4 +28,5 @@ __all__ = [
     "process_frame",
     "process_options",
     "process_run",
+    "write_coverage",
 ]
