@@ -54,6 +54,15 @@ def _atlas() -> _Atlas:
         return _Atlas(letters, data["viridis"].astype(np.float32) / 255, height)
 
 
+def picture_palette() -> Single:
+    """Return at most 256 colours that pictures consist of, (colours, 3), from 0 to 1."""
+    greys = np.repeat(np.linspace(_INK[0], 1, 24)[:, None], 3, axis=1)
+    lines = [colour + t * (1 - np.array(colour)) for colour in (_LINE, _MARK) for t in (0, 0.5)]
+    return np.concatenate(
+        [_atlas().viridis[np.linspace(0, 255, 224).round().astype(np.intp)], greys, lines]
+    )
+
+
 # -- elements --------------------------------------------------------------------------------------
 
 
@@ -379,4 +388,4 @@ def _curve(canvas: Single, axes: Axes, level_db: Real) -> None:
     low = np.minimum(groups.min(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
     for column in range(columns):
         top, bottom = round(axes.row(high[column])), round(axes.row(low[column]))
-        canvas[top : bottom + 2, LEFT + column] = _LINE
+        canvas[top - 1 : bottom + 2, LEFT + column : LEFT + column + 2] = _LINE

@@ -122,6 +122,10 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
                 "RADARSIM_UL_targets", "", state, "rows", state, "row", rows=min(len(state.rows), 6)
             )
             _draw_chosen(layout)
+        if run is not None:
+            row = layout.row(align=True)
+            row.operator("radarsim.save_picture", text="Save Picture...", icon="FILE_IMAGE")
+            row.operator("radarsim.save_animation", text="Animation...", icon="RENDER_ANIMATION")
         layout.operator("radarsim.open_output", icon="FILE_FOLDER")
         layout.operator("radarsim.coverage", icon="IPO_SINE")
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import bpy
 
+from ...array_types import Single
 from .frame_views import FrameView, Target
-from .result_pictures import KINDS, Shown
+from .result_pictures import KINDS, Kind, Shown
 from .results import ProcessedRun, as_image, show_images
 from .scene_reading import redraw_panels
 
@@ -87,16 +88,27 @@ def draw_pictures(context: Any, kinds: set[str] | None = None) -> list[Any]:
         kinds = {name for name, kind in KINDS.items() if kind.image in seen}
         if bpy.app.background:
             kinds.add(getattr(context.window_manager, RESULTS_PROPERTY).picture)
-    span_db = getattr(context.window_manager, RESULTS_PROPERTY).span_db
-    shown = Shown(view, _state.run.profiles, span_db, _state.chosen)
-    images = [
-        as_image(kind.image, kind.draw(shown))
-        for name, kind in KINDS.items()
-        if name in kinds and kind.needs in view.arrays
-    ]
+    drawn = {kind.image: picture_of(context, kind) for name, kind in KINDS.items() if name in kinds}
+    images = [as_image(name, pixels) for name, pixels in drawn.items() if pixels is not None]
     for area in _editors(context):
         area.tag_redraw()
     return images
+
+
+def picture_of(context: Any, kind: Kind, frame: int | None = None) -> Single | None:
+    """Draw a picture of a frame (None: the one that is shown); None where it lacks what it needs.
+
+    The chosen target is marked where it is in the frame that is shown.
+    """
+    run = _state.run
+    if run is None:
+        return None
+    view = run.view(_state.frame if frame is None else frame)
+    if kind.needs not in view.arrays:
+        return None
+    span_db = getattr(context.window_manager, RESULTS_PROPERTY).span_db
+    chosen = _state.chosen if frame in (None, _state.frame) else None
+    return kind.draw(Shown(view, run.profiles, span_db, chosen))
 
 
 def _editors(context: Any) -> list[Any]:

@@ -14,6 +14,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from mathutils import Vector
+from matplotlib import image as matplotlib_image
+from PIL import Image as pillow
 
 from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import radar_preset
@@ -230,6 +232,30 @@ def test_frames_are_stepped_and_snapped_and_the_panel_says_where_it_is(state: An
     assert {"pfa", "window_pulses", "overlap", "source"} <= set(
         recording.drawn(rp.RADARSIM_PT_results).fields
     )
+
+
+def test_pictures_and_animations_are_saved(state: Any, tmp_path: Path) -> None:
+    """Both pictures of the GIF are those of the window, to the colours of its palette."""
+    process()
+    path = tmp_path / "map.png"
+    assert bpy.ops.radarsim.save_picture(filepath=str(path)) == {"FINISHED"}
+    saved = matplotlib_image.imread(path)
+    window = pixels("MAP").reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
+    np.testing.assert_allclose(saved[..., :3], window, atol=1 / 255)
+    path = tmp_path / "map.gif"
+    assert bpy.ops.radarsim.save_animation(filepath=str(path), seconds=0.5) == {"FINISHED"}
+    with pillow.open(path) as animation:
+        assert animation.n_frames == 2 and animation.info["duration"] == 500
+        animation.seek(1)  # frame 7, which the window shows
+        found = np.asarray(animation.convert("RGB")) / 255
+    assert np.abs(found - window).max() < 0.06
+    for name in ("save_picture", "save_animation"):
+        with pytest.raises(RuntimeError, match="does not exist"):
+            getattr(bpy.ops.radarsim, name)(filepath=str(tmp_path / "none" / "x"))
+    state.picture = "SPECTROGRAM"
+    with pytest.raises(RuntimeError, match="no spectrogram of this frame"):
+        bpy.ops.radarsim.save_picture(filepath=str(path))
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["map.gif", "map.png"]
 
 
 def test_a_run_is_forgotten_with_its_files(state: Any) -> None:

@@ -352,18 +352,31 @@ def script(robot: Any) -> Any:
     result["products"] = files(second)
 
     # 9. Results of paths: a target of the list, its paths; settings that process again.
+    # An Image Editor to the left of the view, in place of the window that covers all.
+    for window in list(bpy.context.window_manager.windows)[1:]:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    yield 1.0
+    region = next(region for region in robot.view.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.45)
+    yield 1.0
+    views = [area for area in robot.window.screen.areas if area.type == "VIEW_3D"]
+    min(views, key=lambda area: area.width).type = "IMAGE_EDITOR"
     settings.sampling_mode, settings.output_folder = "paths", str(third)
     shown = bpy.context.window_manager.radarsim_results
-    robot.view.tag_redraw()
     yield 1.0
     robot.start_watching()
-    yield from robot.click_until(
-        "radarsim.process_last_run",
-        lambda: PROCESS in robot.modal_operators() or len(shown.rows),
-        "the processing",
-    )
+    region = next(region for region in robot.view.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+        bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
     yield from robot.wait(lambda: len(shown.rows) > 0, "the list of targets", 120)
     yield 2.0
+    for region in robot.view.regions:  # to the panel at the end of the tab
+        if region.type == "UI":
+            with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+                bpy.ops.view2d.scroll_down(deltay=400)
+                bpy.ops.view2d.scroll_down(deltay=400)
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
     shown.row = 0
