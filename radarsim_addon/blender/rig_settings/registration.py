@@ -81,6 +81,16 @@ class RadarProgress(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Draw the arc beyond which echoes fold or are filtered off",
     )
+    overlay_velocities: bpy.props.BoolProperty(
+        name="Velocities",
+        options={"SKIP_SAVE"},
+        description="Draw how far what F-curves move goes in a second, with its speed [m/s]",
+    )
+    overlay_cell: bpy.props.BoolProperty(
+        name="Cell at Cursor",
+        options={"SKIP_SAVE"},
+        description="Draw the range cell around the 3D cursor [m], with its velocity cell [m/s]",
+    )
     overlay_paths: bpy.props.BoolProperty(
         name="Paths of Target",
         default=True,
