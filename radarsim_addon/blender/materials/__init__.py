@@ -12,7 +12,14 @@ from .assignments import (
     slot_materials,
 )
 from .averaging import average_in_a_row, averaging_objects, separate_averages
-from .clutter import clutter_name, clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter import (
+    clutter_key,
+    clutter_name,
+    clutter_of,
+    set_clutter,
+    set_clutter_tables,
+    table_files,
+)
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
@@ -43,6 +50,7 @@ __all__ = [
     "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
+    "clutter_key",
     "clutter_name",
     "clutter_of",
     "delays",

@@ -170,7 +170,7 @@ def _faces(
         slot = np.minimum(mesh.slots, len(slots) - 1)
         mirrored = np.array([one is not None for one in slots])[slot]
         smooth = smooth_slots[number][slot]
-        name = bodies.originals[int(bodies.number[index])].name
+        name = bodies.originals[int(bodies.number[index])].name_full
         if np.any(smooth & mesh.curved):
             curved.append(name)
         pose = bodies.pose[index]
