@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import bpy
@@ -309,15 +310,25 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     bl_label = "Process Last Run"
 
     _job: ProcessingJob
+    _images: list[Any]
+    _drawing: Iterator[Any] | None = None
 
     def _start(self, context: Any) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
         apart = not bpy.app.background
         self._job = ProcessingJob(folder, apart, chosen_processing(context))
+        self._images = []
         return []
 
     def _tick(self) -> bool:
-        return self._job.step()
+        if self._drawing is None:
+            if self._job.step():
+                self._drawing = show_run(bpy.context, self._job.result)
+            return False
+        image = next(self._drawing, None)  # one picture a step: each takes some hundredths of a s
+        if image is not None:
+            self._images.append(image)
+        return image is None
 
     def _state(self) -> tuple[float, str]:
         return self._job.fraction, self._job.text
@@ -333,8 +344,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
-        images = show_run(context, self._job.result)
-        show_images(context, images)
+        show_images(context, self._images)
         return {"FINISHED"}
 
     def execute(self, context: Any) -> set[str]:
@@ -342,10 +352,9 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         with reported(self):
             self._start(context)
             with contextlib.closing(self._job):
-                while not self._job.step():
+                while not self._tick():
                     pass
             self._report_end()
-            show_run(context, self._job.result)
             return {"FINISHED"}
         return {"CANCELLED"}
 

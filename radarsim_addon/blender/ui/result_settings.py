@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..rig_settings import PROGRESS_PROPERTY
+from .fields import active_group
 from .result_pictures import KINDS
 from .shown_results import (
     RESULTS_PROPERTY,
@@ -63,6 +64,14 @@ def _frame_chosen(_: Any, number: int) -> None:
 
 def _row_chosen(_: Any, row: int) -> None:
     bpy.ops.radarsim.select_target("EXEC_DEFAULT", True, row=row)
+
+
+def _detector_chosen(state: Any, context: Any) -> None:
+    """Without noise a detector finds the sidelobes of the strong targets: it is switched on."""
+    group = active_group(context.scene)
+    if state.cfar != "OFF" and group is not None and group.use_link_budget:
+        state.thermal_noise = True
+    _process_again()
 
 
 def _span_chosen(_: Any, context: Any) -> None:
@@ -125,9 +134,9 @@ class RadarResults(bpy.types.PropertyGroup):
             ("ca", "Cell Averaging", "Compare each cell with the mean of the cells around it"),
             ("os", "Ordered Statistic", "Less disturbed by neighbours and edges of clutter"),
         ),
-        update=_process_again,
+        update=_detector_chosen,
         options={"SKIP_SAVE"},
-        description="Choose the detector (CFAR); processes the run again",
+        description="Choose the detector (CFAR); processes the run again, with thermal noise",
     )
     pfa: bpy.props.EnumProperty(
         name="False Alarms",

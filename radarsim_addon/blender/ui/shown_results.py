@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,15 +51,24 @@ def chosen_row() -> int:
     return _state.row
 
 
-def show_run(context: Any, run: ProcessedRun) -> list[Any]:
-    """Show the last frame of a run in place of the one before; return its images."""
+def show_run(context: Any, run: ProcessedRun) -> Iterator[Any]:
+    """Show a run in place of the one before, the same frame if it has it; yield images as drawn.
+
+    Image Editors with pictures of ours keep their kinds, and one gets the chosen picture. Without
+    any the images are those to be shown, the chosen picture first.
+    """
     frame = _state.frame if _state.frame in run.frames else run.frames[-1]
     forget_run()
     _state.run, _state.frame = run, frame
     _fill_rows(context)
-    picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
     follow_selection()
-    return draw_pictures(context, {"MAP", "PROFILE", picture})
+    picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
+    seen = _seen_kinds(context)
+    for name in dict.fromkeys((picture, *(seen or ("MAP", "PROFILE")))):
+        if seen and name == picture:
+            show_picture(context, name)
+        else:
+            yield from draw_pictures(context, {name})
 
 
 def forget_run() -> None:
@@ -84,8 +94,7 @@ def draw_pictures(context: Any, kinds: set[str] | None = None) -> list[Any]:
     if _state.run is None or view is None:
         return []
     if kinds is None:
-        seen = {area.spaces.active.image.name for area in _editors(context)}
-        kinds = {name for name, kind in KINDS.items() if kind.image in seen}
+        kinds = set(_seen_kinds(context))
         if bpy.app.background:
             kinds.add(getattr(context.window_manager, RESULTS_PROPERTY).picture)
     drawn = {kind.image: picture_of(context, kind) for name, kind in KINDS.items() if name in kinds}
@@ -122,6 +131,12 @@ def _editors(context: Any) -> list[Any]:
         and area.spaces.active.image is not None
         and area.spaces.active.image.name in ours
     ]
+
+
+def _seen_kinds(context: Any) -> list[str]:
+    """Kinds of pictures that Image Editors show."""
+    seen = {area.spaces.active.image.name for area in _editors(context)}
+    return [name for name, kind in KINDS.items() if kind.image in seen]
 
 
 def show_picture(context: Any, name: str) -> None:

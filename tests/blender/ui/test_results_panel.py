@@ -165,7 +165,7 @@ def test_paths_of_a_target_go_from_the_radar_to_its_object_and_back(state: Any) 
 
 def test_detections_come_with_their_objects(state: Any) -> None:
     state.cfar, state.pfa = "ca", "1e-4"
-    state.thermal_noise = True
+    assert state.thermal_noise  # switched on with the detector
     view = process()
     assert view.detections is not None
     found = {item["name"]: item for item in reversed(view.targets) if item["name"]}

@@ -375,8 +375,8 @@ def script(robot: Any) -> Any:
     for region in robot.view.regions:  # to the panel at the end of the tab
         if region.type == "UI":
             with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
-                bpy.ops.view2d.scroll_down(deltay=400)
-                bpy.ops.view2d.scroll_down(deltay=400)
+                for _ in range(6):
+                    bpy.ops.view2d.scroll_down(page=True)
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
     shown.row = 0
