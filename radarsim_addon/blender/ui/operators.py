@@ -214,7 +214,7 @@ class RADARSIM_OT_process_last_run(TimedOperator):
 
     _job: ProcessingJob
     _images: list[Any]
-    _drawing: Iterator[Any] | None = None
+    _drawing: Iterator[list[Any]] | None = None
 
     def _start(self, context: Any) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
@@ -228,10 +228,9 @@ class RADARSIM_OT_process_last_run(TimedOperator):
             if self._job.step():
                 self._drawing = show_run(bpy.context, self._job.result)
             return False
-        image = next(self._drawing, None)  # one picture a step: each takes some hundredths of a s
-        if image is not None:
-            self._images.append(image)
-        return image is None
+        drawn = next(self._drawing, None)  # a picture takes some hundredths of a second
+        self._images += drawn or []
+        return drawn is None
 
     def _state(self) -> tuple[float, str]:
         return self._job.fraction, self._job.text

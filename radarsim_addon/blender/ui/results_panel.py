@@ -89,7 +89,7 @@ class RADARSIM_UL_targets(bpy.types.UIList):
     def draw_item(
         self, context: Any, layout: Any, data: Any, item: Any, icon: int, owner: Any, name: str
     ) -> None:
-        row = layout.split(factor=0.35)
+        row = layout.split(factor=0.3)
         row.label(text=item.name, translate=False)
         row.label(text=item.text, translate=False)
 

@@ -51,11 +51,11 @@ def chosen_row() -> int:
     return _state.row
 
 
-def show_run(context: Any, run: ProcessedRun) -> Iterator[Any]:
-    """Show a run in place of the one before, the same frame if it has it; yield images as drawn.
+def show_run(context: Any, run: ProcessedRun) -> Iterator[list[Any]]:
+    """Show a run in place of the one before, the same frame if it has it; one picture a step.
 
     Image Editors with pictures of ours keep their kinds, and one gets the chosen picture. Without
-    any the images are those to be shown, the chosen picture first.
+    any the steps yield the images to be shown, the chosen picture first.
     """
     frame = _state.frame if _state.frame in run.frames else run.frames[-1]
     forget_run()
@@ -67,8 +67,10 @@ def show_run(context: Any, run: ProcessedRun) -> Iterator[Any]:
     for name in dict.fromkeys((picture, *(seen or ("MAP", "PROFILE")))):
         if seen and name == picture:
             show_picture(context, name)
+            yield []
         else:
-            yield from draw_pictures(context, {name})
+            images = draw_pictures(context, {name})
+            yield [] if seen else images
 
 
 def forget_run() -> None:
@@ -203,11 +205,11 @@ def _fill_rows(context: Any) -> None:
 
 def target_text(item: Target) -> str:
     """Return range, range rate, SNR and cross section of a target in one line."""
-    parts = [f"{item['range_m']:.4g} m", f"{item['velocity_mps'] + 0.0:+.3g} m/s"]
+    parts = [f"{item['range_m']:.4g} m", f"{item['velocity_mps']:+z.1f} m/s"]
     if item["snr_db"] is not None:
-        parts.append(f"{item['snr_db']:.1f} dB")
+        parts.append(f"{item['snr_db']:.0f} dB")
     if item["rcs_dbsm"] is not None:
-        parts.append(f"{item['rcs_dbsm']:.1f} dBsm")
+        parts.append(f"{item['rcs_dbsm']:.0f} dBsm")
     return "  ".join(parts)
 
 

@@ -7,8 +7,6 @@ import dataclasses
 import itertools
 from collections.abc import Collection, Generator
 
-import numpy as np
-
 from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
@@ -25,6 +23,7 @@ from ..detection import (
     find_edges,
     find_moving_targets,
     matching_objects,
+    paths_of_objects,
     received_recording,
     statistics_findings,
 )
@@ -249,18 +248,10 @@ def _echoes_of(
     update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
     echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
     for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
-        echo_sum.add(paths if objects is None else _paths_at(update, paths, objects))
+        echo_sum.add(paths if objects is None else paths_of_objects(update, paths, objects))
     if objects is None:
         echo_sum.add_rain(_rain(update, options))
     return echo_sum.result()
-
-
-def _paths_at(frame_input: FrameInput, paths: Paths, objects: Collection[str]) -> Paths:
-    """Paths whose first or last scatterer is on one of some objects."""
-    table = frame_input.table
-    chosen = [n for n, name in enumerate(table.record.objects, start=1) if name in objects]
-    rows = table.rows[paths.row]
-    return paths[np.isin(rows["first_object"], chosen) | np.isin(rows["last_object"], chosen)]
 
 
 def _spectrogram(
