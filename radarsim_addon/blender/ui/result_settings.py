@@ -240,6 +240,8 @@ def register_results() -> None:
 def unregister_results() -> None:
     """Take it back; a second call changes nothing."""
     ignore_objects()
+    if bpy.app.timers.is_registered(_process_now):
+        bpy.app.timers.unregister(_process_now)
     if TargetRow.is_registered:
         delattr(bpy.types.WindowManager, RESULTS_PROPERTY)
         bpy.utils.unregister_class(RadarResults)

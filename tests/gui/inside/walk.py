@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,13 @@ def select(items: list[Any]) -> None:
     for item in bpy.context.view_layer.objects:
         item.select_set(item in items)
     bpy.context.view_layer.objects.active = items[0]
+
+
+def thread_time_of(state: Any, name: str, value: Any) -> float:
+    """Processor time of this thread for what a setting of the panel does [s]."""
+    start_s = time.thread_time()
+    setattr(state, name, value)
+    return time.thread_time() - start_s
 
 
 def script(robot: Any) -> Any:
@@ -366,7 +374,6 @@ def script(robot: Any) -> Any:
     settings.sampling_mode, settings.output_folder = "paths", str(third)
     shown = bpy.context.window_manager.radarsim_results
     yield 1.0
-    robot.start_watching()
     region = next(region for region in robot.view.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
         bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
@@ -379,7 +386,7 @@ def script(robot: Any) -> Any:
                     bpy.ops.view2d.scroll_down(page=True)
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
-    shown.row = 0
+    result["steps_s"] = [thread_time_of(shown, "row", 0)]
     yield 1.0
     target = shown.rows[0].name
     result["target"] = [target, bpy.context.view_layer.objects.active.name]
@@ -388,6 +395,9 @@ def script(robot: Any) -> Any:
     yield 1.5
     robot.shot("10_targets")
     yield 1.5
+    for name in ("ECHO", "RANGE_TIME", "MAP"):
+        result["steps_s"].append(thread_time_of(shown, "picture", name))
+        yield 1.0
     shown.cfar = "os"
     yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
     yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
@@ -400,7 +410,6 @@ def script(robot: Any) -> Any:
     yield 1.5
     robot.shot("12_spectrogram")
     yield 1.5
-    result["results"] = robot.stop_watching()
     result["pictures"] = [
         area.spaces.active.image.name
         for window in bpy.context.window_manager.windows
