@@ -241,7 +241,7 @@ class SurfaceSpeckle:
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
             leaders, places_m = number[place], point_m[place]
-        if found.size == every.size:
+        if start and found.size == every.size:
             self._placed = rows, back
         return keys, powers, ranges, leaders, places_m
 
