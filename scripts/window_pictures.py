@@ -29,10 +29,7 @@ def main() -> int:
             height_px = round(WIDTH_PX * opened.height / opened.width)
             small = opened.convert("RGB").resize((WIDTH_PX, height_px), Image.Resampling.LANCZOS)
         target = ROOT / "docs" / "images" / shot.name
-        method = (
-            Image.Quantize.MAXCOVERAGE
-        )  # keeps the colours of small areas, such as a colour bar
-        small.quantize(128, method, dither=Image.Dither.NONE).save(target, optimize=True)
+        small.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
         print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1024:.0f} KiB")
     return 0
 
