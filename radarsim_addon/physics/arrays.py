@@ -143,7 +143,7 @@ class PlanarArray:
             sides = [
                 (count - 1) * spacing / self.wavelength_m for _, count, spacing in self._axes()
             ]
-            if elements * max(np.hypot(*sides), 1.0) <= _MOST_WORK:
+            if elements * max(math.hypot(*sides), 1.0) <= _MOST_WORK:
                 return
         raise ConfigError(
             f"Array of {self.columns} x {self.rows} elements is too large for its gain to be "
