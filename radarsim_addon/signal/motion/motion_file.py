@@ -117,7 +117,7 @@ class FrameMotion:
     body_keys
         Names of object and instance of each body, the same in all frames.
     images
-        Images of the antennas that the table numbers, from 1; they do not move.
+        Images of the antennas that the table numbers, from 1; they move with antennas and mirrors.
     """
 
     span_s: float
