@@ -349,11 +349,11 @@ class FrameWork:
         self._motion.images = self._mirrors.records
         self._motion.collect(bodies | set(mirrors), self._chunks())
         self._motion.sample()
-        followed = {body for one in self._mirrors.records for body in one.bodies}
+        shared = self._mirrors.shared_bodies
         self._moving = [
             name
             for body, name in mirrors.items()
-            if self._motion.deforms(body) or (body not in followed and self._motion.moves(body))
+            if self._motion.deforms(body) or (body in shared and self._motion.moves(body))
         ]
         table = self._folder / contract.PATHS_TABLE
         parts = (self._motion.complete(part) for part in self._chunks())
