@@ -245,11 +245,14 @@ class ImageRecord:
     """Image of the antennas in planar mirrors, in the order from the antenna to the scatterer.
 
     The points x of a mirror have normal . x = offset [m]. objects are those with the mirrors.
+    bodies are the numbers in the motion file of the bodies that the mirrors move with; 0, or none
+    in older files: the mirror is stationary.
     """
 
     normals: list[list[float]]
     offsets_m: list[float]
     objects: list[str]
+    bodies: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

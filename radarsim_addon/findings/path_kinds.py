@@ -177,7 +177,8 @@ MIRRORS = {
     ),
     "mirror-moves": Kind(
         "caution",
-        "{subjects} are mirrors and move during the burst.",
+        "{subjects} are mirrors that deform, or that share a plane with other objects and move "
+        "during the burst.",
         "Lengths of paths to the transmitter over them change as if the mirror were stationary at "
         "the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",

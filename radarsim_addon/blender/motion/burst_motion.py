@@ -8,6 +8,7 @@ samples doubles until the fit is accurate enough for the carrier, or a limit is 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -94,7 +95,7 @@ class BurstMotion:
         self._names = names
         self._units = plan.metres_per_unit
         self.findings: list[Finding] = []
-        #: Images of the antennas that rows name.
+        #: Images of the antennas that rows name; after `sample` with the file's numbers of bodies.
         self.images: Sequence[contract.ImageRecord] = ()
         #: Power with approximated motion, without a known body, and in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
@@ -192,6 +193,10 @@ class BurstMotion:
         self._file_number = np.zeros(len(self.bodies) + 1, dtype=np.int32)
         for number, body in enumerate(sorted(self._seen - {0}), start=1):
             self._file_number[body] = number
+        self.images = [
+            dataclasses.replace(one, bodies=self._file_number[one.bodies].tolist())
+            for one in self.images
+        ]
         if self._frozen:
             return self._stationary()
         sampler = Sampler(
@@ -305,6 +310,11 @@ class BurstMotion:
     def moves(self, body: int) -> bool:
         """Whether a body that was collected moves during the burst, after `sample`."""
         return bool(self._scene.bodies[self._file_number[body] - 1].moving)
+
+    def deforms(self, body: int) -> bool:
+        """Whether a body that was collected has a surface that deforms, after `sample`."""
+        tracks = self._scene.tracks
+        return tracks is not None and self._file_number[body] in tracks.series
 
     def _stationary(self) -> FrameMotion:
         at_s, instant = self._plan.rendered

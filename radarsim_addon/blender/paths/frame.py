@@ -335,7 +335,7 @@ class FrameWork:
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
             column_groups=column_groups(bool(self._mirrors.mirrors)),
-            images=self._mirrors.records,
+            images=list(self._motion.images),
             findings=self._findings(quality),
         )
         write_record(self._folder / contract.PATHS_FILE, record)
@@ -349,7 +349,12 @@ class FrameWork:
         self._motion.images = self._mirrors.records
         self._motion.collect(bodies | set(mirrors), self._chunks())
         self._motion.sample()
-        self._moving = [name for body, name in mirrors.items() if self._motion.moves(body)]
+        shared = self._mirrors.shared_bodies
+        self._moving = [
+            name
+            for body, name in mirrors.items()
+            if self._motion.deforms(body) or (body in shared and self._motion.moves(body))
+        ]
         table = self._folder / contract.PATHS_TABLE
         parts = (self._motion.complete(part) for part in self._chunks())
         return write_table(table, parts, self._dtype)

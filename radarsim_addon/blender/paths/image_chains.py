@@ -46,6 +46,7 @@ class ImageChain:
             [mirror.normal.tolist() for mirror in self.mirrors],
             [mirror.offset_m for mirror in self.mirrors],
             list(self.objects),
+            [mirror.own_body for mirror in self.mirrors],
         )
 
     def over(self, mirror: Mirror) -> ImageChain | None:

@@ -175,6 +175,12 @@ class MirrorPaths:
         return {number: self._name(number) for number in sorted(numbers)}
 
     @property
+    def shared_bodies(self) -> set[int]:
+        """Numbers of the bodies whose planes are those of others, too."""
+        shared = [mirror.body for mirror in self.mirrors if mirror.own_body == 0]
+        return {int(n) for body in shared for n in np.unique(body)}
+
+    @property
     def records(self) -> list[contract.ImageRecord]:
         """The images, in the order of their numbers from 1; the receiver's own are the last."""
         return [chain.record for chain in (*self.images, *self._own_images)]

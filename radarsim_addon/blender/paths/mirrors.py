@@ -55,6 +55,11 @@ class Mirror:
         return dots(points_m, self.normal) - self.offset_m
 
     @property
+    def own_body(self) -> int:
+        """Number of the body with the mirror, from 1; 0: several bodies share the plane."""
+        return int(self.body[0]) if np.all(self.body == self.body[0]) else 0
+
+    @property
     def is_rough(self) -> bool:
         """Whether a material has an RMS height."""
         return any(one.rms_height_m > 0 for one in self.material)

@@ -75,7 +75,11 @@ class KinematicMotion:
         """See `PathMotion`."""
         if self.scene.receiver.moving or self.scene.emitter.moving:
             return self.known
-        return np.asarray(self.moving_vertices.any(axis=-1))
+        moving = self.moving_vertices.any(axis=-1)
+        if self.images is not None:
+            over = self.images.moving(self.scene.bodies)[self.images.numbers].any(axis=-1)
+            moving |= over & self.known
+        return np.asarray(moving)
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
@@ -144,10 +148,7 @@ class KinematicMotion:
         scene = self.scene
         first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
         receiver_m, emitter_m = (self._place(end, rows) for end in (0, 1))
-        moved_receiver, moved_emitter = (
-            self._move(end, rows, body.displacement(body.pose[None, :3, 3], times_s)[0])
-            for end, body in enumerate((scene.receiver, scene.emitter))
-        )
+        moved_receiver, moved_emitter = (self._moved(end, rows, times_s) for end in (0, 1))
         moved_last = self._displacement(rows, 1, times_s, last)
         several = self.order[rows] > 1
         moved_first = moved_last
@@ -170,9 +171,42 @@ class KinematicMotion:
         place_m: Real = (self.scene.receiver, self.scene.emitter)[end].pose[:3, 3]
         return place_m if self.images is None else self.images.select(rows).places(end, place_m)
 
-    def _move(self, end: int, rows: NDArray[np.intp], move: Real) -> Real:
-        """The same for a vector (..., 3) of an antenna, (1 or rows, ..., 3)."""
-        return move[None] if self.images is None else self.images.select(rows).moves(end, move)
+    def _moved(self, end: int, rows: NDArray[np.intp], times_s: Real) -> Real:
+        """How far an antenna, or its images, have moved, (1 or rows, times, 3) [m]."""
+        body = (self.scene.receiver, self.scene.emitter)[end]
+        place_m = body.pose[:3, 3]
+        move = body.displacement(place_m[None], times_s)[0]
+        if self.images is None:
+            return np.asarray(move[None])
+        images = self.images.select(rows)
+        moved = images.moves(end, move)
+        for number, here in self._over_moving(images, end):
+            moved[here] = images.moves_with_mirrors(
+                number, place_m, move, self.scene.bodies, times_s
+            )
+        return moved
+
+    def _antenna_velocity(self, end: int, rows: NDArray[np.intp]) -> Real:
+        """Velocity of an antenna, or of its images, at t = 0, (1 or rows, 3) [m/s]."""
+        body = (self.scene.receiver, self.scene.emitter)[end]
+        place_m = body.pose[:3, 3]
+        velocity = body.velocity(place_m[None])[0]
+        if self.images is None:
+            return np.asarray(velocity[None])
+        images = self.images.select(rows)
+        velocities = images.moves(end, velocity)
+        for number, here in self._over_moving(images, end):
+            velocities[here] = images.velocity_with_mirrors(
+                number, place_m, velocity, self.scene.bodies
+            )
+        return velocities
+
+    def _over_moving(self, images: PathImages, end: int) -> Iterator[tuple[int, NDArray[np.intp]]]:
+        """Yield each image with a mirror that moves, and the rows over it."""
+        for number in np.flatnonzero(images.moving(self.scene.bodies)).tolist():
+            here = np.flatnonzero(images.numbers[:, end] == number)
+            if here.size:
+                yield number, here
 
     def _plane_leg(
         self, rows: NDArray[np.intp], moved: Real, times_s: Real, moved_receiver: Real
@@ -251,10 +285,7 @@ class KinematicMotion:
         several = self.order[rows] > 1
         v_first = np.where(several[:, None], self._velocity(rows, 0), v_last)
         to_first = _unit(first - receiver_m)
-        v_receiver, v_emitter = (
-            self._move(end, rows, body.velocity(body.pose[None, :3, 3])[0])
-            for end, body in enumerate((scene.receiver, scene.emitter))
-        )
+        v_receiver, v_emitter = (self._antenna_velocity(end, rows) for end in (0, 1))
         rate = np.zeros(rows.size)
         if scene.orthographic:
             to_first = self.direction[rows]

@@ -117,7 +117,7 @@ class FrameMotion:
     body_keys
         Names of object and instance of each body, the same in all frames.
     images
-        Images of the antennas that the table numbers, from 1; they do not move.
+        Images of the antennas that the table numbers, from 1; they move with antennas and mirrors.
     boxes
         Box of the mesh of each body that turns, (2, 3) in its own axes [m at scale 1], or None.
     """

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from radarsim_addon import contract
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, motion_of_rows
+from radarsim_addon.signal.paths.table_files import frame_motion
+from radarsim_addon.signal.radar import Burst
 
 bpy = pytest.importorskip("bpy")
 
@@ -297,6 +300,55 @@ def test_a_mirror_that_the_receiver_alone_faces(tmp_path: Path) -> None:
     seen = plate[(plate["order"] == 2) & (plate["receiver_image"] == 0)]
     seen = seen[seen["mirrors"] == 0]
     assert not np.any(np.abs(seen["first_scatterer_m"][:, 0] - 3.0) < 1e-3)
+
+
+def test_a_mirror_that_moves_and_turns(tmp_path: Path) -> None:
+    """A wall next to the way: paths over it a frame later, predicted and measured again."""
+    scene(ph.rough_metal)
+    wall = box("Wall", (3.0, 10.0, 0.5), (3.5, 30.0, 8.0))
+    wall.data.materials[0] = ph.mirror()
+    rs.move_steadily(wall, (2.0, -1.0, 0.0))
+    # a second wall in the same plane: both are one mirror, which cannot follow one of them
+    other = box("Other", (3.0, 31.0, 0.5), (3.5, 35.0, 8.0))
+    other.data.materials[0] = ph.mirror()
+    shared = {item.code: item for item in measure(tmp_path / "both", pixels=16).record().findings}
+    assert "Wall" in shared["mirror-moves"].subjects
+    bpy.data.objects.remove(other)
+    for frame, degrees in ((1, 0.0), (25, 10.0)):
+        wall.rotation_euler.z = math.radians(degrees)
+        wall.keyframe_insert("rotation_euler", index=2, frame=frame)
+    for curve in rs.animation_curves(wall.animation_data):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    frame_s = 1 / bpy.context.scene.render.fps
+    burst = Burst(5 / frame_s, 6)
+    run = ph.run_paths(
+        tmp_path / "one", width_px=128, height_px=128, options=THREE, burst=burst, frames=(1, 2)
+    )
+    record = run.record(1)
+    assert not [item.code for item in record.findings if "mirror" in item.code]
+    first, second = (
+        table[table["last_object"] == record.objects.index("Plate") + 1]
+        for table in (run.table(1), run.table(2))
+    )
+    scene_motion = frame_motion(run.folder / contract.frame_dir(1), record)
+    assert scene_motion is not None
+    predicted = motion_of_rows(first, scene_motion).lengths_m(np.array([frame_s]), slice(None))
+
+    def key(row: np.ndarray) -> tuple[int, ...]:
+        place = np.round(row["last_scatterer_m"] * 1e3).astype(int).tolist()
+        return (*place, int(row["receiver_image"]), int(row["transmitter_image"]))
+
+    later = {key(row): row["length_m"] for row in second}
+    pairs = [
+        (before[0], later[key(row)], row["length_m"], row["mirrors"])
+        for before, row in zip(predicted, first, strict=True)
+        if key(row) in later
+    ]
+    found, expected, start, mirrors = np.array(pairs).T
+    assert set(mirrors) == {0, 1, 2}
+    assert np.abs(expected - start)[mirrors > 0].min() > 0.02
+    np.testing.assert_allclose(found, expected, atol=2e-5)
 
 
 def test_an_orthographic_receiver_is_named(tmp_path: Path) -> None:

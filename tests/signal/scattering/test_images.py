@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -86,6 +87,67 @@ def moving(velocity: tuple[float, float, float], place: np.ndarray) -> BodyMotio
     half = np.array(velocity) / 2
     way = np.array([place + half, half])
     return BodyMotion(pose, (Segment(0.0, 1.0, way, np.zeros(3), np.zeros((1, 3)), np.eye(3)),))
+
+
+def turning(
+    spin: np.ndarray, velocity: np.ndarray, place: np.ndarray
+) -> tuple[BodyMotion, Callable[[np.ndarray, float], np.ndarray]]:
+    """A body that moves straight and turns for a second, and where its points then are."""
+    pose = np.eye(4)
+    pose[:3, 3] = place
+    way = np.array([place + velocity / 2, velocity / 2])
+    body = BodyMotion(pose, (Segment(0.0, 1.0, way, np.zeros(3), spin[None] / 2, np.eye(3)),))
+
+    def later(points: np.ndarray, time_s: float) -> np.ndarray:
+        angle = float(np.linalg.norm(spin)) * time_s
+        axis = spin / np.linalg.norm(spin)
+        arm = points - place  # Rodrigues
+        along = (arm @ axis)[..., None] * axis
+        turned = math.cos(angle) * (arm - along) + math.sin(angle) * np.cross(axis, arm) + along
+        return np.asarray(place + velocity * time_s + turned)
+
+    return body, later
+
+
+def test_images_follow_mirrors_that_move_and_turn() -> None:
+    """The plane through three points of the mirror's body at each moment, against the motion."""
+    radar, target = np.array([1.0, 2.0, 3.0]), np.array([8.0, 30.0, 2.0])
+    speed = np.array([0.3, -0.2, 0.1])
+    rotor, later = turning(np.array([0.2, -0.3, 0.5]), np.array([1.0, 2.0, -3.0]), np.full(3, 4.0))
+    fixed = BodyMotion(np.eye(4))
+    antenna = moving(tuple(speed), radar)
+    corners = np.array([[-5.0, 0, 0], [-5.0, 3, 0], [-5.0, 0, 2]])  # of the wall x = -5
+    record = dataclasses.replace(BOTH, bodies=[1, 2])
+    scene = FrameMotion(1.0, antenna, antenna, False, [fixed, rotor], images=[record, FLOOR])
+    over, times_s = [(0, 1), (1, 1), (1, 0), (2, 2)], np.array([0.0, 0.4, 1.0])
+    rows = rows_over(over, target)
+
+    def length(image: tuple[int, int], time_s: float) -> float:
+        a, b, c = later(corners, time_s)
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal)
+        total = 0.0
+        for number in image:
+            end = radar + speed * time_s
+            if number:
+                end = mirrored(end, np.array([0.0, 0.0, 1.0]), -1.0)
+            if number == 1:
+                end = mirrored(end, normal, float(a @ normal))
+            total += float(np.linalg.norm(target - end))
+        return total
+
+    expected = np.array([[length(one, t) for t in times_s] for one in over])
+    rows["length_m"] = expected[:, 0]
+    motion = motion_of_rows(rows, scene)
+    assert motion.moving.all()
+    np.testing.assert_allclose(motion.lengths_m(times_s, slice(None)), expected, atol=1e-10)
+    step_s = 1e-6
+    slopes = [(length(one, step_s) - length(one, 0.0)) / (2 * step_s) for one in over]
+    np.testing.assert_allclose(motion.range_rates_mps(), slopes, atol=2e-5)
+    # with antennas that are stationary, the mirror alone changes the paths over it
+    there = BodyMotion(antenna.pose)
+    scene = FrameMotion(1.0, there, there, False, [fixed, rotor], images=[record, FLOOR])
+    assert motion_of_rows(rows, scene).moving.tolist() == [True, True, True, False]
 
 
 def test_lengths_follow_the_mirrored_antennas() -> None:
