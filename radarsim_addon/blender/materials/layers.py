@@ -302,13 +302,13 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
     dict of str to float
         Absorption [dB] by object's name.
     """
-    is_inside = cache(is_entered)
+    is_inside, input_of = cache(is_entered), cache(group_input)
     losses = {}
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
-        sockets = [group_input(material, EXTINCTION) for material in entered]
+        sockets = [input_of(material, EXTINCTION) for material in entered]
         kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         if kappa > 0:
             depth = thinnest(item, depsgraph)
@@ -330,9 +330,10 @@ def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
         One ``absorption-below-float32`` per object, with its loss and the limit [dB].
     """
     found = []
+    shells = {o.name for o in bpy.data.objects if attributes.OBJECT_SHELL_THICKNESS in o}
     for name, loss_db in losses_db.items():
         limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
-        if attributes.OBJECT_SHELL_THICKNESS in bpy.data.objects[name]:
+        if name in shells:
             limit_db = FACES_LOSS_DB
         if loss_db > limit_db:
             said = finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
