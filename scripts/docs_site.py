@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pages of the documentation site that are made when it is built (a hook of MkDocs).
 
-``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers.
+``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers;
+``examples.md`` is the page of blend_examples/.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import contextlib
 import io
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
-from radarsim_addon.blender.plan import parse_render_arguments
+from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
 from radarsim_addon.signal.pipeline import main
 
 if TYPE_CHECKING:
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
 
-COMMANDS_PAGE = "reference/commands.md"
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS_PAGE, EXAMPLES_PAGE = "reference/commands.md", "examples.md"
+_BLENDER_PARSERS = {"render": parse_render_arguments, "coverage": parse_coverage_arguments}
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
@@ -37,6 +41,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     from mkdocs.structure.files import File
 
     files.append(File.generated(config, COMMANDS_PAGE, content=commands_page()))
+    examples = (ROOT / "blend_examples" / "README.md").read_text("utf-8")
+    files.append(File.generated(config, EXAMPLES_PAGE, content=examples.replace("../docs/", "")))
     return files
 
 
@@ -50,7 +56,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 def commands_page() -> str:
     """Return the page of commands, in Markdown."""
     parts = [_HEAD]
-    for command in ("render", "process", "info", "objects", "antennas", "merge"):
+    for command in ("render", "coverage", "process", "info", "objects", "antennas", "merge"):
         parts.append(f"## radarsim {command}\n\n```text\n{_help_of(command)}```\n")
     return "\n".join(parts)
 
@@ -62,8 +68,8 @@ def _help_of(command: str) -> str:
         contextlib.redirect_stdout(out),
         contextlib.suppress(SystemExit),
     ):
-        if command == "render":
-            parse_render_arguments(["--help"])
+        if command in _BLENDER_PARSERS:
+            _BLENDER_PARSERS[command](["--help"])
         else:
             main([command, "--help"])
     return out.getvalue()

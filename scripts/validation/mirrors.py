@@ -76,7 +76,7 @@ def _scene(epsilon: complex, fov_deg: float, low_m: float, high_m: float, width_
     add_mesh("Plate", strip, [(0, 1, 2, 3)], lambert(ALBEDO))
 
 
-def _expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
+def expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
     """Points of the plate and the expected power of all paths over each, over the direct one."""
     rows = run.rows[run.rows["point"] > 0]
     resolution_m = 1e3  # all paths of a point in one range cell
@@ -107,7 +107,7 @@ def swept(bench: Bench, ground: str) -> list[Check]:
                 max_reflections=3,
                 polarisation=polarisation,
             )
-            point_m, found = _expected_points(run, carrier_hz)
+            point_m, found = expected_points(run, carrier_hz)
             expected = pattern(point_m, epsilon, carrier_hz, polarisation == "vertical")
             strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
             worst = [

@@ -12,14 +12,21 @@ from .assignments import (
     slot_materials,
 )
 from .averaging import average_in_a_row, averaging_objects, separate_averages
-from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter import (
+    clutter_key,
+    clutter_name,
+    clutter_of,
+    set_clutter,
+    set_clutter_tables,
+    table_files,
+)
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
-from .mirrors import MirrorMaterial, is_mirror_like, lobe_width, mirror_of
+from .mirrors import ground_mirror, is_mirror_like, lobe_width, mirror_of
 from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
@@ -39,15 +46,17 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
-    "MirrorMaterial",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
+    "clutter_key",
+    "clutter_name",
     "clutter_of",
     "delays",
     "doubled_panes",
     "fluctuation_of",
+    "ground_mirror",
     "has_no_faces",
     "has_rough_facets",
     "interior_losses_db",

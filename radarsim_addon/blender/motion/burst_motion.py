@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ... import contract
@@ -248,9 +247,11 @@ class BurstMotion:
     def _moving_items(self) -> Iterator[list[Any]]:
         """Yield the objects that move each row of poses: antennas, then the collected bodies."""
         yield from ([self._rig.camera], [self._rig.emitter])
+        layout = self.bodies.snapshot.layout
         for part in self._touched:
-            instancer = bpy.data.objects.get(part.key[0]) if part.key else None
-            yield [self.bodies.originals[part.number], *([instancer] if instancer else [])]
+            index = int(layout.instancer[part.row])
+            instancers = [layout.instancers[index]] if index >= 0 else []
+            yield [self.bodies.originals[part.number], *instancers]
 
     def _smooth_rows(self) -> set[int]:
         """Return the rows of poses to be a cubic through whole frames."""

@@ -205,9 +205,9 @@ class Sampler:
         """Return the row of each part in a snapshot, -1 for what it does not have."""
         if layout is not self._layout:
             wanted = {part.name for part in self.parts if part.key}
-            mine = [shape.original.name in wanted for shape in shapes]
+            mine = [shape.original.name_full in wanted for shape in shapes]
             there = np.flatnonzero(np.array(mine)[layout.shape] & (layout.instancer >= 0))
-            names = (shapes[index].original.name for index in layout.shape[there])
+            names = (shapes[index].original.name_full for index in layout.shape[there])
             keys = (layout.key(row) for row in there.tolist())
             row_of = dict(zip(zip(names, keys, strict=True), there.tolist(), strict=True))
             itself = layout.row_of

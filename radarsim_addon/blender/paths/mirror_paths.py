@@ -129,7 +129,7 @@ class MirrorPaths:
     def _name(self, body: int) -> str:
         """Name of the object of a body, from 1."""
         bodies = self._obstacles.bodies
-        return str(bodies.originals[int(bodies.number[body - 1])].name)
+        return str(bodies.originals[int(bodies.number[body - 1])].name_full)
 
     @property
     def bodies(self) -> dict[int, str]:

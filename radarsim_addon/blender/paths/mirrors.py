@@ -12,9 +12,9 @@ import numpy as np
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
-from ...physics.mirrors import mirror_matrix
+from ...physics.mirrors import MirrorMaterial, mirror_matrix
 from ...vectors import crosses, dots, norms
-from ..materials import MirrorMaterial, is_mirror_like, mirror_of
+from ..materials import is_mirror_like, mirror_of
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.
@@ -170,7 +170,7 @@ def _faces(
         slot = np.minimum(mesh.slots, len(slots) - 1)
         mirrored = np.array([one is not None for one in slots])[slot]
         smooth = smooth_slots[number][slot]
-        name = bodies.originals[int(bodies.number[index])].name
+        name = bodies.originals[int(bodies.number[index])].name_full
         if np.any(smooth & mesh.curved):
             curved.append(name)
         pose = bodies.pose[index]

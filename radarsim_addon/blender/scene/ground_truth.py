@@ -17,7 +17,14 @@ import numpy as np
 from ... import contract
 from ...array_types import Indices, Real
 from ...sidecar import file_sha256
-from ..materials import SURFACE_TYPES, clutter_of, fluctuation_of, roughness_of, table_files
+from ..materials import (
+    SURFACE_TYPES,
+    clutter_name,
+    clutter_of,
+    fluctuation_of,
+    roughness_of,
+    table_files,
+)
 from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
@@ -257,6 +264,7 @@ def _object_record(
         rms_height_m=rms_height_m,
         correlation_length_m=correlation_length_m,
         fluctuation=fluctuation_of(shape.materials),
+        clutter=clutter_name(shape.materials),
     )
 
 
@@ -338,9 +346,9 @@ def geometry_digest(depsgraph: Any, rig: Rig) -> str:
     text = cache(_material_text)
     shapes, order = np.unique(layout.shape[rows], return_inverse=True)
     for shape in (snapshot.shapes[index] for index in shapes.tolist()):
-        digest.update(shape.original.name.encode() + _mesh_digest(snapshot, shape))
+        digest.update(shape.original.name_full.encode() + _mesh_digest(snapshot, shape))
         digest.update("\n".join(text(material) for material in shape.materials).encode())
-    digest.update(repr([item.name for item in layout.instancers]).encode())
+    digest.update(repr([item.name_full for item in layout.instancers]).encode())
     for numbers in (order, layout.instancer[rows]):
         digest.update(numbers.astype(np.int64).tobytes())
     digest.update(layout.numbers[rows].tobytes() + snapshot.matrices[rows].tobytes())

@@ -290,23 +290,27 @@ def places_in_pixels(along: Indices) -> tuple[Indices, Real]:
     """Return the row of each point and its place in the pixel, across and up, (points, 2), from
     -1/2 to 1/2, of rows (n, 2) of so many points.
     """
-    points = along.prod(axis=1)
+    across, up = along.T
+    points = across * up
     row = np.repeat(np.arange(points.size), points)
     number = np.arange(row.size) - np.repeat(np.cumsum(points) - points, points)
-    across, up = along[row].T
-    place = np.stack([(number % across + 0.5) / across, (number // across + 0.5) / up], axis=-1)
-    return row, place - 0.5
+    across, up = across[row], up[row]
+    line = number // across
+    place = np.stack([(number - line * across + 0.5) / across, (line + 0.5) / up])
+    return row, (place - 0.5).T
 
 
 def along_steps(steps: Real, row: Indices, place: Real) -> Real:
-    """Return by how much values change, (points, ...), at places in pixels of rows with these
-    steps, (n, 2, 2, ...).
+    """Return by how much values change, (points,) or (points, k), at places in pixels of rows with
+    these steps, (n, 2, 2) or (n, 2, 2, k).
     """
-    total = np.zeros((row.size, *steps.shape[3:]))
+    if steps.ndim > 3:
+        each = [along_steps(steps[..., i], row, place) for i in range(steps.shape[3])]
+        return np.stack(each).T
+    total, values = np.zeros(row.size), steps.ravel()
     for axis in (0, 1):
         here = place[:, axis]
-        part = steps[row, axis, (here > 0).astype(np.intp)]
-        total += here.reshape(-1, *[1] * (part.ndim - 1)) * part
+        total += here * values.take(4 * row + 2 * axis + (here > 0))
     return total
 
 

@@ -18,7 +18,7 @@ from ...sidecar import file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import PathRows, has_images, open_table
+from .table import AnyRows, PathRows, has_images, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
@@ -153,7 +153,7 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
 
 
-def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | None:
+def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None:
     """Return the images over which rows of a table go.
 
     Parameters
@@ -185,7 +185,7 @@ def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | Non
     return PathImages.of(images, numbers)
 
 
-def geometry_of(rows: PathRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
+def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
     """Return the vertices and directions of rows of the table.
 
     Parameters

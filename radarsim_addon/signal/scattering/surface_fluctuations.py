@@ -14,12 +14,20 @@ import numpy as np
 from ...array_types import Real
 from ...contract import FluctuationRecord
 from ...physics.clutter_statistics import clutter_velocities, texture
-from ..paths import PathRows
+from ..paths import AnyRows
 from .random_phases import hash_step, uniform
 from .surface_cells import Cells, SurfaceCells
 
 #: Tells these draws from those of places and heights.
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
+
+
+def grazing_cosines(rows: AnyRows) -> Real:
+    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
+
+    Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
+    """
+    return np.asarray(np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0)))
 
 
 class SurfaceFluctuations:
@@ -38,7 +46,7 @@ class SurfaceFluctuations:
     def __bool__(self) -> bool:
         return bool(self._surfaces)
 
-    def of_vertex(self, rows: PathRows, cells: Cells, first: bool) -> tuple[Real, Real]:
+    def of_vertex(self, rows: AnyRows, cells: Cells, first: bool) -> tuple[Real, Real]:
         """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
         vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
         """
@@ -48,8 +56,7 @@ class SurfaceFluctuations:
         own_m = self._cells.local_m(cells)
         draw = hash_step(cells.state ^ _DRAWS)
         draws = uniform(draw), uniform(hash_step(draw))
-        # a surface of clutter's models is level: its grazing angle is the ray's elevation
-        cosine = np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0))
+        cosine = grazing_cosines(rows)
         for number, surface in self._surfaces.items():
             mine = np.flatnonzero((objects == number) & counts)
             if not mine.size:
