@@ -2,7 +2,7 @@
 """Pages of the documentation site that are made when it is built (a hook of MkDocs).
 
 ``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers;
-``examples.md`` is the page of blend_examples/.
+``examples.md`` is the page of blend_examples/; notebooks become pages that link to the notebook.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from unittest import mock
 
 from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
 from radarsim_addon.signal.pipeline import main
+from scripts.docs_code import notebook_page
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -43,6 +44,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, COMMANDS_PAGE, content=commands_page()))
     examples = (ROOT / "blend_examples" / "README.md").read_text("utf-8")
     files.append(File.generated(config, EXAMPLES_PAGE, content=examples.replace("../docs/", "")))
+    for notebook in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
+        link = f"\n[Download this page as a Jupyter notebook]({notebook.name}).\n"
+        page = notebook_page(notebook.read_text("utf-8")) + link
+        files.append(File.generated(config, f"notebooks/{notebook.stem}.md", content=page))
     return files
 
 

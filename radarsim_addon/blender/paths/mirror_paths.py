@@ -26,10 +26,18 @@ from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
 from .hit_points import HitPoints
-from .image_chains import find_blocked, first_images, reflection, second_images, ways_over
+from .image_chains import (
+    ImageChain,
+    find_blocked,
+    first_images,
+    reflection,
+    second_images,
+    ways_over,
+)
 from .mirrors import find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
+from .ways_back import WaysBack, receiver_chains
 
 #: How far a mirrored ray may pass its scatterer, and its length be off, over that: float32.
 _MIRRORED = 2e-5
@@ -98,13 +106,18 @@ class MirrorPaths:
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
-        if self.mirrors and not self._one_place:
-            self._findings.append(finding("mirror-ways-not-in-phase", distance_m=apart_m))
         #: Bodies that scatter otherwise towards an image.
         self._narrow: set[int] = set()
         self.images = first_images(self.mirrors, transmitter_m)
         if self._reflections > 2:
             self._add_second_images(most)
+        #: Images of the receiver by their numbers, where it stands apart.
+        self._back: WaysBack | None = None
+        self._own_images: list[ImageChain] = []
+        if receiver.kind == "orthographic" and self.mirrors:
+            self._findings.append(finding("mirror-ways-not-in-phase"))
+        elif not self._one_place:
+            self._find_ways_back(most)
         #: Places of the images, (n, 3) [m].
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
 
@@ -118,11 +131,36 @@ class MirrorPaths:
             count = len(second) - free
             self._findings.append(finding("mirror-pairs-left-out", *names, count=count, most=most))
 
+    def _find_ways_back(self, most: int) -> None:
+        """Find the images of a receiver that stands apart from the transmitter."""
+        mirrors, findings = find_mirrors(
+            self._obstacles, self._receiver_m, self._wavelength_m, most
+        )
+        told = {item.code for item in self._findings}
+        if self._reflections > 1:
+            self._findings += [item for item in findings if item.code not in told]
+        pairs = self._reflections > 2
+        chains, self._own_images = receiver_chains(
+            mirrors, self._receiver_m, self.images, self._wavelength_m, most, pairs
+        )
+        self.mirrors += mirrors
+        self._back = WaysBack(
+            chains,
+            self._obstacles,
+            self._hits,
+            self._lobes,
+            self._receiver_m,
+            self._transmitter_m,
+            self._polarisation,
+            self._wavelength_m,
+            self._reflections,
+        )
+
     @property
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
         names = [self._name(body) for body in sorted(self._narrow)]
-        if not (names and self._one_place):
+        if not names or self._receiver.kind == "orthographic":
             return self._findings
         return [*self._findings, finding("mirror-lobe-narrow", *dict.fromkeys(names))]
 
@@ -139,8 +177,8 @@ class MirrorPaths:
 
     @property
     def records(self) -> list[contract.ImageRecord]:
-        """The images, in the order of their numbers from 1."""
-        return [chain.record for chain in self.images]
+        """The images, in the order of their numbers from 1; the receiver's own are the last."""
+        return [chain.record for chain in (*self.images, *self._own_images)]
 
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
         """Return the paths among rows that were measured with an image, from 1, with its mirrors
@@ -175,21 +213,32 @@ class MirrorPaths:
         if image:
             alike = self._alike(rows, image)
             self._narrow.update(np.unique(rows["last_body"][once & ~alike]).tolist())
-            once &= alike
+            if self._back is None:
+                once &= alike
         wide["point"] = np.where(once, pixel_numbers(traced), 0)
         return wide
 
-    def with_both_ways(self, rows: PathRows) -> PathRows:
-        """Return rows of a tile replicate with those that come back over mirrors, as
-        `same_point` has them.
+    def with_both_ways(self, rows: PathRows) -> tuple[PathRows, float]:
+        """Return rows of a tile replicate with those that come back over mirrors, as `same_point`
+        or `ways_back` has them, and the power of those left out because open objects lie on the way
+        [W].
         """
-        if not self._one_place:
-            return rows
+        if self._receiver.kind == "orthographic":
+            return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
         images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
-        return add_reverse_paths(
-            rows, images, self._receiver_m, self._transmitter_m, self._reflections
-        )
+        if self._back is None:
+            every = add_reverse_paths(
+                rows, images, self._receiver_m, self._transmitter_m, self._reflections
+            )
+            return every, 0.0
+        every, through_w = self._back.added(rows, images)
+        for image in range(1, len(self.images) + 1):
+            of_image = np.flatnonzero((every["transmitter_image"] == image) & (every["point"] > 0))
+            every["point"][of_image[~self._alike(every[of_image], image)]] = 0
+        _, place, paths = np.unique(every["point"], return_inverse=True, return_counts=True)
+        every["point"][paths[place] == 1] = 0
+        return every, through_w
 
     def _alike(self, rows: PathRows, image: int) -> Mask:
         """Whether surfaces scatter nearly alike towards the transmitter and its image, (n,)."""
@@ -202,7 +251,8 @@ class MirrorPaths:
         gone = np.zeros(rows.size, dtype=bool)
         once = (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= are_finite(rows["last_scatterer_m"])
-        for image, chain in enumerate(self.images, start=1):
+        back = dict(enumerate(self.images, 1)) if self._back is None else self._back.chains
+        for image, chain in back.items():
             scatterers = rows["order"] - rows["mirrors"] == 1 + len(chain.mirrors)
             mine = np.flatnonzero(once & scatterers)
             if not mine.size:
@@ -217,7 +267,8 @@ class MirrorPaths:
             close = norms(crosses(seen_m, rows["direction"][mine])) <= _MIRRORED * length_m
             close &= np.abs(way_m - length_m) <= _MIRRORED * length_m
             mine = mine[close]
-            mine = mine[self._alike(rows[mine], image)]
+            alike = self._alike if self._back is None else self._back.alike
+            mine = mine[alike(rows[mine], image)]
             mine = mine[in_view(rows["last_scatterer_m"][mine], self._receiver)]
             place_m = over.places(0, self._receiver_m)[0]
             gone[mine[self._visible(rows[mine], place_m)]] = True

@@ -14,13 +14,15 @@ from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import MirrorMaterial, mirror_matrix
 from ...vectors import crosses, dots, norms
-from ..materials import is_mirror_like, mirror_of
+from ..materials import is_mirror_like, mirror_choice, mirror_of
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.
 FLAT = 1 / 50
 #: Planes that are looked for; what else mirrors is left out and counted.
 _MOST_PLANES = 64
+#: What is added to the solid angle of mirrors that the user wants first [sr]: more than any has.
+_FIRST_SR = 1e3
 #: How far a point of a triangle may lie outside of it, over its own size: rounding.
 _EDGE = 1e-9
 
@@ -31,7 +33,8 @@ class Mirror:
 
     `normal` points to the side of the transmitter, `offset_m` is the plane's; `triangles_m`
     (k, 3, 3), `body` and `material` belong to each triangle. `sight_sr` is the solid angle of the
-    triangles from the transmitter, times what their materials reflect at normal incidence.
+    triangles from the transmitter, times what their materials reflect at normal incidence, and
+    more of objects that the user wants first.
     """
 
     normal: Real
@@ -121,6 +124,11 @@ def find_mirrors(
         findings.append(finding("mirror-curved", *dict.fromkeys(curved)))
     if without:
         findings.append(finding("mirror-without-image", *dict.fromkeys(without)))
+    wanted = [
+        one.name for one in obstacles.bodies.originals.values() if mirror_choice(one) == "first"
+    ]
+    if in_vain := set(wanted).difference(parts.names):
+        findings.append(finding("mirror-first-without-image", *sorted(in_vain)))
     beyond = found[most:]
     if beyond:
         names = dict.fromkeys(name for mirror in beyond for name in mirror.objects)
@@ -163,6 +171,9 @@ def _faces(
     mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
     for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
         number = int(bodies.shape[index])
+        choice = mirror_choice(bodies.originals[int(bodies.number[index])])
+        if choice == "never":
+            continue
         slots = [mirrors[one] for one in shapes[number].materials]
         mesh = obstacles.mesh(index)
         if mesh is None:
@@ -190,7 +201,8 @@ def _faces(
         bright = np.array([_brightness(one) for one in chosen])
         columns["triangles"].append(corners[kept])
         columns["normals"].append(across[kept] / double_m2[kept, None])
-        columns["sight"].append(bright * facing[kept] / 2 / norms(away_m[kept]) ** 3)
+        sight_sr = bright * facing[kept] / 2 / norms(away_m[kept]) ** 3
+        columns["sight"].append(sight_sr + (_FIRST_SR if choice == "first" else 0.0))
         columns["body"].append(np.full(kept.size, index + 1))
         materials += chosen
         names += [name] * kept.size

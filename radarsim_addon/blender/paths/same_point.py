@@ -53,7 +53,7 @@ def add_reverse_paths(
     if reflections >= 2:
         back = rows[over]
         back["transmitter_image"], back["receiver_image"] = 0, rows["transmitter_image"][over]
-        both.append(_measured(back, images, receiver_m, transmitter_m))
+        both.append(measured(back, images, receiver_m, transmitter_m))
     for image in np.unique(rows["transmitter_image"][over]).tolist() if reflections >= 3 else []:
         # All paths to this image, with every mirror on the way back.
         first = np.flatnonzero(rows["transmitter_image"][over] == image)
@@ -68,15 +68,13 @@ def add_reverse_paths(
             there[name] += back[name]
         there["order"] += back["mirrors"]
         kept = there["order"] <= reflections
-        both.append(_measured(there[kept], images, receiver_m, transmitter_m))
+        both.append(measured(there[kept], images, receiver_m, transmitter_m))
     alone = np.setdiff1d(direct, base)
     rows["point"][alone] = 0
     return np.concatenate(both)
 
 
-def _measured(
-    rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real
-) -> PathRows:
+def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real) -> PathRows:
     """Put lengths and directions of paths with one scattering into rows that are images' own."""
     numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
     over = PathImages(images.linear, images.offset_m, numbers.astype(np.int32))
