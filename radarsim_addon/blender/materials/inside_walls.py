@@ -110,11 +110,12 @@ def objects_in_walls(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> lis
         return []
     shown = visible & snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
     names: dict[str, None] = {}
+    boxes = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
     for row in walls.tolist():
         wall = _Wall(snapshot, row)
         if np.any(wall.holds(np.asarray(antennas, dtype=np.float64))):
             names[f"the radar in {snapshot.label(row)}"] = None
-        for other, points in _near(snapshot, row, shown):
+        for other, points in _near(snapshot, row, shown, *boxes):
             if np.mean(wall.holds(points)) > _LEAST_INSIDE:
                 names[f"{snapshot.label(other)} in {snapshot.label(row)}"] = None
     return [finding("inside-a-wall", *names)] if names else []
@@ -163,9 +164,10 @@ def _at_faces(shape: Any) -> bool:
     return there and _is_surface(shape)
 
 
-def _near(snapshot: Snapshot, row: int, shown: Mask) -> Iterator[tuple[int, Real]]:
+def _near(
+    snapshot: Snapshot, row: int, shown: Mask, low: Real, high: Real
+) -> Iterator[tuple[int, Real]]:
     """Rows of objects whose box meets that of a row, and points of their surfaces, (n, 3)."""
-    low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
     meets = np.all((low <= high[row]) & (high >= low[row]), axis=1)
     for other in np.flatnonzero(meets & shown).tolist():
         if other == row:

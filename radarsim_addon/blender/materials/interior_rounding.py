@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from ..nodes.materials import has_interior
 from ..nodes.physical_material import EXTINCTION, SMOOTH_BELOW
 from ..nodes.radar_material import INDEX, ROUGHNESS
 from ..state import SettingsRestorer, evaluated_objects
-from .assignments import SURFACE_TYPES, MaterialAssignment, assigned_materials
+from .assignments import SURFACE_TYPES, assigned_materials
 from .layers import (
     FACES_LOSS_DB,
     MAX_LOSS_DB,
@@ -122,16 +123,21 @@ def settle_interiors_far_away(
     depth = _DEPTH_ROUNDINGS * _EPS32 * distance
     nepers = _ABSORPTION_ROUNDINGS * _EPS32 * range_encoding_length * math.log(10) / 10
     delay, errors, walls = False, {}, []
+    # asked once a material, not once an object
+    passes, is_inside = cache(delays), cache(has_interior)
+    is_whole, lengths = cache(is_entered), cache(_lengths)
     for one in assigned_materials(depsgraph):
-        delay |= any(map(delays, one.materials))
-        entered = [material for material in one.materials if has_interior(material)]
+        delay |= any(map(passes, one.materials))
+        entered = [material for material in one.materials if is_inside(material)]
         loss_db = losses_db.get(one.item.name_full, 0.0)
         shell = attributes.OBJECT_SHELL_THICKNESS in one.item
         if not entered or shell or loss_db > MAX_LOSS_DB:  # nothing comes out
             continue
-        error = _rounding(entered, depth, wavelength, extinction_length, nepers * loss_db)
+        per = [lengths(material, wavelength, extinction_length) for material in entered]
+        error = _rounding(per, depth, nepers * loss_db)
         errors[one.item.name_full] = one.item, error
-        if _matters(error, wavelength) and _is_wall(one, depsgraph, loss_db):
+        plate = len(set(one.materials)) == 1 and is_whole(one.materials[0])
+        if plate and _matters(error, wavelength) and _is_wall(one.item, depsgraph, loss_db):
             walls.append(one.item)
     rims = []
     if walls:
@@ -177,22 +183,20 @@ def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
     return said.as_information() if small else said
 
 
+def _lengths(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
+    """Loss [dB] and delay [Blender units] of a material, for each Blender unit of depth."""
+    kappa, index = (_value(material, name) for name in (EXTINCTION, INDEX))
+    per = wavelength if is_entered(material) else extinction_length
+    return 4 * math.pi * kappa / per * 10 / math.log(10), index - 1
+
+
 def _rounding(
-    materials: Sequence[Any],
-    depth: float,
-    wavelength: float,
-    extinction_length: float,
-    by_absorption: float,
+    per_unit: Sequence[tuple[float, float]], depth: float, by_absorption: float
 ) -> _Rounding:
     """What an error of each depth [Blender units] makes of an echo, whichever material it is in."""
-    power, length = 0.0, 0.0
-    for material in materials:
-        kappa, index = (_value(material, name) for name in (EXTINCTION, INDEX))
-        per = wavelength if is_entered(material) else extinction_length
-        power = max(power, 4 * math.pi * kappa / per * 10 / math.log(10))
-        length = max(length, index - 1)
+    power, length = (max(0.0, *numbers) for numbers in zip(*per_unit, strict=True))
     both_ways = math.sqrt(2) * depth
-    return _Rounding(power * both_ways, max(length, 0.0) * both_ways, by_absorption)
+    return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
 def _value(material: Any, name: str) -> float:
@@ -200,11 +204,8 @@ def _value(material: Any, name: str) -> float:
     return 0.0 if socket is None else float(socket.default_value)
 
 
-def _is_wall(one: MaterialAssignment, depsgraph: Any, loss_db: float) -> bool:
-    """Whether an object is a plate of one physical material whose faces can hold its absorption."""
-    item = one.item
-    if len(set(one.materials)) != 1 or not is_entered(one.materials[0]):
-        return False
+def _is_wall(item: Any, depsgraph: Any, loss_db: float) -> bool:
+    """Whether an object of one physical material is a plate whose faces can hold its absorption."""
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return False
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)

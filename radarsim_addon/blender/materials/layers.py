@@ -301,13 +301,13 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
     dict of str to float
         Absorption [dB] by object's full name.
     """
-    is_inside = cache(is_entered)
+    is_inside, input_of = cache(is_entered), cache(group_input)
     losses = {}
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
-        sockets = [group_input(material, EXTINCTION) for material in entered]
+        sockets = [input_of(material, EXTINCTION) for material in entered]
         kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         if kappa > 0:
             depth = thinnest(item, depsgraph)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,9 @@ def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
     list of Finding
         One ``pane-counts-twice`` with all of them, if any.
     """
-    named = []
+    named, is_pane = [], cache(is_sheet)
     for item, materials in assigned_materials(depsgraph):
-        sheets = [m for m in materials if m is not None and is_sheet(m)]
+        sheets = [m for m in materials if m is not None and is_pane(m)]
         if item.type != "MESH" or not sheets:
             continue
         evaluated = item.evaluated_get(depsgraph)

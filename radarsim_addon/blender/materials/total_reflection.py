@@ -14,7 +14,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Int32, Real
 from ...findings import Finding, finding
-from ...vectors import norms
+from ...vectors import crosses, norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
@@ -73,13 +73,14 @@ def total_reflections(
         One ``total-reflection`` per object, with its index and fraction.
     """
     found: list[tuple[float, float, str]] = []
-    is_inside = cache(has_interior)
+    is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
-        body = _body(item, depsgraph, entered, wavelength, extinction_length)
+        mediums = [inside_of(material, wavelength, extinction_length) for material in entered]
+        body = _body(item, depsgraph, mediums)
         fraction = 0.0 if body.refraction <= 1 else _reflected(item, depsgraph, body, places)
         found.append((fraction, body.refraction, item.name_full))
     # what is not said stays below this in the sum: waves may pass all of them
@@ -92,20 +93,17 @@ def total_reflections(
     return said
 
 
-def _body(
-    item: Any,
-    depsgraph: Any,
-    materials: Sequence[Any],
-    wavelength: float,
-    extinction_length: float,
-) -> _Body:
+def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
+    """Index of a material, 1 at least, and its absorption of power [1 / Blender unit]."""
+    socket, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
+    per = wavelength if is_entered(material) else extinction_length
+    absorption = 0.0 if kappa is None else 4 * math.pi * float(kappa.default_value) / per
+    return max(1.0, 1.0 if socket is None else float(socket.default_value)), absorption
+
+
+def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> _Body:
     """What rays meet in an object: the greatest index of its materials, the least absorption."""
-    index, absorption = 1.0, []
-    for material in materials:
-        socket, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
-        per = wavelength if is_entered(material) else extinction_length
-        absorption.append(0.0 if kappa is None else 4 * math.pi * float(kappa.default_value) / per)
-        index = max(index, 1.0 if socket is None else float(socket.default_value))
+    indices, absorptions = zip(*mediums, strict=True)
     shell = attributes.OBJECT_SHELL_THICKNESS in item
     at_most = thinnest(item, depsgraph) if shell else math.inf
     layer = None
@@ -114,7 +112,7 @@ def _body(
         linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
         layer = np.array(given, dtype=np.float64) @ np.linalg.pinv(linear)
         layer /= np.linalg.norm(layer)
-    return _Body(index, min(absorption), layer, at_most)
+    return _Body(max(indices), min(absorptions), layer, at_most)
 
 
 def _reflected(
@@ -204,7 +202,7 @@ def _convex_planes(points: Real, corners: Int32) -> tuple[Real, Real] | None:
     if np.any(there[1:] == there[:-1]) or not np.array_equal(there, np.sort(back)):
         return None
     a, b, c = (points[corner] for corner in corners.T)
-    outward = np.cross(b - a, c - a)
+    outward = crosses(b - a, c - a)
     length = np.linalg.norm(outward, axis=1)
     if not np.all(length > 0):
         return None
@@ -218,7 +216,7 @@ def _convex_planes(points: Real, corners: Int32) -> tuple[Real, Real] | None:
 
 def _starts(triangles: Real) -> tuple[Real, Real, Real]:
     """Return points spread over the largest triangles (n, 3, 3), their normals and areas."""
-    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    across = crosses(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     double = np.linalg.norm(across, axis=1)
     chosen = np.argsort(-double)[:_TRIANGLES]
     chosen = chosen[double[chosen] > 0]

@@ -13,6 +13,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Mask, Real
+from ...vectors import crosses
 from ..state import evaluated_mesh, read_numbers
 
 #: Maximum difference of the unit normals of parallel faces.
@@ -112,7 +113,7 @@ def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> De
     face = read_numbers(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
     points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
     triangles = points[corners]
-    outward = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    outward = crosses(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     outward *= np.copysign(1.0, np.linalg.det(linear))
     double = np.linalg.norm(outward, axis=1)
     chosen = np.argsort(-double, kind="stable")[:most]

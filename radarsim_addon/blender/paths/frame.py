@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 from ... import contract
@@ -18,14 +17,14 @@ from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows, column_groups, write_table
-from ..materials import is_rough
 from ..motion import BurstMotion
-from ..plan import FINEST_PITCH
+from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
 from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers, uncertain_objects
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
+from .materials_in_use import by_surface
 from .mirror_paths import MirrorPaths
 from .mirror_views import MirrorViews
 from .quality import QualitySums
@@ -45,19 +44,11 @@ from .view_tracer import PathTask, Progress, ViewTracer
 _ROUND_SHARE = 0.8
 #: Share of a time budget that tiles laid over small objects may take: refinement needs the rest.
 _SHARE_FOR_TILES = 0.5
+#: Objects and instances above which tiles are larger: each costs a render as much as 30 rays, so
+#: these a tenth of what the rays of a tile do.
+_MANY_BODIES = 250
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
-
-
-def _by_surface(item: Finding) -> list[Finding]:
-    """Tell silent objects that are rough from mirrors."""
-    if item.code != "object-without-echo":
-        return [item]
-    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
-    rough = {one.name_full for one in named if is_rough(one)}
-    others = [name for name in item.subjects if name not in rough]
-    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
-    return found + ([finding("object-without-echo", *others)] if others else [])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,17 +122,24 @@ class FrameWork:
 
     def measure(self) -> Generator[PathTask, None, str]:
         """Make all renders; return the limit that ended it. If stopped, call `keep_tiles`."""
-        uniform = tiles = Tile(self._whole).split(self._options.tile_px)
+        uniform = tiles = Tile(self._whole).split(self._tile_px())
         if self._options.refines:
             chosen = yield from self._choose(uniform)
             areas = chosen.areas(self._whole)
             tiles = add_inset_tiles(uniform, areas, self._whole, self._options)
-        self._progress.add_tiles(len(tiles) - len(uniform))
+        planned = len(Tile(self._whole).split(self._options.tile_px))
+        self._progress.add_tiles(len(tiles) - planned)
         for tile in tiles:
             yield from self._measure(tile)
         if not self._options.refines:
             return "all tiles"
         return (yield from self._refine())
+
+    def _tile_px(self) -> int:
+        """Side of a tile: larger than usual where each render takes long to begin."""
+        side = self._options.tile_px
+        many = len(self._motion.bodies) > _MANY_BODIES and not self._options.refines
+        return 2 * side if many and side == PathOptions.tile_px else side
 
     def keep_tiles(self) -> None:
         """Leave the measured tiles on disk."""
@@ -371,7 +369,7 @@ class FrameWork:
         findings = [
             part
             for item in quality.findings(wavelength_m, scene.objects, target)
-            for part in _by_surface(item)
+            for part in by_surface(item)
         ]
         if quality.total_w == 0:
             seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
 from ...signal.paths import PathFlag, PathRows, TriangleMesh
@@ -37,9 +38,14 @@ _MIRRORED_SIGMAS = 6.0
 _LARGEST_SIGMAS = 20.0
 #: Path lengths are computed again where float32 may be off by more than this [wavelengths].
 TOLERANCE_WAVELENGTHS = 1e-3
+#: Triangles up to which meshes are joined, so that rays of many are treated together.
+_SMALL_MESH = 1 << 14
 #: Fraction of a mesh's points off it above which Cycles renders another one (displaced by its
 #: material, diced adaptively). At limbs a few thousandths are.
 _MOST_MISSED = 0.05
+
+#: Mesh of each shape and its part of it; None without a surface.
+Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
 
 
 class HitPoints:
@@ -68,7 +74,7 @@ class HitPoints:
         metres_per_unit: float,
         wavelength_m: float,
         opaque: bool,
-        meshes: WeakKeyDictionary[Shape, TriangleMesh | None],
+        meshes: Meshes,
         ways: DelayedWays | None = None,
     ) -> None:
         self._bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
@@ -208,39 +214,38 @@ class HitPoints:
         known = np.flatnonzero((bodies > 0) & are_finite(near_m))
         if not known.size:
             return found, normals
-        shape = self._bodies.shape[bodies[known] - 1]
         # Foot of each point on its ray: from there on all numbers are small, and what rounding a
         # pose's inverse does to the place of all points alike has no arm to act on.
         origins_m, rays = _of(origins_m, known), directions[known]
         away_m = near_m[known] - origins_m
         ahead = dots(away_m, rays) / dots(rays, rays)
         offset_m = ahead[:, None] * rays - away_m
-        for number in np.unique(shape).tolist():
-            mesh = self._mesh(number)
-            if mesh is None:
-                continue
-            here = np.flatnonzero(shape == number)
-            poses, part = np.unique(bodies[known[here]] - 1, return_inverse=True)
-            inverses, flat = self._inverses(poses)
-            here, part = here[~flat[part]], part[~flat[part]]  # nothing is seen of the flat ones
+        poses, body = _distinct(bodies[known] - 1)
+        inverses, flat = self._inverses(poses)
+        stretch = np.linalg.norm(inverses[:, :3, :3], ord=2, axis=(1, 2))
+        for mesh, part in self._meshes_of(self._bodies.shape[poses], flat):
+            # rays that follow one another are of one body then
+            here = np.flatnonzero(part[body] >= 0)
+            here = here[np.argsort(part[body[here]], kind="stable")]
             if not here.size:
                 continue
-            mine = known[here]
-            stretch = np.linalg.norm(inverses[:, :3, :3], ord=2, axis=(1, 2))
-            if np.all(part == part[0]):
-                part = part[0]  # one pose for all is much faster
+            mine, each = known[here], body[here]
+            parts, reach = part[each], reach_m[mine] * stretch[each]
+            if np.all(each == each[0]):
+                each = each[0]  # one pose for all is much faster
             # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
-            turn, place_m = inverses[part][..., :3, :3], self._bodies.pose[poses[part]][..., :3, 3]
+            turn, place_m = inverses[each][..., :3, :3], self._bodies.pose[poses[each]][..., :3, 3]
             own_m = np.einsum("...ij,...j->...i", turn, near_m[mine] - place_m)
             further, normal = mesh.hit(
                 own_m + np.einsum("...ij,...j->...i", turn, offset_m[here]),
                 np.einsum("...ij,...j->...i", turn, rays[here]),
                 own_m,
-                reach_m[mine] * stretch[part],
+                reach,
+                parts,
             )
+            missed = np.bincount(parts, weights=np.isnan(further))
+            further[(missed > _MOST_MISSED * np.bincount(parts))[parts]] = np.nan
             found[mine] = ahead[here] + further
-            if np.mean(np.isnan(found[mine])) > _MOST_MISSED:
-                found[mine] = np.nan
             normals[mine] = np.einsum("...ij,...i->...j", turn, normal)
         return found, normals
 
@@ -250,17 +255,55 @@ class HitPoints:
         flat = np.abs(np.linalg.det(poses)) < np.finfo(np.float64).tiny
         return np.linalg.inv(np.where(flat[:, None, None], np.eye(4), poses)), flat
 
-    def _mesh(self, number: int) -> TriangleMesh | None:
+    def _meshes_of(self, shape: Indices, flat: Mask) -> list[tuple[TriangleMesh, Indices]]:
+        """Meshes of some bodies, and each body's part of the mesh; -1 for bodies of others.
+
+        Nothing is seen of the `flat` ones.
+        """
+        numbers, place = np.unique(shape, return_inverse=True)
+        self._read(numbers.tolist())
+        of_shape = [self._meshes[self._bodies.snapshot.shapes[n]] for n in numbers.tolist()]
+        meshes = dict.fromkeys(one[0] for one in of_shape if one is not None)
+        found = []
+        for mesh in meshes:
+            parts = [one[1] if one is not None and one[0] is mesh else -1 for one in of_shape]
+            found.append((mesh, np.where(flat, -1, np.array(parts)[place])))
+        return found
+
+    def _read(self, numbers: list[int]) -> None:
+        """Read meshes of shapes that are not known yet; the small ones become parts of one."""
         snapshot = self._bodies.snapshot
-        shape = snapshot.shapes[number]
-        if shape not in self._meshes:
+        small: list[tuple[Shape, Real, NDArray[np.int32]]] = []
+        for shape in (snapshot.shapes[number] for number in numbers):
+            if shape in self._meshes:
+                continue
             self._meshes[shape] = None
             with snapshot.mesh(shape) as mesh:
-                if mesh is not None:
-                    vertices, triangles = read_triangles(mesh)
-                    vertices_m = vertices.astype(np.float64) * self._units
-                    self._meshes[shape] = TriangleMesh(vertices_m, triangles)
-        return self._meshes[shape]
+                if mesh is None:
+                    continue
+                vertices, triangles = read_triangles(mesh)
+            vertices_m = vertices.astype(np.float64) * self._units
+            if len(triangles) > _SMALL_MESH:
+                self._meshes[shape] = TriangleMesh(vertices_m, triangles), 0
+            else:
+                small.append((shape, vertices_m, triangles))
+        if small:
+            shapes, vertices_of, triangles_of = zip(*small, strict=True)
+            before = np.cumsum([0, *map(len, vertices_of)])
+            joined = TriangleMesh(
+                np.concatenate(vertices_of),
+                np.concatenate([own + n for own, n in zip(triangles_of, before, strict=False)]),
+                np.repeat(np.arange(len(small)), [len(own) for own in triangles_of]),
+            )
+            self._meshes.update({shape: (joined, n) for n, shape in enumerate(shapes)})
+
+
+def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
+    """Return the different ones of small numbers, and the place of each among them, (n,)."""
+    there = np.flatnonzero(np.bincount(numbers))
+    place = np.zeros(int(there[-1]) + 1, dtype=np.intp)
+    place[there] = np.arange(there.size)
+    return there, place[numbers]
 
 
 def _of(origins_m: Real, rows: Indices) -> Real:

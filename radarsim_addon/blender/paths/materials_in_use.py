@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which materials of a scene decide on how its paths are encoded."""
+"""What the materials of a scene decide: how paths are encoded, which objects may be silent."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from typing import Any
 
 import bpy
 
-from ..materials import SURFACE_TYPES, assigned_materials, has_no_faces, has_rough_facets
+from ...findings import Finding, finding
+from ..materials import (
+    SURFACE_TYPES,
+    assigned_materials,
+    has_no_faces,
+    has_rough_facets,
+    is_rough,
+)
 from ..nodes import is_radar_material
 from ..scene import is_hidden_at_times
 from ..state import evaluated_depsgraph
@@ -36,3 +43,14 @@ def holds_foreign_materials(view_layer: Any) -> bool:
 def holds_rough_facets(view_layer: Any) -> bool:
     """Whether something that can echo has facets that round by channel if materials encode."""
     return any(has_rough_facets(material) for material in _assigned(view_layer))
+
+
+def by_surface(item: Finding) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors."""
+    if item.code != "object-without-echo":
+        return [item]
+    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
+    rough = {one.name_full for one in named if is_rough(one)}
+    others = [name for name in item.subjects if name not in rough]
+    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
+    return found + ([finding("object-without-echo", *others)] if others else [])

@@ -9,6 +9,7 @@ mirror, and nothing else lies on the way to that point and on from there to the 
 from __future__ import annotations
 
 import math
+from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -81,9 +82,9 @@ class MirrorPaths:
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
+        width = cache(lobe_width)
         widths = [
-            min((lobe_width(one) for one in shape.materials), default=math.inf)
-            for shape in bodies.snapshot.shapes
+            min(map(width, shape.materials), default=math.inf) for shape in bodies.snapshot.shapes
         ]
         #: Width of the narrowest lobe by the body's number, from 1.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])

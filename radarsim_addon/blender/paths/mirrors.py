@@ -6,14 +6,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import MirrorMaterial, mirror_matrix
-from ...vectors import dots, norms
+from ...vectors import crosses, dots, norms
 from ..materials import is_mirror_like, mirror_choice, mirror_of
 from .obstacles import Obstacles
 
@@ -191,7 +191,7 @@ def _faces(
             curved.append(name)
         pose = bodies.pose[index]
         corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         across *= np.sign(np.linalg.det(pose[:3, :3]))
         double_m2 = norms(across)
         away_m = transmitter_m - corners.mean(axis=1)
@@ -219,6 +219,7 @@ def _faces(
     )
 
 
+@cache
 def _brightness(material: MirrorMaterial) -> float:
     """What a mirror reflects at normal incidence."""
     along = np.array([[0.0, 0.0, -1.0]])

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -10,7 +11,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ...array_types import Indices, Mask, Real
-from ...vectors import norms
+from ...vectors import crosses, norms
 from ..motion import Bodies
 from ..nodes import is_radar_material
 from ..nodes.materials import lets_nothing_through
@@ -32,7 +33,7 @@ class BodyMesh:
         self.slots = read_numbers(faces, "material_index", dtype=np.int32)[:, 0]
         normals = read_numbers(faces, "split_normals", 9).reshape(-1, 3, 3)
         corners = self.vertices_m[self.triangles]
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size = norms(across)
         #: Unit normals by the order of corners, NaN without area, areas [m^2], and whether the
         #: surface is shaded as curved.
@@ -100,7 +101,8 @@ class Obstacles:
     ) -> None:
         self.bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
         shapes = bodies.snapshot.shapes
-        opens = [any(_lets_through(one) for one in shape.materials) for shape in shapes]
+        lets_through = cache(_lets_through)
+        opens = [any(map(lets_through, shape.materials)) for shape in shapes]
         self._open = np.array(opens, dtype=bool)[bodies.shape]
         low, high = bodies.box[:, 0], bodies.box[:, 1]
         reach = np.abs(bodies.pose[:, :3, :3]) @ ((high - low) / 2)[:, :, None]

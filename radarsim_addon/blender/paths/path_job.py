@@ -19,7 +19,6 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ...signal.paths import TriangleMesh
 from ..materials import Interiors, marked_mirrors, objects_in_walls
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
@@ -30,7 +29,7 @@ from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .delayed_ways import ways_to_transmitter
 from .frame import FrameWork
-from .hit_points import HitPoints
+from .hit_points import HitPoints, Meshes
 from .materials_in_use import holds_foreign_materials, holds_rough_facets
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh
@@ -77,7 +76,7 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
-        self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
+        self._meshes: Meshes = WeakKeyDictionary()
         self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         foreign = holds_foreign_materials(view_layer)
         choice = options.range_encoding

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
+from ...vectors import crosses
 from ..nodes.materials import has_interior
 from ..state import Snapshot, read_numbers, take_snapshot
 
@@ -200,7 +201,7 @@ def _inside_out(at_corner: Real, start: Indices) -> str:
         origin = at_corner[first] - centre
         for step in range(1, int(sides) - 1):
             second, third = at_corner[first + step] - centre, at_corner[first + step + 1] - centre
-            volume += float(np.einsum("ij,ij->", origin, np.cross(second, third)))
+            volume += float(np.einsum("ij,ij->", origin, crosses(second, third)))
     return "inside out" if volume < 0 else ""
 
 

@@ -7,6 +7,9 @@ their extent, so that no triangle is in more than eight cells and no cell has ma
 pixels mostly see the same triangle: one ray of several looks for its triangle in the cells, and the
 others try those of the rays next to them first.
 
+Many small meshes are parts of one, so that their rays are treated together; a ray meets its own
+part only, and each part may have axes of its own.
+
 Arrays of n vectors are (n, 3) with contiguous columns.
 """
 
@@ -19,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
-from ...vectors import crosses, dots, norms
+from ...vectors import crosses, dots, largest, norms
 
 #: Rays that are treated at once: a few megabytes of arrays.
 _BLOCK = 1 << 15
@@ -27,8 +30,8 @@ _BLOCK = 1 << 15
 _EVERY = 8
 #: Fraction of the others that must hit a neighbour's triangle for the next block to try, too.
 _WORTHWHILE = 0.3
-#: Factors that spread cells over buckets (Teschner et al. 2003).
-_SPREAD = (73856093, 19349663, 83492791)
+#: Factors that spread cells over buckets (Teschner et al. 2003), and one for parts.
+_SPREAD, _SPREAD_PARTS = (73856093, 19349663, 83492791), 2654435761
 #: Least reach as a fraction of the mesh's extent: boxes are kept in float32.
 _LEAST_REACH = 1e-6
 #: What a unit of distance from the plane counts, against one outside the triangle.
@@ -52,9 +55,13 @@ class TriangleMesh:
         Shape (v, 3).
     triangles
         Vertex indices, shape (m, 3).
+    parts
+        Number of each triangle's part, from 0, shape (m,); None: all are of one.
     """
 
-    def __init__(self, vertices: Real, triangles: NDArray[np.int32]) -> None:
+    def __init__(
+        self, vertices: Real, triangles: NDArray[np.int32], parts: Indices | None = None
+    ) -> None:
         places = np.asfortranarray(vertices, dtype=np.float64)
         a, b, c = (_rows(places, corner) for corner in triangles.T)
         normal = crosses(b - a, c - a)
@@ -62,18 +69,26 @@ class TriangleMesh:
             kept = np.flatnonzero(dots(normal, normal) > 0)
         a, b, c, normal = (_rows(each, kept) for each in (a, b, c, normal))
         self._low, self._high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        self._extent = float(max(abs(each).max(initial=0.0) for each in (self._low, self._high)))
+        self._part = np.zeros(len(kept), dtype=np.intp) if parts is None else parts[kept]
+        self._count = 1 if parts is None else int(parts.max(initial=0)) + 1
+        farthest = np.maximum(largest(self._low), largest(self._high))
+        self._least_reach = _LEAST_REACH * _largest_of_parts(farthest, self._part, self._count)
         sizes = np.stack([norms(normal), np.maximum(norms(b - a), norms(c - a))])
         #: First corner, the two edges from it, normal, its length, longer edge; (14, m).
         self._shape = np.concatenate([a.T, (b - a).T, (c - a).T, normal.T, sizes])
-        self._reach = -1.0
+        self._reach = np.full(self._count, -1.0)
         self._levels: list[_Level] = []
 
     def __len__(self) -> int:
         return int(self._shape.shape[1])
 
     def hit(
-        self, origins: Real, directions: Real, near: Real, reach: Real | float
+        self,
+        origins: Real,
+        directions: Real,
+        near: Real,
+        reach: Real | float,
+        parts: Indices | None = None,
     ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
 
@@ -90,6 +105,8 @@ class TriangleMesh:
         reach
             Largest error of `near`, (n,) or one for all. A ray that passes an edge within it counts
             as a hit.
+        parts
+            Part that each ray meets, (n,); None: the first.
 
         Returns
         -------
@@ -101,25 +118,30 @@ class TriangleMesh:
         way, triangle = np.full(len(near), np.nan), np.zeros(len(near), dtype=np.intp)
         if not len(self):
             return way, np.full((len(near), 3), np.nan)
-        self._prepare(float(np.max(reach, initial=0.0)))
         origins, reach = np.asarray(origins), np.broadcast_to(reach, len(near))
+        part = np.broadcast_to(0, len(near)) if parts is None else parts
+        self._prepare(_largest_of_parts(reach, part, self._count))
         follow = True
         for start in range(0, len(near), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            begin = origins if origins.ndim == 1 else origins[part]
-            rays = _Rays.towards(begin, directions[part], near[part], reach[part])
+            some = slice(start, start + _BLOCK)
+            begin = origins if origins.ndim == 1 else origins[some]
+            rays = _Rays.towards(begin, directions[some], near[some], reach[some], part[some])
             best = _Best(len(rays.ahead))
             follow = self._find(rays, best, follow)
-            way[part] = (rays.ahead + best.way) / rays.length
-            triangle[part] = best.triangle
+            way[some] = (rays.ahead + best.way) / rays.length
+            triangle[some] = best.triangle
         return way, self._shape[9:12].take(triangle, axis=1).T
 
-    def _prepare(self, reach: float) -> None:
-        """Sort the triangles into cells; again where points are less well known than before."""
-        if reach <= self._reach:
+    def _prepare(self, reach: Real) -> None:
+        """Sort the triangles into cells; again where points are less well known than before.
+
+        `reach` is the largest of the points on each part.
+        """
+        if np.all(reach <= self._reach):
             return
-        self._reach = max(2 * reach, _LEAST_REACH * self._extent)
-        low, high = self._low - self._reach, self._high + self._reach
+        self._reach = np.maximum(self._reach, np.maximum(2 * reach, self._least_reach))
+        margin = self._reach[self._part][:, None]
+        low, high = self._low - margin, self._high + margin
         #: float32: six comparisons of these decide which triangles are looked at.
         self._boxes = low.T.astype(np.float32), high.T.astype(np.float32)
         exponent = np.frexp((high - low).max(axis=1))[1]
@@ -127,7 +149,8 @@ class TriangleMesh:
         self._levels = []
         for size in sizes[np.argsort(-count, kind="stable")]:
             here = np.flatnonzero(exponent == size)
-            self._levels.append(_Level(2.0 ** int(size), _rows(low, here), _rows(high, here), here))
+            boxes = _rows(low, here), _rows(high, here)
+            self._levels.append(_Level(2.0 ** int(size), *boxes, self._part[here], here))
 
     def _find(self, rays: _Rays, best: _Best, follow: bool) -> bool:
         """Find what all rays hit; with `follow`, most try their neighbours' triangles first.
@@ -152,16 +175,18 @@ class TriangleMesh:
         outside, off_plane, way = self._intersect(rays, chosen, triangles)
         with np.errstate(invalid="ignore"):
             hit = (outside == 0) & (off_plane <= _SURE * rays.reach[chosen])
+        if self._count > 1:
+            hit &= self._part[triangles] == rays.part[chosen]
         best.take(chosen[hit], way[hit], triangles[hit])
         return np.asarray(~hit)
 
     def _search(self, rays: _Rays, best: _Best, chosen: Indices) -> None:
         """Find what the chosen rays hit among the triangles in the cells of their points."""
         touched = np.zeros(len(rays.ahead), dtype=bool)
-        near = _rows(rays.near, chosen)
+        near, part = _rows(rays.near, chosen), rays.part[chosen]
         places = near.T.astype(np.float32)
         for level in self._levels:
-            points, triangles = level.candidates(near)
+            points, triangles = self._candidates(level, near, part)
             for place, low, high in zip(places, *self._boxes, strict=True):
                 at = place[points]
                 inside = np.flatnonzero((at >= low[triangles]) & (at <= high[triangles]))
@@ -183,17 +208,25 @@ class TriangleMesh:
         """Look further along rays that miss what their points lie on: past the limb of a body."""
         if not lost.size:
             return
-        along = _rows(rays.along, lost)
+        along, part = _rows(rays.along, lost), rays.part[lost]
         feet = _rows(rays.near, lost) + _rows(rays.start, lost)
         for level in self._levels:
             for step in _STEPS * level.cell:
-                points, triangles = level.candidates(feet + step * along)
+                points, triangles = self._candidates(level, feet + step * along, part)
                 points = lost[points]
                 outside, _, way = self._intersect(rays, points, triangles)
                 met = (outside == 0) & (np.abs(way) <= _STEPS[-1] * level.cell)
                 # any of these beats what was missed
                 cost = np.where(met, np.arctan(np.abs(way)) - math.pi, np.inf)
                 best.offer(points, cost, way, triangles, ~met)
+
+    def _candidates(self, level: _Level, near: Real, part: Indices) -> tuple[Indices, Indices]:
+        """Pairs of points and of triangles of their parts that may be near, ordered by point."""
+        points, triangles = level.candidates(near, part)
+        if self._count == 1:
+            return points, triangles
+        mine = np.flatnonzero(part[points] == self._part[triangles])
+        return points[mine], triangles[mine]
 
     def _intersect(
         self, rays: _Rays, chosen: Indices, triangles: Indices
@@ -224,7 +257,7 @@ class _Rays:
     """Rays by unit vectors `along`, and points `near` their hits, known to `reach`.
 
     `length` is that of the direction given; `ahead` the way to the foot of the point on the ray,
-    which is at `start` from the point.
+    which is at `start` from the point; `part` what each ray meets.
     """
 
     along: Real
@@ -233,16 +266,20 @@ class _Rays:
     ahead: Real
     start: Real
     reach: Real
+    part: Indices
 
     @classmethod
-    def towards(cls, origins: Real, directions: Real, near: Real, reach: Real) -> _Rays:
+    def towards(
+        cls, origins: Real, directions: Real, near: Real, reach: Real, part: Indices
+    ) -> _Rays:
         """Make rays of any directions from origins, (n, 3) or (3,)."""
         directions, near = np.asfortranarray(directions), np.asfortranarray(near)
         length = norms(directions)
         along = directions / length[:, None]
         away = near - origins
         ahead = dots(away, along)
-        return cls(along, length, near, ahead, origins + ahead[:, None] * along - near, reach)
+        start = origins + ahead[:, None] * along - near
+        return cls(along, length, near, ahead, start, reach, part)
 
 
 class _Best:
@@ -282,7 +319,9 @@ class _Level:
     Cells share buckets by chance: who takes candidates from them compares boxes.
     """
 
-    def __init__(self, cell: float, low: Real, high: Real, triangles: Indices) -> None:
+    def __init__(
+        self, cell: float, low: Real, high: Real, part: Indices, triangles: Indices
+    ) -> None:
         self.cell = cell
         bits = max(int(triangles.size).bit_length() + 2, 6)
         self._mask = (1 << bits) - 1
@@ -292,21 +331,21 @@ class _Level:
         for corner in np.ndindex(2, 2, 2):
             touched = np.flatnonzero(further[np.flatnonzero(corner)].all(axis=0))
             cells = first.take(touched, axis=1) + np.array(corner)[:, None]
-            buckets.append(self._bucket(cells))
+            buckets.append(self._bucket(cells, part[touched]))
             owners.append(triangles[touched])
         owner = np.concatenate(owners)
         bucket = np.concatenate(buckets)
         self._starts = np.append(0, np.cumsum(np.bincount(bucket, minlength=1 << bits)))
         self._triangles = owner[_sorted_places(bucket, 1 << bits)]
 
-    def _bucket(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Number of the bucket of each cell, from (3, n)."""
+    def _bucket(self, cells: NDArray[np.int64], part: Indices) -> NDArray[np.int64]:
+        """Number of the bucket of each cell, from (3, n), of a part."""
         x, y, z = (one * factor for one, factor in zip(cells, _SPREAD, strict=True))
-        return np.asarray((x ^ y ^ z) & self._mask)
+        return np.asarray((x ^ y ^ z ^ (part * _SPREAD_PARTS)) & self._mask)
 
-    def candidates(self, points: Real) -> tuple[Indices, Indices]:
+    def candidates(self, points: Real, part: Indices) -> tuple[Indices, Indices]:
         """Pairs of points and of triangles in the buckets of their cells, ordered by point."""
-        bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64))
+        bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64), part)
         starts = self._starts[bucket]
         count = self._starts[bucket + 1] - starts
         total = np.cumsum(count)
@@ -318,6 +357,16 @@ class _Level:
 def _rows(vectors: Real, rows: Indices) -> Real:
     """Some rows of (n, 3), with contiguous columns."""
     return np.asarray(vectors.T.take(rows, axis=1).T)
+
+
+def _largest_of_parts(values: Real, part: Indices, count: int) -> Real:
+    """Return the largest of the positive values of each part, 0 where it has none."""
+    largest_of = np.zeros(count)
+    if count == 1:
+        largest_of[0] = values.max(initial=0.0)
+    else:
+        np.maximum.at(largest_of, part, values)
+    return largest_of
 
 
 def _sorted_places(bucket: NDArray[np.int64], count: int) -> Indices:

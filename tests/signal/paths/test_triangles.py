@@ -189,6 +189,32 @@ def test_neighbours_change_nothing() -> None:
     np.testing.assert_array_equal(normal[order], normals)
 
 
+def test_rays_meet_their_own_part_only() -> None:
+    """Spheres of three sizes about one place, two of them as close as points are known."""
+    vertices, triangles = sphere(12)
+    sizes = (1.0, 1.0 + 2e-6, 1e3)
+    joined = TriangleMesh(
+        np.concatenate([size * vertices for size in sizes]),
+        np.concatenate([triangles + n * len(vertices) for n in range(3)]).astype(np.int32),
+        np.repeat(np.arange(3), len(triangles)),
+    )
+    origin = np.array([30.0, -20.0, 4.0])
+    part = np.random.default_rng(3).integers(0, 3, 600)
+    size = np.array(sizes)[part]
+    directions = size[:, None] * beam(origin, 0.5, 600)
+    exact = first_hits(vertices, triangles, origin, directions / size[:, None]).astype(float)
+    # in each sphere's own measure the same rays, so the same parameter
+    starts, noise = size[:, None] * origin, 1e-6 * size
+    points = starts + exact[:, None] * directions
+    points += np.random.default_rng(2).normal(size=points.shape) * noise[:, None]
+    for order in (np.arange(600), np.argsort(part, kind="stable")):
+        way, normal = joined.hit(
+            starts[order], directions[order], points[order], 7 * noise[order], part[order]
+        )
+        np.testing.assert_allclose(way, exact[order], rtol=1e-13)
+        np.testing.assert_allclose(np.sign((normal * directions[order]).sum(axis=1)), 1.0)
+
+
 def test_points_off_the_mesh_and_empty_meshes() -> None:
     """Nothing is invented: NaN."""
     origin, directions = np.zeros(3), np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
