@@ -45,14 +45,15 @@ def film(bench: Bench) -> list[Check]:
 def one_mesh(bench: Bench) -> list[Check]:
     """Walls of several thicknesses and tilts in one object, which a scale by axes distorts."""
     checks, index = [], complex(np.sqrt(4.2 + 0.05j))
-    for count, angle_deg in ((1, 37.0), (2, 37.0), (2, 70.0), (4, 37.0), (4, 70.0)):
+    cases = ((1, 37.0), (2, 37.0), (2, 70.0), (4, 37.0), (4, 70.0))
+    for count, angle_deg, smooth in (*((*case, False) for case in cases), (4, 37.0, True)):
         walls = [(0.05 + 0.03 * n, angle_deg - 9.0 * n) for n in range(count)]
         found = []
         for used in ((), walls):
             new_scene(0.02)
             add_plate("Plate", facing_plate((0.0, 100.0, 0.0), 4.0), metal())
             if used:
-                _joined(used, index)
+                _joined(used, index, smooth)
             rows = acquire(bench, 8, 1).of("Plate")
             power_w = float(rows["power_w"].sum())
             found.append((power_w, float(rows["power_w"] @ rows["length_m"]) / power_w))
@@ -62,6 +63,7 @@ def one_mesh(bench: Bench) -> list[Check]:
             s, p, more_m = passage(index, thickness_m, wavelength(), cosine)
             powers, longer_m = powers * (s, p), longer_m + 2 * float(more_m)
         label = f"{count} walls of one mesh, from {angle_deg:g} deg down"
+        label += ", shaded smooth" if smooth else ""
         want, got = float(powers.mean()) ** 2, found[1][0] / found[0][0]
         source = "mean over s and p of the product of all walls, each way"
         checks.append(power_check(f"{label}: power", want, got, POWER_DB, source, unit="dB"))
@@ -70,7 +72,7 @@ def one_mesh(bench: Bench) -> list[Check]:
     return checks
 
 
-def _joined(walls: Sequence[tuple[float, float]], index: complex) -> None:
+def _joined(walls: Sequence[tuple[float, float]], index: complex, smooth: bool) -> None:
     """Boxes of a thickness [m] and turn about Z [deg] each, as one object."""
     scale = np.array([1.7, 0.6, 1.0])
     corners, faces = [], []
@@ -85,7 +87,9 @@ def _joined(walls: Sequence[tuple[float, float]], index: complex) -> None:
         box = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
         faces += [tuple(8 * number + corner for corner in side) for side in box]
     wall = make_physical_material("Walls", "index", carrier_hz=USUAL_HZ, n=index.real, k=index.imag)
-    add_mesh("Walls", corners, faces, wall).scale = scale
+    item = add_mesh("Walls", corners, faces, wall)
+    item.scale = scale
+    item.data.polygons.foreach_set("use_smooth", [smooth] * len(faces))
 
 
 GROUP = Group(

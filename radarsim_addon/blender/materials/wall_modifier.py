@@ -64,7 +64,8 @@ def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bo
 def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> None:
     """Have an object's normals end at edges of more than an angle, until restored.
 
-    Normals of its own that a mesh was imported with are left out.
+    Normals of its own that a mesh was imported with are left out. Objects that a scale by axes
+    distorts, whose angles are others, are shaded flat.
 
     Parameters
     ----------
@@ -89,6 +90,10 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
     above.inputs[1].default_value = math.radians(angle_deg)
     remove.inputs["Name"].default_value = "custom_normal"
     shade.inputs["Shade Smooth"].default_value = False
+    scale = item.matrix_world.to_scale()
+    if max(scale) > 1.01 * min(scale):
+        shade.domain = "FACE"
+        above.operation, above.inputs[1].default_value = "ADD", 1.0  # all
     for source, target in (
         (begin.outputs["Geometry"], remove.inputs["Geometry"]),
         (angle.outputs["Unsigned Angle"], above.inputs[0]),
