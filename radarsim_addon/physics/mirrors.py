@@ -51,7 +51,7 @@ def mirror_reflection(
     incoming
         Unit vectors along which waves travel to the mirror, (n, 3).
     normal
-        Unit vector across the mirror, (3,).
+        Unit vector across the mirror, (3,), or one for each wave, (n, 3).
     polarisation
         "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
         up); "average": power of half a wave each, phase of the horizontal one.

@@ -12,6 +12,7 @@ import numpy as np
 from ...array_types import Real
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import coherent_reflection, mirror_reflection
+from ...vectors import dots
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import KIND as PHYSICAL_KIND
@@ -74,9 +75,9 @@ class MirrorMaterial:
         """
         power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
         if not self.polarised:
-            power = unpolarised_reflectance(self.index, np.abs(incoming @ normal))
+            power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
         if self.rms_height_m > 0:
-            sine = np.abs(incoming @ normal)
+            sine = np.abs(dots(incoming, normal))
             power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
         return self.share * power, phase_rad
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths whose last reflections are those of planar mirrors: kept where the mirror is on the way.
+"""Paths whose last reflections are those of mirrors: kept where the mirror is on the way.
 
 A render with the transmitter in the place of its image gives all surfaces that see the image as if
 nothing were in between. A path is one if the way from its last scatterer to the image meets the
@@ -17,13 +17,15 @@ from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ...signal.motion import PathImages
-from ...signal.paths import IMAGE_DTYPE, PathFlag, PathRows
+from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
 from ...vectors import are_finite, crosses, distances, dots, norms
-from ..materials import lobe_width
+from ..materials import clutter_of, lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
+from .curved_mirrors import find_curved_mirrors
+from .curved_paths import CurvedPaths
 from .hit_points import HitPoints
 from .image_chains import find_blocked, first_images, reflection, second_images, ways_over
 from .mirrors import find_mirrors
@@ -73,23 +75,28 @@ class MirrorPaths:
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
-        widths = [
-            min((lobe_width(one) for one in shape.materials), default=math.inf)
-            for shape in bodies.snapshot.shapes
-        ]
-        #: Width of the narrowest lobe by the body's number, from 1.
+        materials = [shape.materials for shape in bodies.snapshot.shapes]
+        widths = [min(map(lobe_width, every), default=math.inf) for every in materials]
+        #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
+        #: clutter model, 0 for others.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
+        clutter = np.array([any(clutter_of(one) for one in every) for every in materials], bool)
+        self._plain_lobes = np.append(0.0, np.where(clutter, 0.0, widths)[bodies.shape])
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
         self.mirrors, self._findings = find_mirrors(
             self._obstacles, transmitter_m, self._wavelength_m, most
         )
+        curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
+        self._findings += said
         if self._reflections == 1:
             names = [name for item in self._findings for name in item.subjects]
+            names += () if curved is None else curved.objects
             self._findings = [finding("mirrors-need-reflections", *names)] if names else []
-        elif self._reflections == 2 and self.mirrors:
+        elif self._reflections == 2 and (self.mirrors or curved is not None):
             names = [name for mirror in self.mirrors for name in mirror.objects]
+            names += () if curved is None else curved.objects
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
         rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
         if rough:
@@ -99,8 +106,19 @@ class MirrorPaths:
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
         if self.mirrors and not self._one_place:
             self._findings.append(finding("mirror-ways-not-in-phase", distance_m=apart_m))
-        #: Bodies that scatter otherwise towards an image.
+        #: Paths over curved mirrors; None without any.
+        self._curved: CurvedPaths | None = None
+        if curved is not None and most and self._one_place:
+            self._curved = CurvedPaths(
+                curved, self._obstacles, transmitter_m, self._polarisation, self._wavelength_m
+            )
+            self._findings += curved.rounded(self._wavelength_m)
+        elif curved is not None and self._reflections > 1:
+            kind = "mirror-curved-two-places" if most else "mirror-curved-off"
+            self._findings.append(finding(kind, *curved.objects))
+        #: Bodies that scatter otherwise towards an image, and towards a curved mirror.
         self._narrow: set[int] = set()
+        self._narrow_curved: set[int] = set()
         self.images = first_images(self.mirrors, transmitter_m)
         if self._reflections > 2:
             self._add_second_images(most)
@@ -120,10 +138,21 @@ class MirrorPaths:
     @property
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
-        names = [self._name(body) for body in sorted(self._narrow)]
-        if not (names and self._one_place):
-            return self._findings
-        return [*self._findings, finding("mirror-lobe-narrow", *dict.fromkeys(names))]
+        focusing = set() if self._curved is None else self._curved.focusing
+        bodies = {
+            "mirror-lobe-narrow": self._narrow if self._one_place else set(),
+            "mirror-curved-target": self._narrow_curved,
+            "mirror-focuses": focusing,
+        }
+        names = {kind: dict.fromkeys(map(self._name, sorted(of))) for kind, of in bodies.items()}
+        return self._findings + [finding(kind, *of) for kind, of in names.items() if of]
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """Type of the table's rows."""
+        if self._curved is not None:
+            return CURVED_IMAGE_DTYPE
+        return IMAGE_DTYPE if self.mirrors else PATH_DTYPE
 
     def _name(self, body: int) -> str:
         """Name of the object of a body, from 1."""
@@ -134,6 +163,7 @@ class MirrorPaths:
     def bodies(self) -> dict[int, str]:
         """Names of the objects of all mirrors by the numbers of their bodies."""
         numbers = {int(n) for mirror in self.mirrors for n in np.unique(mirror.body)}
+        numbers |= set() if self._curved is None else set(self._curved.mirrors.names)
         return {number: self._name(number) for number in sorted(numbers)}
 
     @property
@@ -168,32 +198,52 @@ class MirrorPaths:
         """Return rows with the columns of images, and with the point of each path that scatters
         once: its pixel.
         """
-        wide = with_image_columns(rows)
+        wide = np.zeros(rows.shape, dtype=self.dtype)
+        for name in rows.dtype.names or ():
+            wide[name] = rows[name]
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
         if image:
-            alike = self._alike(rows, image)
+            alike = self._alike(rows, self.images_m[image - 1], self._lobes)
             self._narrow.update(np.unique(rows["last_body"][once & ~alike]).tolist())
             once &= alike
         wide["point"] = np.where(once, pixel_numbers(traced), 0)
         return wide
 
-    def with_both_ways(self, rows: PathRows) -> PathRows:
-        """Return rows of a tile replicate with those that come back over mirrors, as
-        `same_point` has them.
+    def with_both_ways(self, rows: PathRows) -> tuple[PathRows, float]:
+        """Return rows of a tile replicate with those over curved mirrors, and those that come back
+        over mirrors, as `same_point` has them; and the power of those left out because open objects
+        lie on the way over a curved mirror [W].
         """
         if not self._one_place:
-            return rows
+            return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
-        images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
-        return add_reverse_paths(
-            rows, images, self._receiver_m, self._transmitter_m, self._reflections
+        through_w = 0.0
+        if self._curved is not None:
+            over, through_w = self._over_curved(self._curved, rows)
+            rows = np.concatenate([rows, over])
+        every = add_reverse_paths(
+            rows, self.records, self._receiver_m, self._transmitter_m, self._reflections
         )
+        return every, through_w
 
-    def _alike(self, rows: PathRows, image: int) -> Mask:
+    def _over_curved(self, curved: CurvedPaths, rows: PathRows) -> tuple[PathRows, float]:
+        """Paths to the transmitter over curved mirrors, from the scatterers of direct paths, and
+        the power of those that open objects block [W].
+        """
+        direct = rows[(rows["point"] > 0) & (rows["transmitter_image"] == 0)]
+        places_m = direct["last_scatterer_m"]
+        normals = self._hits.normals(direct["last_body"], self._receiver_m, places_m)
+        away = dots(normals, self._receiver_m - places_m) < 0
+        normals[away] *= -1
+        made, points_m, through_w = curved.over(direct, normals)
+        alike = self._alike(made, points_m, self._plain_lobes)
+        self._narrow_curved.update(np.unique(made["last_body"][~alike]).tolist())
+        return made[alike], through_w
+
+    def _alike(self, rows: PathRows, image_m: Real, lobes: Real) -> Mask:
         """Whether surfaces scatter nearly alike towards the transmitter and its image, (n,)."""
-        lobe = self._lobes[rows["last_body"]]
-        image_m = self.images_m[image - 1]
+        lobe = lobes[rows["last_body"]]
         return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, image_m, lobe)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
@@ -216,28 +266,33 @@ class MirrorPaths:
             close = norms(crosses(seen_m, rows["direction"][mine])) <= _MIRRORED * length_m
             close &= np.abs(way_m - length_m) <= _MIRRORED * length_m
             mine = mine[close]
-            mine = mine[self._alike(rows[mine], image)]
-            mine = mine[in_view(rows["last_scatterer_m"][mine], self._receiver)]
             place_m = over.places(0, self._receiver_m)[0]
-            gone[mine[self._visible(rows[mine], place_m)]] = True
+            alike = self._alike(rows[mine], self.images_m[image - 1], self._lobes)
+            gone[mine[alike & self._as_direct(rows[mine], place_m)]] = True
+        if self._curved is not None:
+            scatterers = rows["order"] - rows["mirrors"] == 2
+            over_curved = np.isin(rows["first_body"], list(self._curved.mirrors.names))
+            mine = np.flatnonzero(once & scatterers & over_curved)
+            met, points_m = self._curved.met(rows[mine])
+            mine, points_m = mine[met], points_m[met]
+            alike = self._alike(rows[mine], points_m, self._plain_lobes)
+            gone[mine[alike & self._as_direct(rows[mine], points_m)]] = True
         return gone
 
-    def _visible(self, rows: PathRows, image_m: Real) -> Mask:
-        """Whether the receiver sees last vertices from the side from which its image does."""
+    def _as_direct(self, rows: PathRows, from_m: Real) -> Mask:
+        """Whether another pixel sees last vertices, on the side from which `from_m` does."""
         last_m = rows["last_scatterer_m"]
-        places_m = (
-            np.broadcast_to(place_m, last_m.shape) for place_m in (image_m, self._receiver_m)
-        )
-        from_m, ends_m = places_m
+        found = in_view(last_m, self._receiver)
+        chosen = np.flatnonzero(found)
+        from_m = np.broadcast_to(from_m, last_m.shape)
+        found[chosen] = self._visible(rows[chosen], from_m[chosen])
+        return found
+
+    def _visible(self, rows: PathRows, from_m: Real) -> Mask:
+        """Whether the receiver sees last vertices from the side from which `from_m` (n, 3) does."""
+        last_m = rows["last_scatterer_m"]
+        ends_m = np.broadcast_to(self._receiver_m, last_m.shape)
         normals = self._hits.normals(rows["last_body"], from_m, last_m)
         seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
         blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
         return np.asarray(seen & ~blocked & ~through)
-
-
-def with_image_columns(rows: PathRows) -> PathRows:
-    """Return rows with the columns of images, 0 where they are new."""
-    wide = np.zeros(rows.shape, dtype=IMAGE_DTYPE)
-    for name in rows.dtype.names or ():
-        wide[name] = rows[name]
-    return wide

@@ -57,6 +57,8 @@ class MirrorViews:
             quality.through_mirrored_w += through_w
             quality.total_w += through_w
             rows.append(found)
-        every = self.mirrors.with_both_ways(np.concatenate(rows))
+        every, through_w = self.mirrors.with_both_ways(np.concatenate(rows))
+        quality.through_mirrored_w += through_w
+        quality.total_w += through_w
         quality.total_w += float(every["power_w"].sum() - own["power_w"].sum())
         return every, renders

@@ -3,6 +3,9 @@
 
 A path over a mirror is as long as the straight one from the antenna's image. Seen from the antenna
 itself, it goes to the scatterer's image: the scatterer, unfolded.
+
+A curved mirror reflects one path like the plane that touches it at the point of reflection: length
+and direction are those of the plane's image, and so is how both change as the ends begin to move.
 """
 
 from __future__ import annotations
@@ -18,6 +21,9 @@ from ...contract import ImageRecord
 from ...physics.mirrors import mirror_matrix
 from .path_motion import Rows
 
+#: Images that are kept whichever of them some paths need.
+_FEW = 65
+
 
 @dataclass(frozen=True)
 class PathImages:
@@ -27,7 +33,7 @@ class PathImages:
     ----------
     linear, offset_m
         Image x -> A x + b of a point, by the image's number: (images, 3, 3), (images, 3) [m].
-        Number 0 is the antenna itself.
+        Number 0 is the antenna itself; those of single paths over curved mirrors are at the end.
     numbers
         Numbers of the receiver's and of the transmitter's image, (n, 2).
     """
@@ -37,8 +43,15 @@ class PathImages:
     numbers: Int32
 
     @classmethod
-    def of(cls, records: Sequence[ImageRecord], numbers: NDArray[np.integer]) -> PathImages:
-        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`."""
+    def of(
+        cls,
+        records: Sequence[ImageRecord],
+        numbers: NDArray[np.integer],
+        planes: Real | None = None,
+    ) -> PathImages:
+        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`; one below 0 is
+        the image in its plane of `planes`, normals and offsets (n, 2, 4) [m].
+        """
         linear, offset_m = [np.eye(3)], [np.zeros(3)]
         for record in records:
             turned, shift = np.eye(3), np.zeros(3)
@@ -47,19 +60,41 @@ class PathImages:
                 turned, shift = mirror @ turned, mirror @ shift + back
             linear.append(turned)
             offset_m.append(shift)
-        return cls(np.array(linear), np.array(offset_m), np.asarray(numbers, dtype=np.int32))
+        matrices, shifts_m = np.array(linear), np.array(offset_m)
+        own_numbers: Int32 = np.array(numbers, dtype=np.int32)
+        if planes is not None:
+            own = own_numbers < 0
+            normals, at = planes[own][:, :3], planes[own][:, 3:]
+            own_numbers[own] = len(linear) + np.arange(len(normals))
+            mirrors = np.eye(3) - 2 * normals[:, :, None] * normals[:, None, :]
+            matrices = np.concatenate([matrices, mirrors])
+            shifts_m = np.concatenate([shifts_m, 2 * at * normals])
+        return cls(matrices, shifts_m, own_numbers)
 
     def select(self, rows: Rows) -> PathImages:
         """Return the images of some paths."""
-        return PathImages(self.linear, self.offset_m, self.numbers[rows])
+        numbers = self.numbers[rows]
+        if len(self.linear) <= max(numbers.size, _FEW):
+            return PathImages(self.linear, self.offset_m, numbers)
+        used, place = np.unique(numbers, return_inverse=True)
+        numbers = place.reshape(numbers.shape).astype(np.int32)
+        return PathImages(self.linear[used], self.offset_m[used], numbers)
 
     def join(self, parts: Sequence[PathImages | None], counts: Sequence[int]) -> PathImages:
         """Return the images of parts of a table, with so many paths each; None: without any."""
-        numbers = [
-            np.zeros((count, 2), dtype=np.int32) if part is None else part.numbers
-            for part, count in zip(parts, counts, strict=True)
-        ]
-        return PathImages(self.linear, self.offset_m, np.concatenate(numbers))
+        linear, offset_m = [self.linear], [self.offset_m]
+        numbers, last = [], len(self.linear)
+        for part, count in zip(parts, counts, strict=True):
+            if part is None:
+                numbers.append(np.zeros((count, 2), dtype=np.int32))
+            elif part.linear is self.linear:
+                numbers.append(part.numbers)
+            else:
+                numbers.append(part.numbers + np.int32(last))
+                linear.append(part.linear)
+                offset_m.append(part.offset_m)
+                last += len(part.linear)
+        return PathImages(np.concatenate(linear), np.concatenate(offset_m), np.concatenate(numbers))
 
     def places(self, end: int, antenna_m: Real) -> Real:
         """Return where the image of an antenna is, (n, 3) [m]; `end` 0 receiver, 1 transmitter."""

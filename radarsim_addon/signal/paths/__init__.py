@@ -20,10 +20,12 @@ from .paths import PathCounts, Paths, make_paths, path_power_w
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .table import (
     COLUMN_GROUPS,
+    CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
     PATH_DTYPE,
     PathRows,
     column_groups,
+    has_curved_images,
     has_images,
     iter_rows,
     open_table,
@@ -45,6 +47,7 @@ from .triangles import TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
+    "CURVED_IMAGE_DTYPE",
     "IMAGE_DTYPE",
     "PATH_DTYPE",
     "PATH_FLAGS",
@@ -63,6 +66,7 @@ __all__ = [
     "edge_variances",
     "frame_motion",
     "geometry_of",
+    "has_curved_images",
     "has_images",
     "images_of",
     "iter_rows",

@@ -36,7 +36,7 @@ from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, TableFootprints, images_of, iter_rows, scatterer_rows
+from ..paths import PathRows, TableFootprints, has_images, images_of, iter_rows, scatterer_rows
 from .random_phases import hash_step
 from .surface_cells import Body, Hash, SurfaceCells
 from .surface_fluctuations import SurfaceFluctuations
@@ -302,9 +302,9 @@ class SurfaceSpeckle:
     def _keys_of(self, rows: PathRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
         keys = self._cells.keys(rows)
-        if self._images:
-            over = rows["transmitter_image"].astype(np.uint64) << np.uint64(32)
-            over |= rows["receiver_image"].astype(np.uint64)
+        if has_images(rows):
+            over = rows["transmitter_image"].astype(np.uint16).astype(np.uint64) << np.uint64(32)
+            over |= rows["receiver_image"].astype(np.uint16).astype(np.uint64)
             keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
         return keys
 
@@ -332,7 +332,7 @@ class SurfaceSpeckle:
         receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
         if receiver_m.ndim > 1:
-            over = rows["receiver_image"] > 0
+            over = rows["receiver_image"] != 0
             straight = _unit(rows["first_scatterer_m"] - receiver_m)
             into_first = np.where(over[:, None], straight, into_first)
         out_last = _unit(emitter_m - rows["last_scatterer_m"])

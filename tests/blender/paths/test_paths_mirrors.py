@@ -284,7 +284,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     bpy.ops.mesh.primitive_uv_sphere_add(location=(3, 30, 4))
     bpy.context.object.data.materials.append(ph.mirror())
     bpy.ops.object.shade_smooth()
-    assert codes("sphere") == {"mirror-curved"}
+    assert codes("sphere") == {"mirror-rounded"}
 
 
 def textured_mirror() -> Any:
