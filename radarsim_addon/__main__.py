@@ -26,6 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["render"]:
         return render_command(words[1:])
+    if words[:1] == ["coverage"]:
+        return coverage_command(words[1:])
     if words[:1] == ["selfcheck"]:
         return selfcheck_command(words[1:])
     from .signal.pipeline import main as process_main
@@ -33,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:  # killed politely: what is half written is removed
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     others = {"render": "measure the radar frames of a .blend file (needs bpy)"}
+    others["coverage"] = "coverage diagram of a radar over its ground (needs bpy)"
     others["selfcheck"] = "check that a device gives what measurements stand on (needs bpy)"
     return process_main(words, others)
 
@@ -100,10 +103,28 @@ def selfcheck_command(words: list[str]) -> int:
     return selfcheck(words)
 
 
-def _no_bpy(error: ModuleNotFoundError) -> int:
+def coverage_command(words: list[str]) -> int:
+    """Draw the coverage diagram of a .blend file; ends the process once Blender runs in it."""
+    from .blender.plan import parse_coverage_arguments
+
+    parsed = parse_coverage_arguments(words)  # exits with 0 (--help) or 2
+    try:
+        from .blender.headless.coverage import run_and_leave
+    except ModuleNotFoundError as error:
+        if error.name != "bpy":
+            raise
+        return _no_bpy(error, "press Radar > Results > Coverage Diagram in Blender")
+    run_and_leave(parsed)
+    return 0
+
+
+def _no_bpy(
+    error: ModuleNotFoundError,
+    instead: str = "run blender -b FILE -P scripts/render_radar.py -- --out DIR",
+) -> int:
     message = (
         f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
-        "3.13 or 3.11), or run blender -b FILE -P scripts/render_radar.py -- --out DIR."
+        f"3.13 or 3.11), or {instead}."
     )
     print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
     return MissingDependencyError.exit_code

@@ -341,7 +341,7 @@ class ObjectRecord:
     range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
     null with one pass. collections are those that hold the object, at any depth. rms_height_m and
     correlation_length_m are those of the first of its materials that has any; null: none has.
-    fluctuation likewise.
+    fluctuation and clutter (the name of the clutter model) likewise.
     """
 
     name: str
@@ -353,6 +353,7 @@ class ObjectRecord:
     rms_height_m: float | None = None
     correlation_length_m: float | None = None
     fluctuation: FluctuationRecord | None = None
+    clutter: str | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import re
 from typing import TYPE_CHECKING
 from unittest import mock
 
-from radarsim_addon.blender.plan import parse_render_arguments
+from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
 from radarsim_addon.signal.pipeline import main
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
 
+_BLENDER_PARSERS = {"render": parse_render_arguments, "coverage": parse_coverage_arguments}
 COMMANDS_PAGE = "reference/commands.md"
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
@@ -50,7 +51,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 def commands_page() -> str:
     """Return the page of commands, in Markdown."""
     parts = [_HEAD]
-    for command in ("render", "process", "info", "objects", "antennas", "merge"):
+    for command in ("render", "coverage", "process", "info", "objects", "antennas", "merge"):
         parts.append(f"## radarsim {command}\n\n```text\n{_help_of(command)}```\n")
     return "\n".join(parts)
 
@@ -62,8 +63,8 @@ def _help_of(command: str) -> str:
         contextlib.redirect_stdout(out),
         contextlib.suppress(SystemExit),
     ):
-        if command == "render":
-            parse_render_arguments(["--help"])
+        if command in _BLENDER_PARSERS:
+            _BLENDER_PARSERS[command](["--help"])
         else:
             main([command, "--help"])
     return out.getvalue()

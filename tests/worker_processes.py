@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import random
 import signal
@@ -13,6 +14,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -57,6 +60,36 @@ def runs(pid: int) -> bool:
 def products(folder: Path) -> dict[str, bytes]:
     """Content of all files of products, by their names."""
     return {path.name: path.read_bytes() for path in (folder / "products").iterdir()}
+
+
+def differences(found: dict[str, bytes], expected: dict[str, bytes]) -> list[str]:
+    """Files that are missing, too many or of other content, and where they differ."""
+    said = [f"missing: {name}" for name in expected.keys() - found.keys()]
+    said += [f"too many: {name}" for name in found.keys() - expected.keys()]
+    for name in found.keys() & expected.keys():
+        one, other = found[name], expected[name]
+        if one != other:
+            pairs = enumerate(zip(one, other, strict=False))
+            at = next((n for n, (a, b) in pairs if a != b), min(len(one), len(other)))
+            said.append(f"{name}: {_part(one, at)} instead of {_part(other, at)}, byte {at}")
+            said += _arrays(name, one, other)
+    return sorted(said)
+
+
+def _part(content: bytes, at: int) -> str:
+    return f"{content[max(at - 80, 0) : at + 80]!r} of {len(content)} bytes"
+
+
+def _arrays(name: str, one: bytes, other: bytes) -> list[str]:
+    """Which arrays of two archives of numpy differ."""
+    if not name.endswith(".npz"):
+        return []
+    with np.load(io.BytesIO(one)) as a, np.load(io.BytesIO(other)) as b:
+        return [
+            f"{name} {key}: {a[key]!r} instead of {b[key]!r}"
+            for key in a.files
+            if key not in b.files or a[key].tobytes() != b[key].tobytes()
+        ]
 
 
 def survive(words: list[Any], results: Path, pattern: str, kills: Iterator[str]) -> list[str]:

@@ -3,8 +3,8 @@
 
 ``add_radar``, ``settings``, ``material``, ``set_clutter``,
 ``set_clutter_fluctuation``, ``assign_material``, ``assign_by_name``, ``measure``, ``process``: see
-:mod:`.headless.scripting`. They are loaded when they are first used: importing this package does
-not import bpy.
+:mod:`.headless.scripting` and :mod:`.headless.scripting_materials`. They are loaded when they are
+first used: importing this package does not import bpy.
 """
 
 from __future__ import annotations
@@ -12,16 +12,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .headless.scripting import (
-        add_radar,
+    from .headless.scripting import add_radar, measure, process, settings
+    from .headless.scripting_materials import (
         assign_by_name,
         assign_material,
         material,
-        measure,
-        process,
         set_clutter,
         set_clutter_fluctuation,
-        settings,
     )
 
 __all__ = [
@@ -39,9 +36,10 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        from .headless import scripting
+        from .headless import scripting, scripting_materials
 
+        home = scripting if hasattr(scripting, name) else scripting_materials
         # Modules of these names, such as the room `settings`, are found by import statements only.
-        value = globals()[name] = getattr(scripting, name)
+        value = globals()[name] = getattr(home, name)
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

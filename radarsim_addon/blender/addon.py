@@ -12,6 +12,7 @@ from .state import follow_evaluations, ignore_evaluations
 from .ui import (
     asset_library,
     clutter_panel,
+    coverage_operator,
     fixes,
     material_names,
     material_panel,
@@ -26,6 +27,7 @@ from .ui import link_budget_panel as system_panel
 #: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
+    *coverage_operator.CLASSES,
     *preset_menu.CLASSES,
     *fixes.CLASSES,
     *material_names.CLASSES,

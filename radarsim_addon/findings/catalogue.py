@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from .kinds import Kind
 from .path_kinds import MIRRORS, MOTION, NO_ECHO, PATHS
-from .processing_kinds import PROCESSING, ROUGHNESS
+from .processing_kinds import COVERAGE, PROCESSING, ROUGHNESS
 from .rendering_kinds import RUNS, SCENE, SETTINGS
 
 #: Codes by topic, in the order of the reference page.
@@ -22,6 +22,7 @@ TOPICS: dict[str, dict[str, Kind]] = {
     "Motion": MOTION,
     "No echo": NO_ECHO,
     "Processing": PROCESSING,
+    "Coverage diagrams": COVERAGE,
     "Runs": RUNS,
 }
 #: Codes that say why a frame has no echo.

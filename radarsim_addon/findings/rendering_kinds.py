@@ -191,8 +191,8 @@ SCENE = {
     ),
     "total-reflection": Kind(
         "caution",
-        "In {subjects}, {fraction:percent} of the waves that enter from the antennas arrive at a "
-        "face beyond the critical angle (index {index:.3g}).",
+        "In {subjects}, {fraction:percent} of the power that enters from the antennas arrives, "
+        "after absorption, at a face beyond the critical angle (index {index:.3g}).",
         "They are totally reflected inside. radarsim follows straight rays, which leave: echoes "
         "through these faces are too strong.",
         "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "

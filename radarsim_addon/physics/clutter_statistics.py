@@ -196,6 +196,34 @@ def clutter_velocities(
     return np.asarray(side * bragg_velocity_mps(wavelength_m, grazing_cosine) + spread_mps)
 
 
+def clutter_correlation(
+    kind: str, speed_mps: float, fraction: float, lag_s: Real, wavelength_m: float
+) -> Real:
+    """Return the correlation of the echo of many scatterers with themselves, a time later.
+
+    Parameters
+    ----------
+    kind, speed_mps, fraction
+        As for `clutter_velocities`.
+    lag_s
+        Times, (n,) [s].
+    wavelength_m
+        Of the carrier [m].
+
+    Returns
+    -------
+    ndarray
+        (n,), 1 at lag 0: the characteristic function of the velocities. Of "sea" it is that of each
+        Bragg line, about its own velocity.
+    """
+    turn = 4 * np.pi / wavelength_m * speed_mps * np.asarray(lag_s, dtype=np.float64)
+    if kind == "none":
+        return np.ones(turn.shape)
+    if kind == "exponential":
+        return np.asarray(fraction + (1 - fraction) / (1 + turn**2))
+    return np.asarray(np.exp(-(turn**2) / 2))
+
+
 def bragg_velocity_mps(wavelength_m: float, grazing_cosine: Real | float) -> Real:
     """Return the phase velocity of the sea waves that scatter back, along the line of sight.
 

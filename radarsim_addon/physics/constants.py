@@ -15,3 +15,6 @@ REFERENCE_TEMPERATURE_K = 290.0
 
 #: 0 degrees Celsius [K].
 ZERO_CELSIUS_K = 273.15
+
+#: Radius of the Earth with the refraction of the standard atmosphere, 4/3 of 6371 km [m].
+STANDARD_EARTH_RADIUS_M = 8.495e6

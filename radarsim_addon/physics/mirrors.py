@@ -7,17 +7,68 @@ exp(+j w t): the amplitude of a path has the conjugate.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..array_types import Complex, Real
 from ..vectors import crosses, dots, norms
-from .fresnel import reflection_coefficients
+from .fresnel import reflection_coefficients, unpolarised_reflectance
 
 #: Length of a cross product of unit vectors below which they are parallel.
 _PARALLEL = 1e-9
 #: Argument of the Bessel function from which two terms of its expansion do: 1e-6.
 _LARGE = 300.0
+
+
+@dataclass(frozen=True)
+class MirrorMaterial:
+    """A smooth surface at the carrier.
+
+    Attributes
+    ----------
+    index
+        Complex index n + jk.
+    share
+        Part of the reflected power that is mirrored, 0 to 1.
+    polarised
+        Whether the power depends on the run's polarisation.
+    rms_height_m
+        Of a slightly rough surface [m]; 0: smooth.
+    """
+
+    index: complex
+    share: float
+    polarised: bool
+    rms_height_m: float = 0.0
+
+    def reflection(
+        self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
+    ) -> tuple[Real, Real]:
+        """Return the fraction of the power and the phase of reflected waves.
+
+        As `mirror_reflection`; the power is that of the material's nodes.
+
+        Parameters
+        ----------
+        incoming, normal, polarisation
+            As there.
+        wavelength_m
+            Wavelength [m].
+
+        Returns
+        -------
+        power, phase_rad
+            As there, (n,) each.
+        """
+        power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
+        if not self.polarised:
+            power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
+        if self.rms_height_m > 0:
+            sine = np.abs(dots(incoming, normal))
+            power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
+        return self.share * power, phase_rad
 
 
 def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:

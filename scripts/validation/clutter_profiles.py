@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -11,9 +12,11 @@ import numpy as np
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.array_types import Real
+from radarsim_addon.contract import LinkBudget
 from radarsim_addon.physics.clutter import clutter_model
 from radarsim_addon.signal import expected_power_profile, make_paths, open_run
 from radarsim_addon.signal.decoding import FrameInput, frame_paths, open_frame
+from radarsim_addon.signal.detection import FrameBudget
 from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.paths import Paths
 from radarsim_addon.signal.scattering import FrameSpeckle
@@ -155,4 +158,41 @@ def sea_profile(bench: Bench) -> list[Check]:
     ]
     for middle, check in zip((edges_m[1:] + edges_m[:-1]) / 2, stretches, strict=True):
         bench.point("sea_profile", range_m=float(middle), error_db=check.error)
-    return [worst_of("sea profile, NRL, sea state 3, 0.5 to 8 km", stretches)]
+    spread = float(point.sum() / point.max())
+    return [
+        worst_of("sea profile, NRL, sea state 3, 0.5 to 8 km", stretches),
+        _to_noise(frame, edges_m, truth * spread),
+    ]
+
+
+def _to_noise(frame: FrameInput, edges_m: Real, clutter_w: Real) -> Check:
+    """Clutter to noise in cells of the map with a transmitter of 5 kW and a noise figure of 4 dB.
+
+    `clutter_w` are sums over the cells of each stretch at the light's EIRP.
+    """
+    budget = LinkBudget(transmit_power_w=5e3, noise_figure_db=4.0)
+    measured = FrameBudget(dataclasses.replace(frame, link_budget=budget))
+    found = expected_power(frame, link=measured.link)
+    report = measured.report(1.0, expected=found)
+    if report.clutter is None or report.clutter.noise_w is None or found.clutter_map is None:
+        raise AssertionError("the sea is no clutter")
+    ratio = found.clutter_map[0] / report.clutter.noise_w
+    cells = np.histogram(found.range_m, edges_m)[0]
+    mean = np.histogram(found.range_m, edges_m, weights=ratio)[0] / cells
+    # a point's SNR is P T / (k T0 F), less the loss of the Hamming taper over the band
+    window = np.hamming(4096)
+    loss = np.mean(window**2) / np.mean(window) ** 2
+    noise_w = 1.380649e-23 * 290.0 * 10**0.4 / 2.5e-6 * loss
+    expected = clutter_w * 5e3 / EIRP_W / cells / noise_w
+    stretches = [
+        power_check(
+            f"at {middle:.0f} m",
+            float(one),
+            float(other),
+            0.1,
+            "integral over k T F / T_pulse",
+            unit="dB",
+        )
+        for middle, one, other in zip((edges_m[1:] + edges_m[:-1]) / 2, expected, mean, strict=True)
+    ]
+    return worst_of("clutter to noise of that sea in the map", stretches)

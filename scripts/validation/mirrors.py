@@ -43,7 +43,7 @@ FLOOR_DB = 30.0
 BOUND_DB = 0.05
 CHAIN_BOUND_DB = 0.1
 #: Largest error of a length over a sphere [m].
-LENGTH_M = 2e-5
+LENGTH_M = 1e-5
 BALL = "law of reflection at the exact sphere, divergence by 2 / (a cos) and 2 cos / a"
 SOURCE = "|1 + Gamma* exp(-jk d)|^4 with spreading and cosines, Gamma of the textbook"
 
@@ -88,7 +88,7 @@ def _scene(epsilon: complex, fov_deg: float, low_m: float, high_m: float, width_
     add_mesh("Plate", strip, [(0, 1, 2, 3)], lambert(ALBEDO))
 
 
-def _expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
+def expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
     """Points of the plate and the expected power of all paths over each, over the direct one."""
     rows = run.rows[run.rows["point"] > 0]
     resolution_m = 1e3  # all paths of a point in one range cell
@@ -119,7 +119,7 @@ def swept(bench: Bench, ground: str) -> list[Check]:
                 max_reflections=3,
                 polarisation=polarisation,
             )
-            point_m, found = _expected_points(run, carrier_hz)
+            point_m, found = expected_points(run, carrier_hz)
             expected = pattern(point_m, epsilon, carrier_hz, polarisation == "vertical")
             strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
             worst = [

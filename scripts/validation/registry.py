@@ -27,6 +27,7 @@ MODULES = (
     "motion",
     "weather",
     "mirrors",
+    "coverage",
 )
 
 

@@ -41,14 +41,18 @@ class Chroot:
             "LIBGL_ALWAYS_SOFTWARE": "1",
         }
         settings = [f"{key}={value}" for key, value in environment.items()]
-        return subprocess.run(
-            ["chroot", str(self.root), "env", "-i", "-C", self.inside, *settings, *command],
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=timeout_s,
-            check=False,
-        )
+        try:
+            return subprocess.run(
+                ["chroot", str(self.root), "env", "-i", "-C", self.inside, *settings, *command],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=timeout_s,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as late:
+            said = [(part or b"").decode(errors="replace") for part in (late.stdout, late.stderr)]
+            pytest.fail(f"{command}: not done after {timeout_s} s\n" + "\n".join(said)[-8000:])
 
     def window(self, script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a Python script in a Blender window on a virtual screen."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim_addon.blender.plan import parse_render_arguments
+from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
 from radarsim_addon.signal.pipeline import main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -25,8 +25,9 @@ OPTION = r"(?<![\w-])--[a-z][a-z0-9-]*"
 
 def _shown_options(capsys: pytest.CaptureFixture[str]) -> set[str]:
     """Options in the help of the commands: hidden names of earlier versions are not in it."""
-    with pytest.raises(SystemExit):
-        parse_render_arguments(["--help"])
+    for parse in (parse_render_arguments, parse_coverage_arguments):
+        with pytest.raises(SystemExit):
+            parse(["--help"])
     for command in COMMANDS:
         with pytest.raises(SystemExit):
             main([command, "--help"])

@@ -2,6 +2,7 @@
 """Runs without a window: command line, jobs, console, frames for a coordinator."""
 
 from .console import quiet_blender
+from .coverage import scene_coverage
 from .frame_renderer import FrameRenderer
 from .jobs import make_job
 from .session import leave_blender
@@ -11,4 +12,5 @@ __all__ = [
     "leave_blender",
     "make_job",
     "quiet_blender",
+    "scene_coverage",
 ]

@@ -16,7 +16,6 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import math
 import operator
@@ -32,24 +31,17 @@ from ...errors import ConfigError, SceneError
 from ...options import declared
 from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
-from ..materials import make_physical_material, set_clutter, set_clutter_fluctuation  # noqa: F401
-from ..nodes import assign_to
 from ..plan import DEFAULT_PRESET, PathOptions, radar_preset
 from ..rig_settings import (
-    RADAR_PROPERTY,
     Settings,
     apply_preset,
-    carrier_hz,
-    migrate_file,
-    register,
     set_values,
-    unregister,
 )
 from ..rig_settings import settings as settings_of
-from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
-from ..state import evaluated_depsgraph
+from ..scene import antennas_of, find_rig, radars, setup_rig
 from .console import quiet_blender
 from .jobs import make_job
+from .scripting_materials import ensure_registered
 
 
 def add_radar(
@@ -89,7 +81,7 @@ def add_radar(
         An unknown preset or setting, a value out of bounds, or a point to look at that is the
         location itself.
     """
-    _ensure_registered()
+    ensure_registered()
     scene = bpy.context.scene if scene is None else scene
     target = None if look_at is None else _point("Point to look at", look_at)
     rig = setup_rig(scene, _point("Location", location))
@@ -142,7 +134,7 @@ def settings(rig: Any) -> Settings:
     SceneError
         The object is no radar.
     """
-    _ensure_registered()
+    ensure_registered()
     known = isinstance(rig, bpy.types.Object) and (
         # a radar whose light stands elsewhere names it
         rig.radarsim.light is not None or any(rig in radars(scene) for scene in bpy.data.scenes)
@@ -151,121 +143,6 @@ def settings(rig: Any) -> Settings:
         name = getattr(rig, "name", rig)
         raise SceneError(f"{name!r} is no radar; expected the object that add_radar returned.")
     return settings_of(rig)
-
-
-def material(
-    medium: str | None = None,
-    *,
-    name: str | None = None,
-    n: float | None = None,
-    kappa: float = 0.0,
-    rms_height_m: float = 0.0,
-    correlation_length_m: float = 0.0,
-    rms_slope: float = 0.0,
-    sheet_thickness_m: float = 0.0,
-    **parameters: Any,
-) -> Any:
-    """Make a radar material from a medium of the library or from a complex index.
-
-    Parameters
-    ----------
-    medium
-        Name of a medium, such as "concrete" or "itu_concrete"; its index follows the carrier.
-    name
-        Name of the material in Blender; None: that of the medium.
-    n, kappa
-        Complex index of refraction n + j kappa, in place of a medium; kappa is 0 or positive.
-    rms_height_m, correlation_length_m, rms_slope
-        Roughness of the surface [m, m, 1]; all 0: smooth.
-    sheet_thickness_m
-        More than 0: a thin pane, one face with interference [m].
-    **parameters
-        Parameters of the medium, such as ``temperature_c``.
-
-    Returns
-    -------
-    bpy.types.Material
-
-    Raises
-    ------
-    ConfigError
-        Neither or both of medium and n, an unknown medium or parameter, a number out of bounds.
-    """
-    if (medium is None) == (n is None):
-        raise ConfigError("A material needs a medium or n (with kappa), and not both.")
-    if medium is None:
-        medium, parameters = "index", {"n": n, "k": kappa, **parameters}
-    elif not isinstance(medium, str):
-        raise ConfigError(
-            f"Medium is {medium!r}; expected a name, such as 'concrete'. Give an index as n=2.5."
-        )
-    elif kappa:
-        raise ConfigError(
-            f"kappa is {kappa!r}, but the medium {medium!r} has its own. Leave out kappa, or give "
-            "n in place of the medium."
-        )
-    known = medium.removeprefix("itu_")  # of Recommendation ITU-R P.2040
-    _ensure_registered()
-    return make_physical_material(
-        name or f"Radar {known.replace('_', ' ')}",
-        known,
-        carrier_hz=carrier_hz(bpy.context.scene),
-        rms_height_m=rms_height_m,
-        correlation_length_m=correlation_length_m,
-        rms_slope=rms_slope,
-        sheet_thickness_m=sheet_thickness_m,
-        **parameters,
-    )
-
-
-def assign_material(objects: Any, material: Any) -> list[Any]:
-    """Give objects a material, in all their material slots.
-
-    Parameters
-    ----------
-    objects : bpy.types.Object or iterable of them
-        Objects that cannot carry a material are passed over.
-    material : bpy.types.Material
-
-    Returns
-    -------
-    list of bpy.types.Object : those that have the material now
-
-    Raises
-    ------
-    SceneError
-        None of the objects can carry a material.
-    """
-    if not isinstance(material, bpy.types.Material):
-        raise SceneError(f"{material!r} is no material; expected what radarsim.material returns.")
-    chosen = [objects] if isinstance(objects, bpy.types.Object) else objects
-    if isinstance(chosen, str) or not isinstance(chosen, Iterable):
-        raise SceneError(f"{objects!r} is no object; expected objects of the scene.")
-    return assign_to(chosen, material)
-
-
-def assign_by_name(scene: Any = None) -> dict[str, str]:
-    """Put radar materials in the place of the optical ones whose names are known.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene, optional
-        None: the current one.
-
-    Returns
-    -------
-    dict of str
-        Radar material by optical material; the others are as they were.
-    """
-    _ensure_registered()
-    scene = bpy.context.scene if scene is None else scene
-    layer = scene.view_layers[0]
-    taken = {}
-    for material, ready in suggest_materials(evaluated_depsgraph(layer)).items():
-        if ready:
-            replace_material(material, ready, carrier_hz(scene), evaluated_depsgraph(layer))
-            taken[material.name] = ready
-    return taken
 
 
 def measure(
@@ -372,15 +249,6 @@ def process(
     path = run.path if isinstance(run, Run) else run
     events = process_run(path, options, out=out, frames=frames)
     return [event for event in events if isinstance(event, FrameResult)]
-
-
-def _ensure_registered() -> None:
-    # The extension, where it is enabled, has registered the settings already.
-    if not hasattr(bpy.types.Object, RADAR_PROPERTY):
-        register()
-        # Blender 4.5 as a module hangs at exit with properties that have functions of Python.
-        atexit.register(unregister)
-        migrate_file()  # of a file that was opened before
 
 
 def _frame_numbers(frames: Iterable[int]) -> tuple[int, ...]:

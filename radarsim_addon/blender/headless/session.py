@@ -22,8 +22,8 @@ from ..scene import active_radar, radars
 from .jobs import make_job
 
 
-def open_job(arguments: argparse.Namespace) -> MeasurementJob:
-    """Open the file of a command line; return its job, unprepared."""
+def open_scene(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
+    """Open the file of a command line; return the scene, view layer and radar that it names."""
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
@@ -35,14 +35,20 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     if arguments.blend is not None:
         _open_file(arguments.blend)
     scene = _find_scene(arguments.scene)
-    if arguments.device is not None:
-        choose_device(scene, Device(arguments.device.upper()))
     migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
     radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
+    return scene, _view_layer_of(scene), radar
+
+
+def open_job(arguments: argparse.Namespace) -> MeasurementJob:
+    """Open the file of a command line; return its job, unprepared."""
+    scene, view_layer, radar = open_scene(arguments)
+    if arguments.device is not None:
+        choose_device(scene, Device(arguments.device.upper()))
     folder = arguments.out.absolute() if arguments.out else output_folder(radar)
     job = make_job(
         scene,
-        _view_layer_of(scene),
+        view_layer,
         folder,
         radar=radar,
         overwrite=arguments.overwrite,

@@ -12,14 +12,14 @@ from .assignments import (
     slot_materials,
 )
 from .averaging import average_in_a_row, averaging_objects, separate_averages
-from .clutter import clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter import clutter_name, clutter_of, set_clutter, set_clutter_tables, table_files
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .inside_walls import objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
-from .mirrors import MirrorMaterial, is_mirror_like, lobe_width, mirror_of
+from .mirrors import ground_mirror, is_mirror_like, lobe_width, mirror_of
 from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
@@ -32,21 +32,23 @@ from .physical_materials import (
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
 from .unrefracted import straight_interiors
+from .wall_modifier import sharpen_edges
 
 __all__ = [
     "EXACT_FACETS",
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
-    "MirrorMaterial",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
+    "clutter_name",
     "clutter_of",
     "delays",
     "doubled_panes",
     "fluctuation_of",
+    "ground_mirror",
     "has_no_faces",
     "has_rough_facets",
     "interior_losses_db",
@@ -69,6 +71,7 @@ __all__ = [
     "set_layer_normals",
     "settle_interiors",
     "settle_interiors_far_away",
+    "sharpen_edges",
     "slot_materials",
     "straight_interiors",
     "table_files",

@@ -15,7 +15,7 @@ material's group reads; see :mod:`..nodes.clutter_lobe`.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -99,6 +99,30 @@ def clutter_of(material: Any) -> Clutter | None:
         raise ConfigError(f"Material {material.name!r}: {error}") from error
     given = {one.name: material.get(PARAMETER_PREFIX + one.name) for one in known}
     return Clutter(name, {key: float(value) for key, value in given.items() if value is not None})
+
+
+def clutter_name(materials: Iterable[Any]) -> str | None:
+    """Return the name of the clutter model of the first of some materials that renders one.
+
+    Parameters
+    ----------
+    materials : iterable of bpy.types.Material or None
+        Of an object, by slot.
+
+    Returns
+    -------
+    str or None
+
+    Raises
+    ------
+    ConfigError
+        An unknown model.
+    """
+    for material in materials:
+        clutter = clutter_of(material)
+        if clutter is not None and group_input(material, CLUTTER_ROW) is not None:
+            return clutter.name
+    return None
 
 
 def table_files(material: Any) -> list[Path]:

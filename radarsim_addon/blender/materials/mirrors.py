@@ -4,15 +4,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from ...array_types import Real
-from ...physics.fresnel import unpolarised_reflectance
-from ...physics.mirrors import coherent_reflection, mirror_reflection
-from ...vectors import dots
+from ...errors import SceneError
+from ...physics.mirrors import MirrorMaterial
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.physical_material import KIND as PHYSICAL_KIND
@@ -20,7 +16,7 @@ from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..nodes.sheet import KIND as SHEET_KIND
 from .clutter import clutter_of
-from .physical_materials import surface_of
+from .physical_materials import inputs_at, surface_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
 _SHARP = 0.0037
@@ -31,55 +27,6 @@ _GLOSSY = {
     "ShaderNodeBsdfGlossy",
     "ShaderNodeBsdfMetallic",
 }
-
-
-@dataclass(frozen=True)
-class MirrorMaterial:
-    """A smooth surface at the carrier.
-
-    Attributes
-    ----------
-    index
-        Complex index n + jk.
-    share
-        Part of the reflected power that is mirrored, 0 to 1.
-    polarised
-        Whether the power depends on the run's polarisation.
-    rms_height_m
-        Of a slightly rough surface [m]; 0: smooth.
-    """
-
-    index: complex
-    share: float
-    polarised: bool
-    rms_height_m: float = 0.0
-
-    def reflection(
-        self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
-    ) -> tuple[Real, Real]:
-        """Return the fraction of the power and the phase of reflected waves.
-
-        As `physics.mirrors.mirror_reflection`; the power is that of the material's nodes.
-
-        Parameters
-        ----------
-        incoming, normal, polarisation
-            As there.
-        wavelength_m
-            Wavelength [m].
-
-        Returns
-        -------
-        power, phase_rad
-            As there, (n,) each.
-        """
-        power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
-        if not self.polarised:
-            power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
-        if self.rms_height_m > 0:
-            sine = np.abs(dots(incoming, normal))
-            power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
-        return self.share * power, phase_rad
 
 
 def mirror_of(material: Any) -> MirrorMaterial | None:
@@ -114,6 +61,58 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
         return None
     share = float(specularity.default_value)
     return MirrorMaterial(complex(n, kappa), share, False, height_m)
+
+
+def ground_mirror(
+    material: Any, carrier_hz: float, beyond_band: str, rms_height_m: float | None = None
+) -> MirrorMaterial:
+    """Return the coherent reflection of a ground, whose material may be rough.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+    carrier_hz
+        Carrier [Hz]; the material is not changed.
+    beyond_band
+        What a medium does outside its band, see `update_materials`.
+    rms_height_m
+        RMS height in place of the material's [m].
+
+    Returns
+    -------
+    MirrorMaterial
+        At the carrier.
+
+    Raises
+    ------
+    SceneError
+        It is no Radar Material, or neither smooth nor of a known RMS height.
+    ConfigError
+        The medium cannot be evaluated.
+    """
+    name = "none" if material is None else repr(material.name)
+    node = group_node(material)
+    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    values = inputs_at(material, carrier_hz, beyond_band) if kind == PHYSICAL_KIND else None
+    if values:
+        surface = surface_of(material)
+        height_m = rms_height_m
+        if height_m is None:
+            height_m = 0.0 if surface is None else surface.rms_height_m
+            if height_m == 0 and values[ROUGHNESS] > SMOOTH_BELOW:
+                raise SceneError(
+                    f"The ground's material {name} has a slope and no RMS height, so its coherent "
+                    "reflection is unknown. Set RMS Height of the material, or --rms-height."
+                )
+        return MirrorMaterial(complex(values[INDEX], values[EXTINCTION]), 1.0, True, height_m)
+    found = mirror_of(material)
+    if found is None:
+        raise SceneError(
+            f"The ground's material is {name}, which is no mirror with numbers of its own: "
+            "expected a physical Radar Material, or a simple one with roughness 0 and Specularity "
+            "above 0. Choose such a material, or name another ground by --ground."
+        )
+    return found if rms_height_m is None else replace(found, rms_height_m=rms_height_m)
 
 
 def is_mirror_like(material: Any) -> bool:

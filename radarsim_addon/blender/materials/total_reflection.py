@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mathutils import Vector
@@ -13,11 +14,14 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Int32, Real
 from ...findings import Finding, finding
+from ...vectors import norms
+from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
-from ..nodes.physical_material import INDEX
+from ..nodes.physical_material import EXTINCTION, INDEX
 from ..state import evaluated_mesh, read_triangles
 from .assignments import assigned_materials
+from .layers import is_entered, thinnest
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
@@ -32,49 +36,94 @@ _OFF_FACE = 1e-6
 _FEW_TRIANGLES = 64
 
 
-def total_reflections(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
+class _Body(NamedTuple):
+    """What a ray meets inside an object.
+
+    `refraction` is the index, `per_unit` the absorption of power [1 / Blender unit]. Straight rays
+    are absorbed as by the way across the `layer` with this normal, (3,), or as by `at_most` of a
+    way [Blender units].
+    """
+
+    refraction: float
+    per_unit: float
+    layer: Real | None
+    at_most: float
+
+
+def total_reflections(
+    depsgraph: Any,
+    antennas: Sequence[Sequence[float]],
+    wavelength: float,
+    extinction_length: float,
+) -> list[Finding]:
     """Find the objects that waves from the antennas enter and cannot leave where they arrive.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
-        Up to date.
+        Up to date; layer normals are set.
     antennas
         Positions of receiver and transmitter, (3,) each [Blender units].
+    wavelength, extinction_length
+        Of physical and of simple Radar Materials [Blender units].
 
     Returns
     -------
     list of Finding
         One ``total-reflection`` per object, with its index and fraction.
     """
-    found: dict[str, tuple[float, float]] = {}
+    found: list[tuple[float, float, str]] = []
     is_inside = cache(has_interior)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     for item, materials in assigned_materials(depsgraph):
         entered = [material for material in materials if is_inside(material)]
         if item.type != "MESH" or not entered:
             continue
-        sockets = [group_input(material, INDEX) for material in entered]
-        index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
-        fraction = 0.0 if index <= 1 else _reflected(item, depsgraph, index, places)
-        found[item.name] = fraction, index
+        body = _body(item, depsgraph, entered, wavelength, extinction_length)
+        fraction = 0.0 if body.refraction <= 1 else _reflected(item, depsgraph, body, places)
+        found.append((fraction, body.refraction, item.name))
     # what is not said stays below this in the sum: waves may pass all of them
-    unsaid = 0.0
-    for name, (fraction, _) in sorted(found.items(), key=lambda one: one[1]):
-        unsaid += fraction
-        if unsaid <= _LEAST_FRACTION:
-            del found[name]
+    found.sort()
+    unsaid = np.cumsum([fraction for fraction, _, _ in found])
     said = []
-    for name, (fraction, index) in found.items():
+    for fraction, index, name in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
         one = finding("total-reflection", name, fraction=fraction, index=index)
         said.append(one if fraction > _DANGER else one.as_information())
     return said
 
 
+def _body(
+    item: Any,
+    depsgraph: Any,
+    materials: Sequence[Any],
+    wavelength: float,
+    extinction_length: float,
+) -> _Body:
+    """What rays meet in an object: the greatest index of its materials, the least absorption."""
+    index, absorption = 1.0, []
+    for material in materials:
+        socket, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
+        per = wavelength if is_entered(material) else extinction_length
+        absorption.append(0.0 if kappa is None else 4 * math.pi * float(kappa.default_value) / per)
+        index = max(index, 1.0 if socket is None else float(socket.default_value))
+    shell = attributes.OBJECT_SHELL_THICKNESS in item
+    at_most = thinnest(item, depsgraph) if shell else math.inf
+    layer = None
+    given = item.get(attributes.OBJECT_LAYER_NORMAL)
+    if given is not None and np.any(given) and not shell:
+        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+        layer = np.array(given, dtype=np.float64) @ np.linalg.pinv(linear)
+        layer /= np.linalg.norm(layer)
+    return _Body(index, min(absorption), layer, at_most)
+
+
 def _reflected(
-    item: Any, depsgraph: Any, index: float, antennas: Sequence[Sequence[float]]
+    item: Any, depsgraph: Any, body: _Body, antennas: Sequence[Sequence[float]]
 ) -> float:
-    """Fraction of the entering waves, by the area that they see, that total reflection meets."""
+    """Fraction of the entering power that arrives where it is totally reflected, or seems to leave.
+
+    Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
+    """
     evaluated = item.evaluated_get(depsgraph)
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None or not len(mesh.polygons):
@@ -87,48 +136,62 @@ def _reflected(
         corners = corners[:, ::-1]
     starts, normals, areas = _starts(points[corners])
     inside = _OFF_FACE * float(np.ptp(points, axis=0).max())
-    arrive = _arrivals(points, corners)
+    planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
+    arrive = _arrivals(points, corners, planes)
     entering, reflected = 0.0, 0.0
     for place in antennas:
         ray = starts - (np.asarray(place) - matrix[:3, 3])
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        distance = norms(ray)
+        ray /= distance[:, None]
         cosine = -np.sum(ray * normals, axis=1)
         enters = cosine > 0
         ray, cosine, outward = ray[enters], cosine[enters], normals[enters]
-        bent = np.sqrt(1 - (1 - cosine**2) / index**2)
-        onward = ray / index + (cosine / index - bent)[:, None] * outward
-        exit_cosine = arrive(starts[enters] - inside * outward, onward)
-        met = np.isfinite(exit_cosine)
+        first = np.ones(len(ray), dtype=bool)  # what enters a house enters its inner walls, too
+        if planes is None:
+            back = arrive(starts[enters] + inside * outward, -ray)[1]
+            first = ~(back < distance[enters])
+        bent = np.sqrt(1 - (1 - cosine**2) / body.refraction**2)
+        onward = ray / body.refraction + (cosine / body.refraction - bent)[:, None] * outward
+        begin = starts[enters] - inside * outward
+        out, way = arrive(begin, onward)
         seen = areas[enters] * cosine
-        sine = np.sqrt(np.maximum(0.0, 1 - exit_cosine**2))
-        entering += float(seen[met].sum())
-        reflected += float(seen[met & (index * sine > 1)].sum())
-    return reflected / entering if entering else 0.0
+        entering += float(seen[first & np.isfinite(out)].sum())
+        beyond = body.refraction * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1  # false where it is NaN
+        straight = arrive(begin[beyond], ray[beyond])[1]
+        if body.layer is not None:
+            straight = straight * np.abs(ray[beyond] @ body.layer)
+        least = np.minimum(np.fmin(way[beyond], straight), body.at_most)
+        reflected += float(np.sum(seen[beyond] * np.exp(-body.per_unit * least)))
+    return min(reflected / entering, 1.0) if entering else 0.0
 
 
-def _arrivals(points: Real, corners: Int32) -> Callable[[Real, Real], Real]:
-    """Return a function that gives the cosine to the normal where rays (n, 3) from inside arrive.
+def _arrivals(
+    points: Real, corners: Int32, planes: tuple[Real, Real] | None
+) -> Callable[[Real, Real], tuple[Real, Real]]:
+    """Return a function that follows rays (n, 3) from inside to where they arrive.
 
-    (n,); NaN where the mesh is open.
+    It gives the cosine to the normal there and the length of the way, (n,) each; NaN where the mesh
+    is open. `planes` are those of a convex mesh.
     """
-    planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
     if planes is None:
         tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
 
-        def cast(starts: Real, onward: Real) -> Real:
+        def cast(starts: Real, onward: Real) -> tuple[Real, Real]:
             pairs = zip(starts.tolist(), onward.tolist(), strict=True)
-            met = (tree.ray_cast(Vector(start), Vector(along))[1] for start, along in pairs)
-            normals = np.array([(np.nan,) * 3 if one is None else tuple(one) for one in met])
-            return np.asarray(np.sum(normals.reshape(-1, 3) * onward, axis=1))
+            met = (tree.ray_cast(Vector(start), Vector(along)) for start, along in pairs)
+            rows = [(np.nan,) * 4 if way is None else (*normal, way) for _, normal, _, way in met]
+            found = np.array(rows, dtype=np.float64).reshape(-1, 4)
+            return np.sum(found[:, :3] * onward, axis=1), found[:, 3]
 
         return cast
     normals, heights = planes
 
-    def leave(starts: Real, onward: Real) -> Real:
+    def leave(starts: Real, onward: Real) -> tuple[Real, Real]:
         cosines = onward @ normals.T
         with np.errstate(divide="ignore", invalid="ignore"):
             way = np.where(cosines > 0, (heights - starts @ normals.T) / cosines, np.inf)
-        return np.asarray(cosines[np.arange(len(way)), way.argmin(axis=1)])
+        first = np.arange(len(way)), way.argmin(axis=1)
+        return cosines[first], way[first]
 
     return leave
 

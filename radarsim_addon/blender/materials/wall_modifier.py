@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Thicknesses of walls as an attribute of an object's faces, whatever modifiers make these."""
+"""Modifiers that objects have during a run, for faces that other modifiers make."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
@@ -34,18 +35,61 @@ def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> N
     holder = bpy.data.objects.new(_NAME, mesh)
     recorder.on_restore(_NAME, lambda: bpy.data.objects.remove(holder))
     holder.hide_render = True
+    _draw_thickness(_add_modifier(recorder, item), holder)
+
+
+def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> None:
+    """Have an object's normals end at edges of more than an angle, until restored.
+
+    Normals of its own that a mesh was imported with are left out.
+
+    Parameters
+    ----------
+    recorder
+        Records the change.
+    item : bpy.types.Object
+        Of this file.
+    angle_deg
+        Between the faces on both sides of an edge.
+    """
+    tree = _add_modifier(recorder, item)
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodeInputMeshEdgeAngle",
+        "ShaderNodeMath",
+        "GeometryNodeRemoveAttribute",
+        "GeometryNodeSetShadeSmooth",
+        "NodeGroupOutput",
+    )
+    begin, angle, above, remove, shade, end = map(tree.nodes.new, kinds)
+    above.operation, shade.domain = "GREATER_THAN", "EDGE"
+    above.inputs[1].default_value = math.radians(angle_deg)
+    remove.inputs["Name"].default_value = "custom_normal"
+    shade.inputs["Shade Smooth"].default_value = False
+    for source, target in (
+        (begin.outputs["Geometry"], remove.inputs["Geometry"]),
+        (angle.outputs["Unsigned Angle"], above.inputs[0]),
+        (above.outputs[0], shade.inputs["Selection"]),
+        (remove.outputs["Geometry"], shade.inputs[0]),
+        (shade.outputs[0], end.inputs["Geometry"]),
+    ):
+        tree.links.new(source, target)
+
+
+def _add_modifier(recorder: SettingsRestorer, item: Any) -> Any:
+    """Give an object a modifier until restored; returns its tree, with sockets for geometry."""
     tree = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
     recorder.on_restore(_NAME, lambda: bpy.data.node_groups.remove(tree))
-    _draw(tree, holder)
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
     modifier = item.modifiers.new(_NAME, "NODES")
     recorder.on_restore(item.name, lambda: item.modifiers.remove(modifier))
     modifier.node_group = tree
+    return tree
 
 
-def _draw(tree: Any, holder: Any) -> None:
+def _draw_thickness(tree: Any, holder: Any) -> None:
     """Copy the values of the holder's points to the faces, by their number."""
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
     kinds = (
         "NodeGroupInput",
         "GeometryNodeObjectInfo",

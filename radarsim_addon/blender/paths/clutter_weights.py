@@ -23,6 +23,7 @@ from ...array_types import Indices, Mask, Real
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.clutter import ClutterModel
+from ...physics.constants import STANDARD_EARTH_RADIUS_M
 from ...physics.facets import facet_scattering
 from ...signal.paths import PathRows
 from ...vectors import dots, norms
@@ -38,8 +39,6 @@ from .hit_points import HitPoints
 _MIRRORED = 1 - 1e-9
 #: Rows of a frame from which the findings are told.
 _LOOKED_AT = 4096
-#: Radius of the Earth with the standard refraction, 4/3 of 6371 km [m].
-_EARTH_M = 8.495e6
 #: Error of sigma0 by the flat model above which it is told [dB].
 _CURVED_DB = 0.5
 
@@ -216,7 +215,7 @@ def _beyond_angles(one: _Surface, grazing_rad: Real, outside: Mask) -> Finding:
 
 def _curvature(one: _Surface, grazing_rad: Real, range_m: Real) -> list[Finding]:
     """Find from which range on a level surface would curve away below the ray."""
-    curved = np.maximum(grazing_rad - range_m / (2 * _EARTH_M), 1e-7)
+    curved = np.maximum(grazing_rad - range_m / (2 * STANDARD_EARTH_RADIUS_M), 1e-7)
     error_db = 10 * np.log10(one.sigma0(np.sin(grazing_rad)) / one.sigma0(np.sin(curved)))
     beyond = np.abs(error_db) > _CURVED_DB
     if not beyond.any():

@@ -10,10 +10,10 @@ import numpy as np
 
 from ...array_types import Integers, Real
 from ...findings import Finding, finding
+from ...physics.mirrors import MirrorMaterial
 from ...physics.smooth_patches import SmoothPatches
 from ...vectors import norms
-from ..materials import MirrorMaterial
-from .mirroring_meshes import MirroringMesh, mirroring_meshes
+from .mirror_meshes import MirroringMesh, mirroring_meshes
 from .mirrors import FLAT
 from .obstacles import Obstacles
 

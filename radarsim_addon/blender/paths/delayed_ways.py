@@ -12,6 +12,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from ...array_types import Mask, Real
+from ...contract import ReceiverRecord, TransmitterRecord
 from ...vectors import norms
 from ..materials import SURFACE_TYPES, delays
 from ..state import Snapshot, read_triangles
@@ -20,6 +21,8 @@ from ..state import Snapshot, read_triangles
 _ITSELF = 1e-5
 #: Triangles of which a tree is made, at most. With more, all ways count as delayed.
 _MOST_TRIANGLES = 500_000
+#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
+_ONE_PLACE = 1e-6
 
 
 class DelayedWays:
@@ -79,3 +82,19 @@ class DelayedWays:
         ways = zip(ways_m[tried].tolist(), lengths_m.tolist(), strict=True)
         found[tried] = [cast(start, way, length_m)[0] is not None for way, length_m in ways]
         return found
+
+
+def ways_to_transmitter(
+    snapshot: Snapshot,
+    receiver: ReceiverRecord,
+    transmitter: TransmitterRecord,
+    reach_m: float,
+    metres_per_unit: float,
+) -> DelayedWays | None:
+    """Return the ways to the transmitter; None where they are those that the receiver sees."""
+    poses = np.array([one.matrix_world for one in (receiver, transmitter)], dtype=np.float64)
+    receiver_m, transmitter_m = poses[:, :3, 3]
+    together = float(np.linalg.norm(transmitter_m - receiver_m)) <= _ONE_PLACE * reach_m
+    if together and receiver.kind != "orthographic":
+        return None
+    return DelayedWays(snapshot, transmitter_m, metres_per_unit)

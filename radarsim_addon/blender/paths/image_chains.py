@@ -10,8 +10,8 @@ import numpy as np
 
 from ... import contract
 from ...array_types import Indices, Mask, Real
+from ...physics.mirrors import MirrorMaterial
 from ...vectors import norms
-from ..materials import MirrorMaterial
 from .mirrors import Mirror
 from .obstacles import Obstacles
 

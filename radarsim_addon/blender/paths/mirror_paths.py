@@ -24,7 +24,7 @@ from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
-from .curved_mirrors import find_curved_mirrors
+from .curved_mirrors import CurvedMirrors, find_curved_mirrors
 from .curved_paths import CurvedPaths
 from .hit_points import HitPoints
 from .image_chains import find_blocked, first_images, reflection, second_images, ways_over
@@ -108,14 +108,8 @@ class MirrorPaths:
             self._findings.append(finding("mirror-ways-not-in-phase", distance_m=apart_m))
         #: Paths over curved mirrors; None without any.
         self._curved: CurvedPaths | None = None
-        if curved is not None and most and self._one_place:
-            self._curved = CurvedPaths(
-                curved, self._obstacles, transmitter_m, self._polarisation, self._wavelength_m
-            )
-            self._findings += curved.rounded(self._wavelength_m)
-        elif curved is not None and self._reflections > 1:
-            kind = "mirror-curved-two-places" if most else "mirror-curved-off"
-            self._findings.append(finding(kind, *curved.objects))
+        if curved is not None and self._reflections > 1:
+            self._curved = self._over_mirrors(curved, most)
         #: Bodies that scatter otherwise towards an image, and towards a curved mirror.
         self._narrow: set[int] = set()
         self._narrow_curved: set[int] = set()
@@ -124,6 +118,18 @@ class MirrorPaths:
             self._add_second_images(most)
         #: Places of the images, (n, 3) [m].
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
+
+    def _over_mirrors(self, curved: CurvedMirrors, most: int) -> CurvedPaths | None:
+        """Paths over curved mirrors; None where they are off, or the antennas are apart."""
+        if most and self._one_place:
+            self._findings += curved.rounded(self._wavelength_m)
+            place_m, obstacles = self._transmitter_m, self._obstacles
+            return CurvedPaths(curved, obstacles, place_m, self._polarisation, self._wavelength_m)
+        if most:
+            self._findings.append(finding("mirror-curved-two-places", *curved.objects))
+        else:
+            self._findings.append(finding("mirror-curved-off", *curved.objects))
+        return None
 
     def _add_second_images(self, most: int) -> None:
         """Add the images over two mirrors in a row, as far as there may be more images."""
@@ -138,14 +144,18 @@ class MirrorPaths:
     @property
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
-        focusing = set() if self._curved is None else self._curved.focusing
-        bodies = {
-            "mirror-lobe-narrow": self._narrow if self._one_place else set(),
-            "mirror-curved-target": self._narrow_curved,
-            "mirror-focuses": focusing,
-        }
-        names = {kind: dict.fromkeys(map(self._name, sorted(of))) for kind, of in bodies.items()}
-        return self._findings + [finding(kind, *of) for kind, of in names.items() if of]
+        found = list(self._findings)
+        if self._narrow and self._one_place:
+            found.append(finding("mirror-lobe-narrow", *self._names(self._narrow)))
+        if self._narrow_curved:
+            found.append(finding("mirror-curved-target", *self._names(self._narrow_curved)))
+        if self._curved is not None and self._curved.focusing:
+            found.append(finding("mirror-focuses", *self._names(self._curved.focusing)))
+        return found
+
+    def _names(self, bodies: set[int]) -> dict[str, None]:
+        """Names of the objects of bodies, each once."""
+        return dict.fromkeys(map(self._name, sorted(bodies)))
 
     @property
     def dtype(self) -> np.dtype[np.void]:

@@ -12,10 +12,9 @@ import numpy as np
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
-from ...physics.mirrors import mirror_matrix
+from ...physics.mirrors import MirrorMaterial, mirror_matrix
 from ...vectors import dots, norms
-from ..materials import MirrorMaterial
-from .mirroring_meshes import mirroring_meshes
+from .mirror_meshes import mirroring_meshes
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.

@@ -14,9 +14,6 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import bpy
-import numpy as np
-
 from ... import contract
 from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
@@ -24,31 +21,25 @@ from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
 from ..materials import (
-    SURFACE_TYPES,
     Interiors,
-    assigned_materials,
-    has_no_faces,
-    has_rough_facets,
     objects_in_walls,
 )
 from ..motion import BurstMotion, SamplingPlan, key_frames
-from ..nodes import is_radar_material
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
-from ..scene import is_hidden_at_times, no_echo_findings
-from ..state import Shape, Snapshot, evaluated_depsgraph
+from ..scene import no_echo_findings
+from ..state import Shape
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
-from .delayed_ways import DelayedWays
+from .delayed_ways import ways_to_transmitter
 from .frame import FrameWork
 from .hit_points import HitPoints
+from .materials_in_use import holds_foreign_materials, holds_rough_facets
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
-#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
-_ONE_PLACE = 1e-6
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
 
@@ -91,9 +82,9 @@ class PathJob(MeasurementJob):
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: WeakKeyDictionary[Shape, TriangleMesh | None] = WeakKeyDictionary()
         self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
-        foreign = _holds_foreign_materials(view_layer)
+        foreign = holds_foreign_materials(view_layer)
         choice = options.range_encoding
-        by_facets = options.max_reflections > 1 and _holds_rough_facets(view_layer)
+        by_facets = options.max_reflections > 1 and holds_rough_facets(view_layer)
         self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
         self._rounds_by_channel = by_facets and not self.code_world
         self.deterministic = not self.code_world or (choice == "auto" and not foreign)
@@ -309,7 +300,12 @@ class PathJob(MeasurementJob):
         motion.findings += self._in_walls(depsgraph)
         receiver, transmitter = self._antenna_records(depsgraph, units)
         receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
-        ways = self._delayed_ways(motion.bodies.snapshot, receiver, transmitter)
+        ways = None
+        if self._run.interiors.delay:
+            reach_m = self.plan.extent.from_receiver_m
+            ways = ways_to_transmitter(
+                motion.bodies.snapshot, receiver, transmitter, reach_m, units
+            )
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter, ways)
         hits = HitPoints(
             motion.bodies,
@@ -371,21 +367,6 @@ class PathJob(MeasurementJob):
         antennas = [item.evaluated_get(depsgraph).matrix_world.translation for item in items]
         return objects_in_walls(depsgraph, antennas)
 
-    def _delayed_ways(
-        self,
-        snapshot: Snapshot,
-        receiver: contract.ReceiverRecord,
-        transmitter: contract.TransmitterRecord,
-    ) -> DelayedWays | None:
-        """Return the ways to the transmitter; None where they are those that the receiver sees."""
-        poses = np.array([one.matrix_world for one in (receiver, transmitter)], dtype=np.float64)
-        receiver_m, transmitter_m = poses[:, :3, 3]
-        apart_m = float(np.linalg.norm(transmitter_m - receiver_m))
-        together = apart_m <= _ONE_PLACE * self.plan.extent.from_receiver_m
-        if (together and receiver.kind != "orthographic") or not self._run.interiors.delay:
-            return None
-        return DelayedWays(snapshot, transmitter_m, self.plan.metres_per_unit)
-
     # -- progress of a frame -----------------------------------------------------------------------
 
     def add_tiles(self, count: int) -> None:
@@ -396,28 +377,3 @@ class PathJob(MeasurementJob):
         """See `Progress`."""
         self.done += count
         self._done_before += count * earlier
-
-
-def _assigned(view_layer: Any) -> set[Any]:
-    """Materials of evaluated objects: what geometry nodes set shows in these alone."""
-    assigned = assigned_materials(evaluated_depsgraph(view_layer))
-    return {m for one in assigned for m in one.materials if m is not None}
-
-
-def _holds_foreign_materials(view_layer: Any) -> bool:
-    """Whether something that can echo has another material than the Radar Material."""
-    shown = [
-        one
-        for one in bpy.data.objects
-        if one.type in SURFACE_TYPES
-        and not has_no_faces(one)
-        and (not one.hide_render or is_hidden_at_times(one))
-    ]
-    slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
-    materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
-    return not all(is_radar_material(material) for material in materials)
-
-
-def _holds_rough_facets(view_layer: Any) -> bool:
-    """Whether something that can echo has facets that round by channel if materials encode."""
-    return any(has_rough_facets(material) for material in _assigned(view_layer))

@@ -2,6 +2,13 @@
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
 from .config_warnings import config_findings
+from .coverage_arguments import (
+    COVERAGE_SETTINGS,
+    CoverageRequest,
+    coverage_request,
+    parse_axis,
+    parse_coverage_arguments,
+)
 from .measurement import POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
 from .presets import DEFAULT_PRESET, PRESETS, RadarPreset, radar_preset
@@ -22,10 +29,12 @@ from .run_settings import RunSettings
 from .window_settings import merged, shortest_decimal
 
 __all__ = [
+    "COVERAGE_SETTINGS",
     "DEFAULT_PRESET",
     "FINEST_PITCH",
     "POLARISATIONS",
     "PRESETS",
+    "CoverageRequest",
     "Extent",
     "Instant",
     "Measurement",
@@ -38,11 +47,14 @@ __all__ = [
     "check_frame_rate",
     "check_unit_scale",
     "config_findings",
+    "coverage_request",
     "fingerprint",
     "given_settings",
     "instant_at",
     "make_plan",
     "merged",
+    "parse_axis",
+    "parse_coverage_arguments",
     "parse_frames",
     "parse_render_arguments",
     "radar_preset",

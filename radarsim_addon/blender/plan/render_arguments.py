@@ -84,7 +84,7 @@ def parse_render_arguments(
     )
     parser.add_argument(
         "--out",
-        type=_folder_name,
+        type=folder_name,
         metavar="DIR",
         help=declared(RunSettings)["output_folder"].of.help,
     )
@@ -130,7 +130,7 @@ def parse_render_arguments(
     return parser.parse_args(words)
 
 
-def _folder_name(text: str) -> Path:
+def folder_name(text: str) -> Path:
     """A path that is not empty: an empty one would be the current folder."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the folder's name is empty")

@@ -15,12 +15,14 @@ from .radar import (
     WAVEFORMS,
     beyond_band,
     carrier_hz,
+    settings,
+)
+from .records import (
     output_folder,
     own_link_budget,
     read_link_budget,
     read_measurement,
     read_path_options,
-    settings,
 )
 from .registration import PROGRESS_PROPERTY, register, unregister
 

@@ -61,7 +61,8 @@ class RingJob(MeasurementJob):
             output_folder.make_frame_folder(self.folder, task.frame)
             self._write_scene(task.frame)
             self._scene_written = task.frame
-        if self._records is None or not self._shows(task.instant):
+            self._records = None  # of another moment
+        if self._records is None or not self._time.shows(task.instant):
             depsgraph = self._show(task.instant)
             self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
         self._settings.set_ring(task.ring_min_m, task.ring_max_m)

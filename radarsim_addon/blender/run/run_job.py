@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import math
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -43,29 +42,24 @@ from ..plan import (
     shortest_decimal,
 )
 from ..scene import (
-    VELOCITY_FRAMES,
-    ClosingSpeeds,
     Rig,
     disabled_drivers,
     find_rig,
-    hiding_is_animated,
     receiver_record,
     renders_whole_frames_only,
-    show_as_rendered,
-    show_what_renders,
-    simulation_frames,
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
 from ..state import (
     SettingsRestorer,
-    evaluated_depsgraph,
     follow_evaluations,
     ignore_evaluations,
 )
 from . import output_folder, run_files
 from .scene_state import MeasurementSettings
+from .scene_time import SceneTime
 from .shared_folder import SharedFolder
+from .survey import Survey
 
 #: Frames beyond the burst at which motion is sampled, and one more.
 _FURTHER_FRAMES = 3
@@ -120,11 +114,9 @@ class MeasurementJob:
         self._antennas = (camera, emitter)
         self._settings: MeasurementSettings | None = None
         self._shown_for_run = SettingsRestorer()
+        self._time = SceneTime(scene, view_layer, self._shown_for_run, self._last_needed)
         self._shared = SharedFolder(folder)
         self._records: tuple[contract.ReceiverRecord, contract.TransmitterRecord] | None = None
-        self._simulated_to = -math.inf
-        self._shown: Instant | None = None
-        self._hiding_moves = True
         self._started_s = 0.0
         self._rendered = 0
         self.total = self.done = 0
@@ -201,7 +193,7 @@ class MeasurementJob:
         self._settings.apply()
         if self._settings.device_kind != "CPU":
             self.versions["device"] = self._settings.device_kind
-        self._simulated_to = -math.inf  # changes of the scene empty the caches of simulations
+        self._time.simulate_again()  # changes of the scene empty the caches of simulations
         fingerprints = [fingerprint(self.plan, digest, self.versions) for digest in digests]
         if earlier is not None:
             self._shared.join(earlier, fingerprints)
@@ -259,48 +251,32 @@ class MeasurementJob:
         return (float(frame), frame + self._measurement.snapshot_interval_s * self._fps())
 
     def _last_needed(self, frame: int) -> float:
-        """Last frame whose state a radar frame may need: motion is sampled beyond the burst."""
-        return max(self._surveyed(frame)) + _FURTHER_FRAMES
+        """Last Blender frame whose state `frame` or one of the run may need."""
+        frames = *self._measurement.frames, frame
+        # motion is sampled beyond the burst
+        return max(max(self._surveyed(one)) for one in frames) + _FURTHER_FRAMES
+
+    def _show(self, instant: Instant) -> Any:
+        """Bring the scene to a moment; returns the depsgraph at it."""
+        return self._time.show(instant)
 
     def _survey(self) -> tuple[Extent, str]:
         """Extent over all frames, and a digest of the scene that does not depend on them."""
-        extent, units = Extent(), self._metres_per_unit()
-        burst = self._measurement.burst
-        self._speeds = ClosingSpeeds(units, burst.pulses / burst.prf_hz)
-        seen: tuple[Any, ...] = ()
+        units = self._metres_per_unit()
+        survey = Survey(self._show, self.rig, units, self._fps(), self._measurement.burst)
         for frame in self._measurement.frames:
-            first = None
-            for at in self._surveyed(frame):
-                instant = instant_at(at, self._fps())
-                depsgraph = self._refuse_what_is_no_number(instant)
-                boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
-                antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-                # Where Blender has evaluated nothing since, all is as before.
-                now = boxes.snapshot, *(place.tobytes() for place in antennas)
-                if now != seen:
-                    extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
-                seen = now
-                first = first or (instant, (boxes, antennas))
-            assert first is not None
-            soon = instant_at(frame + VELOCITY_FRAMES, self._fps())
-            depsgraph = self._show(soon)
-            boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
-            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-            self._speeds.add(first[1], (boxes, antennas), soon.time_s - first[0].time_s)
-        digests = [ground_truth.animation_digest()]
-        self._simulated_to = math.inf  # the digest is worth no simulation of the whole scene
-        for frame in sorted({self._scene.frame_start, self._scene.frame_end}):
-            depsgraph = self._show(instant_at(float(frame), self._fps()))
-            digests.append(ground_truth.geometry_digest(depsgraph, self.rig))
-        self._shown = None
-        return extent, "+".join(digests)
+            moments = [instant_at(at, self._fps()) for at in self._surveyed(frame)]
+            survey.look_at(moments, self.code_world, self._refuse_what_is_no_number)
+        self._speeds = survey.speeds
+        self._time.simulate_no_further()  # the digest is worth no simulation of the whole scene
+        digest = survey.digest({self._scene.frame_start, self._scene.frame_end})
+        self._time.forget()
+        return survey.extent, digest
 
-    def _refuse_what_is_no_number(self, instant: Instant) -> Any:
-        """See that all can be recorded at a moment, before anything is written; its depsgraph."""
-        depsgraph = self._show(instant)
+    def _refuse_what_is_no_number(self, depsgraph: Any) -> None:
+        """See that all can be recorded, before anything is written."""
         self._antenna_records(depsgraph, self._metres_per_unit())
         ground_truth.check_surfaces(depsgraph)
-        return depsgraph
 
     def _config_findings(self) -> list[Finding]:
         interval_s = None
@@ -374,32 +350,6 @@ class MeasurementJob:
 
     def _write_scene(self, frame: int) -> None:
         run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
-
-    def _show(self, instant: Instant) -> Any:
-        """Bring the scene to a moment; returns the depsgraph at it."""
-        # Before the time is set: what appears later would keep the place of another time.
-        if self._shown is None:
-            show_as_rendered(self._shown_for_run, self._scene)
-        if self._shown is None:
-            self._hiding_moves = hiding_is_animated()
-        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
-            show_what_renders(self._shown_for_run, self._view_layer)
-        if instant.frame + 1 > self._simulated_to:
-            # All at once: a cache that is played further later on is no longer exact, and loses
-            # frames when a time between two of them is read.
-            frames = *self._measurement.frames, instant.frame
-            self._simulated_to = math.ceil(max(map(self._last_needed, frames)))
-            for frame in simulation_frames(self._scene, int(self._simulated_to)):
-                self._scene.frame_set(frame)
-        self._scene.frame_set(instant.frame, subframe=instant.subframe)
-        self._shown = instant
-        self._records = None
-        return evaluated_depsgraph(self._view_layer)
-
-    def _shows(self, instant: Instant) -> bool:
-        # The user may have scrubbed the timeline since.
-        now = self._scene.frame_current + self._scene.frame_subframe
-        return self._shown == instant and bool(now == instant.evaluated_frame)
 
     # -- afterwards --------------------------------------------------------------------------------
 

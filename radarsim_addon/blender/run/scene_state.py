@@ -43,6 +43,7 @@ from ..scene import (
     check_meshes,
     check_normals,
     isolate,
+    sharpen_walls,
     show_what_ever_renders,
 )
 from ..state import SettingsRestorer, evaluated_depsgraph
@@ -326,6 +327,8 @@ class MeasurementSettings:
         if measurement.polarisation == "average":
             self.averaging = averaging_objects(depsgraph)
         no_layers = set_layer_normals(self._recorder, depsgraph)
+        sharpen_walls(self._recorder, depsgraph)
+        depsgraph = evaluated_depsgraph(self._view_layer)
         self.averages_in_a_row = average_in_a_row(depsgraph, self.averaging)
         units, extent = self._plan.metres_per_unit, self._plan.extent
         wavelength = measurement.waveform.wavelength_m / units
@@ -334,6 +337,7 @@ class MeasurementSettings:
             for item in (self._rig.camera, self._rig.emitter)
         ]
         reach = max(extent.from_emitter_m, extent.from_receiver_m) / units
+        extinction_length = self._plan.extinction_length_m / units
         losses_db = interior_losses_db(wavelength, depsgraph)
         self.interiors = settle_interiors_far_away(
             self._recorder,
@@ -341,7 +345,7 @@ class MeasurementSettings:
             antennas,
             reach,
             wavelength,
-            self._plan.extinction_length_m / units,
+            extinction_length,
             self._plan.range_encoding_length_m / units,
             losses_db,
         )
@@ -355,7 +359,7 @@ class MeasurementSettings:
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),
-            *total_reflections(depsgraph, antennas),
+            *total_reflections(depsgraph, antennas, wavelength, extinction_length),
         ]
 
     def _set_code(self) -> None:

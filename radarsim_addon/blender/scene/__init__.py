@@ -23,11 +23,13 @@ from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
+from .radar_ground import GroundBelow, ground_below
 from .rig import (
     ACTIVE_RADAR_PROPERTY,
     Rig,
     active_radar,
     antennas_of,
+    check_scale,
     find_rig,
     is_transmitter,
     radar_of,
@@ -40,7 +42,7 @@ from .simulations import (
     renders_whole_frames_only,
     simulation_frames,
 )
-from .smooth_shading import check_normals
+from .smooth_shading import check_normals, sharpen_walls
 from .visibility import (
     hiding_is_animated,
     is_hidden_at_times,
@@ -55,6 +57,7 @@ __all__ = [
     "PATTERN_PROPERTY",
     "VELOCITY_FRAMES",
     "ClosingSpeeds",
+    "GroundBelow",
     "InstancePose",
     "Poses",
     "Rig",
@@ -67,6 +70,7 @@ __all__ = [
     "check_meshes",
     "check_normals",
     "check_poses",
+    "check_scale",
     "check_vertices",
     "disabled_drivers",
     "distance_from_box",
@@ -76,6 +80,7 @@ __all__ = [
     "evaluated_poses",
     "find_rig",
     "frame_edges",
+    "ground_below",
     "has_simulation_zone",
     "hiding_is_animated",
     "instance_name",
@@ -95,6 +100,7 @@ __all__ = [
     "rigid_pose",
     "scene_extent",
     "setup_rig",
+    "sharpen_walls",
     "show_as_rendered",
     "show_what_ever_renders",
     "show_what_renders",

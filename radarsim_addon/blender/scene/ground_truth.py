@@ -17,7 +17,14 @@ import numpy as np
 from ... import contract
 from ...array_types import Indices, Real
 from ...sidecar import file_sha256
-from ..materials import SURFACE_TYPES, clutter_of, fluctuation_of, roughness_of, table_files
+from ..materials import (
+    SURFACE_TYPES,
+    clutter_name,
+    clutter_of,
+    fluctuation_of,
+    roughness_of,
+    table_files,
+)
 from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
@@ -257,6 +264,7 @@ def _object_record(
         rms_height_m=rms_height_m,
         correlation_length_m=correlation_length_m,
         fluctuation=fluctuation_of(shape.materials),
+        clutter=clutter_name(shape.materials),
     )
 
 

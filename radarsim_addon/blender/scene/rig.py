@@ -229,9 +229,19 @@ def find_rig(
 
 
 def check_scale(item: Any, matrix_world: Any) -> None:
-    """Check that the pose of an antenna is finite and that it has scale 1; `SceneError` if not.
+    """Check that the pose of an antenna is finite and that it has scale 1.
 
-    Cycles changes angles (camera) or power (light) with the scale.
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Antenna, for the message.
+    matrix_world
+        Its pose, (4, 4).
+
+    Raises
+    ------
+    SceneError
+        Cycles would change angles (camera) or power (light).
     """
     check_pose(item.name, matrix_world)
     axes = np.array(matrix_world, dtype=np.float64)[:3, :3]

@@ -2,7 +2,7 @@
 """Find meshes that are shaded smooth across sharp edges, as imported buildings often are.
 
 Blender then bends normals over whole faces, and reflection, Fresnel's equations and walls follow
-normals.
+normals. Walls have sharp edges during a run; others are named.
 """
 
 from __future__ import annotations
@@ -13,12 +13,38 @@ from typing import Any
 import numpy as np
 
 from ...findings import Finding, finding
-from ..state import read_numbers, take_snapshot
+from ..materials import assigned_materials, is_entered, sharpen_edges
+from ..nodes import attributes
+from ..state import SettingsRestorer, evaluated_mesh, read_numbers, take_snapshot
 
 #: Angle between a normal and its face from which on it counts: spheres of 12 segments stay below.
 _OFF_DEG = 25.0
 #: Fraction of the surface with such normals above which an object is named.
 _LEAST_FRACTION = 0.05
+#: Angle between the faces at an edge above which walls are no curved surface: cylinders of 10
+#: segments stay below, oriels are above.
+_EDGE_DEG = 40.0
+
+
+def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
+    """Let the normals of walls that are shaded smooth end at their edges, until restored.
+
+    Parameters
+    ----------
+    recorder
+        Records the changes.
+    depsgraph : bpy.types.Depsgraph
+        Up to date; walls are set for the run.
+    """
+    known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
+    for item, materials in assigned_materials(depsgraph):
+        is_wall = any(np.any(item.get(name, 0.0)) for name in known)
+        if not is_wall or item.library is not None or not any(map(is_entered, materials)):
+            continue
+        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
+            bent = 0.0 if mesh is None else _bent(mesh)
+        if bent > 0:
+            sharpen_edges(recorder, item, _EDGE_DEG)
 
 
 def check_normals(depsgraph: Any) -> list[Finding]:

@@ -13,15 +13,9 @@ from .evaluated import (
     read_numbers,
     read_triangles,
 )
+from .evaluations import follow_evaluations, ignore_evaluations, take_snapshot
 from .settings_restorer import SettingsRestorer
-from .snapshot import (
-    Layout,
-    Shape,
-    Snapshot,
-    follow_evaluations,
-    ignore_evaluations,
-    take_snapshot,
-)
+from .snapshot import Layout, Shape, Snapshot
 
 __all__ = [
     "EvaluatedObject",

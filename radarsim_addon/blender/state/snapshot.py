@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All objects and instances of a scene at one moment, as arrays that one walk fills.
 
-Blender reports what each evaluation has changed. The next snapshot reads those objects again, and
-walks through the scene only where instances may have changed.
+`walk` looks at all of them; `read_again` only at some, where instances are as they were.
 """
 
 from __future__ import annotations
@@ -13,9 +12,7 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import Any
 
-import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
@@ -161,142 +158,17 @@ class Snapshot:
         raise ReferenceError(f"{shape.original.name} is no longer evaluated")
 
 
-class _Latest:
-    """The last snapshot, and what Blender has evaluated since."""
-
-    def __init__(self) -> None:
-        self.snapshot: Snapshot | None = None
-        #: Objects to be read again; True where more than their pose has changed.
-        self.changed: dict[Any, bool] = {}
-        #: Objects that may have other materials.
-        self.shaded: set[Any] = set()
-        self.layout_changed = self.scene_changed = self.evaluated = False
-
-    def note(self, depsgraph: Any) -> None:
-        """Note what Blender has just evaluated."""
-        if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
-            return
-        layout = self.snapshot.layout
-        for update in depsgraph.updates:
-            self.evaluated = True
-            item = update.id.original
-            if isinstance(item, bpy.types.Collection):
-                self.layout_changed = True
-            elif isinstance(item, bpy.types.Scene):  # a setting, or what is hidden
-                self.scene_changed = True
-            elif isinstance(item, bpy.types.Object):
-                geometry, there = update.is_updated_geometry, item in layout.row_of
-                # A change of the scene reports all its objects, as shaded again.
-                if geometry or update.is_updated_transform:
-                    self.layout_changed |= item in layout.instanced
-                    if there:
-                        self.changed[item] = geometry or self.changed.get(item, False)
-                if update.is_updated_shading:
-                    self.shaded.add(item)
-                self.scene_changed |= item in layout.instanced or not there
-
-    def take(self, depsgraph: Any) -> Snapshot:
-        """Return the snapshot of now."""
-        last = self.snapshot
-        followed = follow_evaluations()
-        if last is not None and last.depsgraph == depsgraph and followed:
-            try:
-                last = self._brought_up_to_date(last)
-            except ReferenceError:  # an object was removed
-                last = _walk(depsgraph)
-        else:
-            last = _walk(depsgraph)
-        self.snapshot, self.changed, self.shaded = last, {}, set()
-        self.layout_changed = self.scene_changed = self.evaluated = False
-        return last
-
-    def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
-        for shape in last.shapes:
-            if shape.own and shape.original in self.shaded:
-                shape.materials = _materials(shape.original.evaluated_get(last.depsgraph))
-        moved = self.scene_changed and not _is_there(last.layout, last.depsgraph)
-        if self.layout_changed or moved:
-            return _walk(last.depsgraph, last, self.changed)
-        return _read_again(last, self.changed) if self.evaluated else last
-
-    def forget(self) -> None:
-        """Drop the snapshot."""
-        self.snapshot = None
-
-
-_latest = _Latest()
-
-
-@persistent
-def _note_evaluation(_scene: Any, depsgraph: Any) -> None:
-    _latest.note(depsgraph)
-
-
-@persistent
-def _forget(*_: Any) -> None:
-    _latest.forget()
-
-
-def follow_evaluations() -> bool:
-    """Have Blender report evaluations.
-
-    Returns
-    -------
-    bool
-        Whether it did so before.
-    """
-    missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
-    for hooks, function in missing:
-        hooks.append(function)
-    return not missing
-
-
-def ignore_evaluations() -> None:
-    """Have Blender report evaluations no longer, until the next snapshot is taken."""
-    for hooks, function in _reports():
-        if function in hooks:
-            hooks.remove(function)
-    _latest.forget()
-
-
-def _reports() -> tuple[tuple[Any, Any], ...]:
-    """Lists of handlers, and what belongs into each."""
-    handlers = bpy.app.handlers
-    return (
-        (handlers.depsgraph_update_post, _note_evaluation),
-        (handlers.frame_change_post, _note_evaluation),
-        (handlers.load_pre, _forget),
-        (handlers.undo_pre, _forget),
-        (handlers.redo_pre, _forget),
-    )
-
-
-def take_snapshot(depsgraph: Any) -> Snapshot:
-    """Return all objects and instances of a depsgraph.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    Snapshot
-        The same one until Blender evaluates something else.
-    """
-    return _latest.take(depsgraph)
-
-
 def _shape(evaluated: Any, original: Any, address: int, own: bool, first: int) -> Shape:
     box = np.array([tuple(corner) for corner in evaluated.bound_box], dtype=np.float64)
-    return Shape(original, evaluated.type, address, own, _materials(evaluated), box, first)
+    return Shape(original, evaluated.type, address, own, materials_of(evaluated), box, first)
 
 
-def _materials(evaluated: Any) -> tuple[Any, ...]:
+def materials_of(evaluated: Any) -> tuple[Any, ...]:
+    """Return the originals of the materials by slot, None for an empty one."""
     return tuple(slot.material and slot.material.original for slot in evaluated.material_slots)
 
 
-def _walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Snapshot:
+def walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Snapshot:
     """Look at all objects and instances; shapes of the last time that are not `changed` stay."""
     instances = depsgraph.object_instances
     count = len(instances)
@@ -352,7 +224,7 @@ def _objects(depsgraph: Any) -> list[Any]:
     return [item.original for item in depsgraph.objects]
 
 
-def _is_there(layout: Layout, depsgraph: Any) -> bool:
+def is_there(layout: Layout, depsgraph: Any) -> bool:
     """Whether the objects of a layout are still all, and make instances as before."""
     try:
         alike = _instancing(layout.instanced) == layout.instanced
@@ -383,7 +255,7 @@ def _read(items: Any, name: str, dtype: type[np.generic], width: int, count: int
     return values.reshape(count, width)
 
 
-def _read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
+def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     """Return a snapshot with some objects read again, which neither make nor have instances."""
     layout, shapes, matrices = last.layout, last.shapes, last.matrices
     if changed:

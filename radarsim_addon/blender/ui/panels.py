@@ -255,6 +255,7 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         layout = self.layout
         layout.operator("radarsim.process_last_run", icon="GRAPH")
         layout.operator("radarsim.open_output", icon="FILE_FOLDER")
+        layout.operator("radarsim.coverage", icon="IPO_SINE")
 
 
 class RADARSIM_PT_advanced(ActiveRadarPanel, bpy.types.Panel):

@@ -21,6 +21,8 @@ WIDTH, HEIGHT = 1200, 800
 LEFT, RIGHT, TOP, BOTTOM = 110, 190, 95, 80
 #: Decibels from the strongest value to the bottom of a plot.
 SPAN_DB = 80.0
+#: Strongest level of a coverage diagram, and what is below it in the picture [dB].
+COVERAGE_TOP_DB, COVERAGE_SPAN_DB = 12.5, 52.5
 _INK = (0.1, 0.1, 0.1)
 _GRID = (0.85, 0.85, 0.85)
 _LINE = (0.12, 0.33, 0.62)
@@ -229,7 +231,7 @@ def draw_map(
         _velocity_axis(canvas, axes, wavelength_m)
     else:
         _frame(canvas, axes, "One pulse: Doppler is not resolved", "Range [m]", title, False)
-    _colour_bar(canvas, 0.0 if empty else top_db, unit)
+    _colour_bar(canvas, 0.0 if empty else top_db, f"Power [{unit}]")
     if empty:
         _put_text(canvas, "no echo", WIDTH - RIGHT / 2, HEIGHT - BOTTOM + 19)
     return canvas
@@ -247,16 +249,43 @@ def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
     _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 
-def _colour_bar(canvas: Single, top_db: float, unit: str) -> None:
+def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float = SPAN_DB) -> None:
     left, width = WIDTH - RIGHT + 30, 28
     rows = HEIGHT - TOP - BOTTOM
     table = _atlas().viridis[np.linspace(255, 0, rows).round().astype(np.intp)]
     canvas[TOP : TOP + rows, left : left + width] = table[:, None, :]
-    for value in nice_ticks(top_db - SPAN_DB, top_db, 6):
-        row = round(TOP + (top_db - value) / SPAN_DB * (rows - 1))
+    for value in nice_ticks(top_db - span_db, top_db, 6):
+        row = round(TOP + (top_db - value) / span_db * (rows - 1))
         canvas[row, left + width : left + width + 6] = _INK
         _put_text(canvas, _number(value), left + width + 10, row, anchor=0.0)
-    _put_text(canvas, f"Power [{unit}]", WIDTH - 22, TOP + rows / 2, vertical=True)
+    _put_text(canvas, label, WIDTH - 22, TOP + rows / 2, vertical=True)
+
+
+def draw_coverage(range_m: Real, height_m: Real, level_db: Real, title: str) -> Single:
+    """Draw a coverage diagram: height against range, grey below the horizon.
+
+    Parameters
+    ----------
+    range_m, height_m
+        Ranges along the ground and heights, ascending, shapes (r,) and (h,) [m].
+    level_db
+        Pattern-propagation factor F^4, NaN below the horizon, shape (h, r) [dB].
+    title
+        First line.
+    """
+    canvas = _blank()
+    rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
+    row = np.linspace(height_m.size - 1, 0, rows).round().astype(np.intp)
+    column = np.linspace(0, range_m.size - 1, columns).round().astype(np.intp)
+    cells = level_db[np.ix_(row, column)]
+    shown = np.clip((np.nan_to_num(cells) - COVERAGE_TOP_DB) / COVERAGE_SPAN_DB + 1, 0.0, 1.0)
+    pixels = _atlas().viridis[np.round(shown * 255).astype(np.intp)]
+    pixels[np.isnan(cells)] = _GRID
+    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = pixels
+    axes = _Axes(*_limits(range_m), *_limits(height_m))
+    _frame(canvas, axes, "Range along the ground [m]", "Height over the ground [m]", title)
+    _colour_bar(canvas, COVERAGE_TOP_DB, "F^4 [dB over free space]", COVERAGE_SPAN_DB)
+    return canvas
 
 
 def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> Single:

@@ -26,6 +26,7 @@ from .processing_worker import MAP_FILE, PROFILE_FILE, processing_records
 
 MAP_IMAGE = "Radar range-Doppler map"
 PROFILE_IMAGE = "Radar range profile"
+COVERAGE_IMAGE = "Radar coverage"
 #: Maximum number of attempts to fit the view of a new editor.
 _MAX_FITS = 30
 _FIT_INTERVAL_S = 0.3
@@ -197,7 +198,7 @@ def _fit_images() -> bool:
         for area in window.screen.areas:
             space = area.spaces.active
             image = space.image if area.type == "IMAGE_EDITOR" else None
-            if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE):
+            if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE, COVERAGE_IMAGE):
                 continue
             region = next(item for item in area.regions if item.type == "WINDOW")
             room = min(region.width / image.size[0], region.height / image.size[1])

@@ -14,10 +14,11 @@ from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
 from ..decoding import FrameInput
 from ..echoes import pulse_times_s
-from ..maps import coherent_samples, map_noise_gain, mti_response
+from ..maps import ExpectedPower, coherent_samples, map_noise_gain, mti_response
 from ..paths import Paths
 from ..radar import FmcwWaveform, Radar, RadarSystem, Weather, make_system
-from ..scattering import Link, antenna_motion
+from ..scattering import ClutterSurfaces, Link, antenna_motion
+from .clutter_ratios import ClutterBudget, clutter_budget
 from .objects import ObjectEcho, object_echoes
 
 #: Fraction of a frame's power in paths of unknown last vertex that is worth a warning.
@@ -84,6 +85,9 @@ class BudgetReport:
         By the object's name, where there is a system and the object is in the map.
     excluded_reason
         Why an object is not in the map, by its name.
+    clutter
+        What clutter returns, and next to each object; None: no clutter, or a canceller before the
+        map.
     findings
         What to know before you trust the powers.
     """
@@ -94,6 +98,7 @@ class BudgetReport:
     snr: dict[str, SnrPrediction] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     excluded_reason: dict[str, str] = field(default_factory=dict)
+    clutter: ClutterBudget | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return the record for ``_summary.json``: powers in W and dBm, RCS in m^2 and dBsm."""
@@ -102,6 +107,7 @@ class BudgetReport:
             "received_dbm": _dbm(self.received_w),
             "noise_w": self.noise_w,
             "noise_dbm": None if self.noise_w is None else _dbm(self.noise_w),
+            "clutter": None if self.clutter is None else self.clutter.summary(),
             "objects": [
                 {
                     **dataclasses.asdict(echo),
@@ -111,6 +117,7 @@ class BudgetReport:
                     if echo.name in self.snr
                     else None,
                     "excluded_reason": self.excluded_reason.get(echo.name),
+                    "clutter": None if self.clutter is None else self.clutter.of_object(echo.name),
                 }
                 for echo in self.objects
             ],
@@ -124,6 +131,8 @@ class BudgetReport:
                 f"received {_text(_dbm(self.received_w))} dBm in all, noise "
                 f"{_text(_dbm(self.noise_w))} dBm a sample"
             )
+        if self.clutter is not None:
+            found.append(self.clutter.line())
         for echo in self.objects:
             line = (
                 f"{printable(echo.name):20.20} {_range_text(echo.range_m)} m   "
@@ -133,10 +142,19 @@ class BudgetReport:
                 line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
+            line += self._clutter_text(echo.name)
             if echo.name in self.excluded_reason:
                 line += f"   not in the map: {self.excluded_reason[echo.name]}"
             found.append(line)
         return found
+
+    def _clutter_text(self, name: str) -> str:
+        if self.clutter is None or name not in self.clutter.objects:
+            return "   clutter" if self.clutter and name in self.clutter.surfaces else ""
+        cell = self.clutter.objects[name]
+        over, noise = cell.signal_to_clutter_db, cell.clutter_to_noise_db
+        text = "   no clutter there" if over is None else f"   {over:.1f} dB over clutter"
+        return text if noise is None else f"{text}, clutter {noise:z.1f} dB over noise"
 
 
 class FrameBudget:
@@ -191,12 +209,15 @@ class FrameBudget:
         *,
         range_limits_m: tuple[float, float] | None = None,
         mti: int = 0,
+        expected: ExpectedPower | None = None,
+        receiver_gain: float = 1.0,
     ) -> BudgetReport:
         """Return objects, noise and predictions, after all paths were seen.
 
         `received_w` is the sum of the paths' powers, the tapers are those of the predicted SNR,
         `range_limits_m` the one-way ranges of the map (None: all), `mti` the pulses of the
-        canceller before it (0: none).
+        canceller before it (0: none), `expected` tells its clutter, at
+        a receiver of `receiver_gain` where there is no link budget.
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
@@ -206,9 +227,8 @@ class FrameBudget:
             objects = [echo for echo in objects if echo.power_w > least]
         noise_w = None
         snr = {}
-        absent = {
-            echo.name: why for echo in objects if (why := _absence(echo, radar, range_limits_m))
-        }
+        shown = {echo.name: _shown_range(echo, radar, range_limits_m) for echo in objects}
+        absent = {name: why for name, why in shown.items() if isinstance(why, str)}
         if system is not None:
             noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
             if noise_w > 0:
@@ -222,8 +242,22 @@ class FrameBudget:
                         )
                         burst_db = point.burst_db + 10 * math.log10(left)
                         snr[echo.name] = dataclasses.replace(point, burst_db=burst_db)
+        clutter = None
+        if expected is not None and not mti:
+            clutter = clutter_budget(
+                expected,
+                ClutterSurfaces(self._input).names,
+                {
+                    echo.name: (echo, range_m)
+                    for echo in objects
+                    if not isinstance(range_m := shown[echo.name], str)
+                },
+                radar.waveform.wavelength_m,
+                noise_w and noise_w * map_noise_gain(radar, range_taper, doppler_taper),
+                receiver_gain,
+            )
         findings = [*projection_findings(self._input), *self._findings()]
-        return BudgetReport(received_w, noise_w, objects, snr, findings, absent)
+        return BudgetReport(received_w, noise_w, objects, snr, findings, absent, clutter)
 
     def _findings(self) -> list[Finding]:
         link = self.link
@@ -261,10 +295,10 @@ def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
     return float(mti_response(mti, doppler_hz, radar.burst.prf_hz)) * fraction
 
 
-def _absence(
+def _shown_range(
     echo: ObjectEcho, radar: Radar, range_limits_m: tuple[float, float] | None
-) -> str | None:
-    """Return the reason why an object is not in the map; None: it is."""
+) -> float | str:
+    """Return the range at which the map shows an object [m], or the reason why it does not."""
     waveform = radar.waveform
     range_m, cell_m = echo.range_m, waveform.range_resolution_m
     if isinstance(waveform, FmcwWaveform):
@@ -276,12 +310,12 @@ def _absence(
     else:
         fold_m = radar.burst.unambiguous_range_m
     if range_limits_m is None:
-        return None
+        return range_m
     start_m, stop_m = range_limits_m[0] - cell_m, range_limits_m[1] + cell_m
     # the ambiguous range of the echo: the farthest one that is not beyond the limits
     orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
     shown_m = range_m - orders * fold_m if orders else range_m
-    return None if start_m <= shown_m <= stop_m else "outside the window"
+    return shown_m if start_m <= shown_m <= stop_m else "outside the window"
 
 
 def _dbm(power_w: float) -> float | None:

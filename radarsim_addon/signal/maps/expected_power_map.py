@@ -11,6 +11,9 @@ The powers are sorted into cells (Doppler, range), each path over all that its p
 limb of a sphere) all replicates have the same error. All S of them together are a grid S times as
 dense, so each path may be spread over an S-th of its pixel instead; what that changes is part of
 the standard error.
+
+Clutter has planes of its own among the cells (:mod:`.scattering.clutter_surfaces`), each smeared
+with the Doppler spectrum of its scatterers; they give the powers of clutter alone, too.
 """
 
 from __future__ import annotations
@@ -23,15 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
-from ...errors import ConfigError
 from ...findings import Finding, finding
-from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
 from ..paths import (
     PathRows,
     Paths,
     Points,
-    Steps,
     TableFootprints,
     has_images,
     make_paths,
@@ -40,11 +40,12 @@ from ..paths import (
     steps_of,
     views_by_replicate,
 )
-from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
+from ..radar import FmcwWaveform, LineWaveform, Radar
 from ..runs import RadarFrame
-from ..scattering import Link, interference_factors
-from ..spectrum import check_finite, repeat_orders, smooth_size
-from .range_compression import expected_power_profile
+from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factors
+from ..spectrum import check_finite, repeat_orders
+from .ray_gaps import RayGaps
+from .smearing import FINER, Smearing
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,8 @@ class ExpectedPower:
         Power against range and its standard error, (ranges,).
     map, map_error
         Power in the range-Doppler map and its standard error, (pulses, ranges).
+    clutter_profile, clutter_profile_error, clutter_map, clutter_map_error
+        The same of clutter alone; None where no surface is clutter and no rain returns power.
     gaps_from_m
         Range from which on most rays of all replicates are further apart than range cells, which
         leaves gaps that are not in the scene; infinite where there are none [m].
@@ -72,6 +75,10 @@ class ExpectedPower:
     profile_error: Real
     map: Real
     map_error: Real
+    clutter_profile: Real | None = None
+    clutter_profile_error: Real | None = None
+    clutter_map: Real | None = None
+    clutter_map_error: Real | None = None
     gaps_from_m: float = math.inf
 
     @property
@@ -80,6 +87,15 @@ class ExpectedPower:
         if math.isinf(self.gaps_from_m):
             return []
         return [finding("range-gaps-between-rays", range_m=self.gaps_from_m)]
+
+    def cell(self, range_m: float, doppler_hz: float) -> tuple[int, int]:
+        """Return row and column of the map's cell nearest to a range and a Doppler, which folds."""
+        rows = self.doppler_hz.size
+        step_hz = self.doppler_hz[1] - self.doppler_hz[0] if rows > 1 else 1.0
+        step_m = self.range_m[1] - self.range_m[0] if self.range_m.size > 1 else 1.0
+        row = (round(doppler_hz / step_hz) + rows // 2) % rows
+        column = round((range_m - self.range_m[0]) / step_m)
+        return row, min(max(column, 0), self.range_m.size - 1)
 
 
 def expected_power(
@@ -132,23 +148,44 @@ def expected_power(
     frame_input = as_input(frame)
     radar, table = frame_input.radar, frame_input.table
     cells = _Cells(radar, frame_input.range_limits_m, cells_per_sample)
-    smeared = _Smearing(radar, range_taper, doppler_taper, cells, cells_per_sample)
-    sums = _TableSums(frame_input, cells, range_taper, receiver_gain, link, points_to, footprints)
-    profile, image = _Replicates(cells.ranges), _Replicates((cells.pulses, cells.ranges))
-    if volume is not None and volume.size:
+    raining = volume is not None and volume.size > 0
+    surfaces = ClutterSurfaces(frame_input, rain=raining)
+    smeared = Smearing(
+        radar,
+        range_taper,
+        doppler_taper,
+        cells.step_m,
+        cells_per_sample,
+        surfaces.correlations(np.arange(cells.pulses) / radar.burst.prf_hz),
+    )
+    sums = _TableSums(
+        frame_input, cells, range_taper, receiver_gain, link, points_to, footprints, surfaces
+    )
+    if volume is not None and raining:
         sums.add_volume(volume)
+    # all power, and that of clutter: planes from this one on
+    starts = (0, STILL_PLANE) if surfaces.planes > 1 else (0,)
+    shapes = cells.ranges, (cells.pulses, cells.ranges)
+    means = [_Replicates(shape) for _ in starts for shape in shapes]
+
+    def every(planes: list[Real]) -> list[Real]:
+        return [values for start in starts for values in smeared(planes, start)]
+
     for views in views_by_replicate(table.rows, table.record.replicates):
-        for total, values in zip((profile, image), smeared(sums.replicate(views)), strict=True):
-            total.add(values)
-    finer_profile, finer_map = smeared(sums.finer)
+        for mean, values in zip(means, every(sums.replicate(views)), strict=True):
+            mean.add(values)
+    found = [
+        (mean.mean, np.hypot(mean.error(), mean.mean - values))
+        for mean, values in zip(means, every(sums.finer), strict=True)
+    ]
+    (profile, image), clutter = found[:2], found[2:]
+    of_clutter: dict[str, Real] = {}
+    for name, (mean_w, error_w) in zip(("clutter_profile", "clutter_map"), clutter, strict=False):
+        of_clutter |= {name: mean_w, f"{name}_error": error_w}
+    doppler_hz = np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz))
+    gaps_from_m = sums.gaps.start_m()
     return ExpectedPower(
-        range_m=cells.range_m,
-        doppler_hz=np.fft.fftshift(np.fft.fftfreq(cells.pulses, 1 / radar.burst.prf_hz)),
-        profile=profile.mean,
-        profile_error=np.hypot(profile.error(), profile.mean - finer_profile),
-        map=image.mean,
-        map_error=np.hypot(image.error(), image.mean - finer_map),
-        gaps_from_m=sums.gaps.start_m(),
+        cells.range_m, doppler_hz, *profile, *image, gaps_from_m=gaps_from_m, **of_clutter
     )
 
 
@@ -168,26 +205,30 @@ class _TableSums:
         link: Link | None,
         points_to: Callable[[Paths], None] | None,
         footprints: TableFootprints | None,
+        surfaces: ClutterSurfaces,
     ) -> None:
-        self._footprints = footprints
+        self._footprints, self._surfaces = footprints, surfaces
         radar, self._record = frame_input.radar, frame_input.table.record
         self._cells, self._link, self._points_to = cells, link, points_to
         waveform = radar.waveform
         self._band = waveform.carrier_hz, waveform.range_resolution_m, range_taper
         self._scale = receiver_gain * (self._record.carrier_hz / radar.waveform.carrier_hz) ** 2
-        self.finer = np.zeros(cells.pulses * cells.ranges)
-        self._volume = np.zeros(self.finer.size)
-        self.gaps = _Gaps(
+        #: Clutter has a finer grid of Doppler: its sidelobes next to targets count.
+        self._fine = cells.finer(FINER)
+        clutter = [np.zeros(self._fine.shape) for _ in range(STILL_PLANE, surfaces.planes)]
+        self.finer = [np.zeros(cells.shape), *clutter]
+        self._volume = [np.zeros_like(plane) for plane in self.finer]
+        self.gaps = RayGaps(
             frame_input.range_limits_m,
             radar.waveform.range_resolution_m * self._record.replicates,
         )
 
-    def replicate(self, views: Iterable[tuple[Indices, PathRows]]) -> Real:
-        """Powers in cells from the views of one replicate, (pulses x ranges,)."""
-        grid = self._volume.copy()
+    def replicate(self, views: Iterable[tuple[Indices, PathRows]]) -> list[Real]:
+        """Powers in cells from the views of one replicate, plane by plane."""
+        planes = [plane.copy() for plane in self._volume]
         for number, rows in views:
-            self._add_view(grid, number, rows)
-        return grid
+            self._add_view(planes, number, rows)
+        return planes
 
     def add_volume(self, rows: PathRows) -> None:
         """Add points that are the same in all replicates, before those."""
@@ -195,13 +236,32 @@ class _TableSums:
         points = Points(
             np.arange(rows.size), rows["length_m"], rows["range_rate_mps"], np.ones(rows.size)
         )
-        for grid in (self._volume, self.finer):
-            self._cells.add(grid, points, self._scale * gain * rows["power_w"])
+        for planes in (self._volume, self.finer):
+            self._fine.add_between(
+                planes[STILL_PLANE], points, self._scale * gain * rows["power_w"]
+            )
         if self._points_to is not None:
             radiance = gain * radiance_of(rows, self._record) * rows["solid_angle_sr"]
             self._points_to(make_paths(radiance, np.array(rows["length_m"])))
 
-    def _add_view(self, grid: Real, number: Indices, rows: PathRows) -> None:
+    def _add(self, planes: list[Real], part: Points, power: Real, rows: PathRows) -> None:
+        """Add the points of rows to the plane of each."""
+        if len(planes) == 1:
+            self._cells.add(planes[0], part, power)
+            return
+        plane_of_point = self._surfaces.planes_of(rows)[part.row]
+        for plane in np.unique(plane_of_point).tolist():
+            mine = plane_of_point == plane
+            row, length_m, share = part.row[mine], part.length_m[mine], part.share[mine]
+            rate_mps = part.range_rate_mps[mine]
+            if not plane:
+                self._cells.add(planes[0], Points(row, length_m, rate_mps, share), power)
+                continue
+            for strength, added_mps in self._surfaces.lines(plane, rows):
+                points = Points(row, length_m, rate_mps + added_mps[row], strength * share)
+                self._fine.add_between(planes[plane], points, power)
+
+    def _add_view(self, planes: list[Real], number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
         gain = self._gain(rows)
@@ -212,13 +272,13 @@ class _TableSums:
             self._footprints.take(number, rows, steps)
         self.gaps.add(rows, steps)
         for part in spread(rows, steps, *cells.spacing):
-            cells.add(grid, part, record.replicates * power)
+            self._add(planes, part, record.replicates * power, rows)
             if self._points_to is not None:
                 self._points_to(make_paths(radiance[part.row] * part.share, part.length_m))
         if record.replicates > 1:
             steps = steps.scaled(record.replicates**-0.5)
             for part in spread(rows, steps, *cells.spacing):
-                cells.add(self.finer, part, power)
+                self._add(self.finer, part, power, rows)
 
     def _gain(self, rows: PathRows) -> Real:
         gain = np.ones(rows.size)
@@ -227,28 +287,6 @@ class _TableSums:
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
         return gain
-
-
-class _Smearing:
-    """The point response over powers in cells: gives the profile and the map."""
-
-    def __init__(
-        self,
-        radar: Radar,
-        range_taper: str,
-        doppler_taper: str,
-        cells: _Cells,
-        cells_per_sample: int,
-    ) -> None:
-        self._cells = cells
-        self._range = _range_response(radar, range_taper, cells.step_m, cells_per_sample)
-        weight = slow_time_window(doppler_taper, radar.burst.pulses)
-        self._doppler = np.abs(np.fft.fft(weight / weight.sum())) ** 2
-
-    def __call__(self, grid: Real) -> tuple[Real, Real]:
-        powers = grid.reshape(self._cells.pulses, self._cells.ranges)
-        along = _smear(_smear_doppler(powers, self._doppler), self._range)
-        return _smear(powers.sum(axis=0)[None], self._range)[0], along
 
 
 class _Replicates:
@@ -270,47 +308,31 @@ class _Replicates:
         return np.asarray(np.sqrt(self._squares / (self._count - 1) / self._count))
 
 
-class _Gaps:
-    """Where most rays are further apart than range cells, in all replicates together."""
-
-    _BINS = 200
-
-    def __init__(self, range_limits_m: tuple[float, float], widest_m: float) -> None:
-        self._window_m, self._widest_m = range_limits_m, widest_m
-        self._counts = np.zeros((2, self._BINS))
-
-    def add(self, rows: PathRows, steps: Steps) -> None:
-        """Rows of a view."""
-        # column by column: reductions over axes of two are slow
-        reach_m = np.maximum.reduce(list(abs(steps.length_m).reshape(-1, 4).T)) / 2
-        range_m = np.array(rows["length_m"]) / 2
-        wide = reach_m > self._widest_m
-        for count, ranges_m in enumerate((range_m, range_m[wide])):
-            self._counts[count] += np.histogram(ranges_m, self._BINS, self._window_m)[0]
-
-    def start_m(self) -> float:
-        """Infinite where they are few."""
-        held, sparse = self._counts[0] > 0, self._counts[1] > self._counts[0] / 2
-        if not sparse.any() or sparse.sum() < 0.05 * held.sum():
-            return math.inf
-        first = int(np.argmax(sparse))
-        low_m, high_m = self._window_m
-        return low_m + (high_m - low_m) * first / self._BINS
-
-
 class _Cells:
-    """Cells of range and Doppler: a fraction of the sample spacing, and the bins of the map."""
+    """Cells of range and Doppler: fractions of the sample spacing, and of the bins of the map."""
 
-    def __init__(self, radar: Radar, range_limits_m: tuple[float, float], per_sample: int) -> None:
+    def __init__(
+        self,
+        radar: Radar,
+        range_limits_m: tuple[float, float],
+        per_sample: int,
+        per_bin: int = 1,
+    ) -> None:
+        self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
         self._radar, self._start_m = radar, range_limits_m[0]
         self.step_m = radar.waveform.sample_spacing_m / per_sample
         stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
         self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
         self.pulses = radar.burst.pulses
-        #: One Doppler bin [m/s].
-        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.pulses
+        self.shape = self.pulses * per_bin, self.ranges
+        #: One cell of Doppler [m/s].
+        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
         #: Points' distances in total length and range rate, and where a cell begins.
         self.spacing = self.step_m, self.step_mps, 2 * self._start_m - self.step_m
+
+    def finer(self, per_bin: int) -> _Cells:
+        """Cells of which so many are in a bin of Doppler, the first one in its middle."""
+        return _Cells(*self._given, per_bin)
 
     @property
     def range_m(self) -> Real:
@@ -321,7 +343,15 @@ class _Cells:
         """Add the points that rows of these powers are spread over to the cells of a grid."""
         seen, number = self.of(part.length_m, part.range_rate_mps)
         # unbuffered: of a small tile few cells are touched
-        np.add.at(grid, number, (power[part.row] * part.share)[seen])
+        np.add.at(grid.ravel(), number, (power[part.row] * part.share)[seen])
+
+    def add_between(self, grid: Real, part: Points, power: Real) -> None:
+        """As `add`, each point shared by the two cells of Doppler that it lies between."""
+        place = part.range_rate_mps / self.step_mps
+        below = np.floor(place)
+        for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
+            points = Points(part.row, part.length_m, cell * self.step_mps, share * part.share)
+            self.add(grid, points, power)
 
     def of(
         self, length_m: Real, range_rate_mps: Real
@@ -346,44 +376,5 @@ class _Cells:
         column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
         bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
         # Doppler folds, too
-        return seen, (bins + self.pulses // 2) % self.pulses * ranges + column
-
-
-def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sample: int) -> Real:
-    """|h|^2 on the cells, its peak in the middle."""
-    if radar.waveform.family == "line":
-        # it repeats with the range: half a period to each side
-        cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
-        if cells < 1:
-            raise ConfigError("The waveform has too few range cells for an expected profile.")
-    else:
-        # the compressed pulse reaches its length to each side; twice that leaves nothing out
-        cells = int(radar.waveform.duration_s * SPEED_OF_LIGHT_MPS / step_m)
-    middle = cells + 2
-    point = expected_power_profile(
-        make_paths(1.0, 2 * middle * step_m),
-        radar,
-        range_limits_m=(0.0, 2 * middle * step_m),
-        range_taper=range_taper,
-        oversample=cells_per_sample,
-    )
-    response = point.power[middle - cells : middle + cells + 1]
-    return np.asarray(response / response[cells])
-
-
-def _smear(grid: Real, response: Real) -> Real:
-    """Convolve each row with a response whose peak is in its middle."""
-    # What is further from the peak than the grid is long reaches nothing.
-    middle, reach = response.size // 2, grid.shape[1] - 1
-    response = response[max(middle - reach, 0) : middle + reach + 1]
-    size = smooth_size(grid.shape[1] + response.size - 1)
-    spectrum = np.fft.rfft(grid, size, axis=1) * np.fft.rfft(response, size)
-    start = response.size // 2
-    result = np.fft.irfft(spectrum, size, axis=1)[:, start : start + grid.shape[1]]
-    return np.maximum(result, 0.0)
-
-
-def _smear_doppler(grid: Real, response: Real) -> Real:
-    """Circular convolution over Doppler."""
-    spectrum = np.fft.fft(grid, axis=0) * np.fft.fft(response)[:, None]
-    return np.maximum(np.fft.ifft(spectrum, axis=0).real, 0.0)
+        middle = self.pulses // 2 * self._per_bin
+        return seen, (bins + middle) % self.shape[0] * ranges + column

@@ -6,6 +6,7 @@ In: results of earlier rooms. Out: matplotlib figures and PNG or GIF files.
 
 from .animation import MapFile, animate_maps, common_scale, map_file
 from .antennas import ANTENNA_PICTURE, plot_antennas
+from .coverage import COVERAGE_PICTURE, plot_coverage
 from .echo import plot_echo
 from .figure import has_matplotlib, new_figure, save_figure
 from .frame_pictures import draw_results
@@ -16,6 +17,7 @@ from .rings import plot_rings
 
 __all__ = [
     "ANTENNA_PICTURE",
+    "COVERAGE_PICTURE",
     "MapFile",
     "animate_maps",
     "cell_width",
@@ -27,6 +29,7 @@ __all__ = [
     "map_file",
     "new_figure",
     "plot_antennas",
+    "plot_coverage",
     "plot_echo",
     "plot_range_doppler",
     "plot_range_profile",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..maps import power_unit
 from ..results import FrameResult, frame_file, result_writer
+from .clutter import plot_clutter
 from .echo import draw_echo, plot_echo
 from .figure import save_figure
 from .map import draw_range_doppler
@@ -15,7 +16,14 @@ from .rings import plot_rings
 from .sheet import save_picture
 
 
-@result_writer("png", "_rings.png", "_echo.png", "_range_profile.png", "_range_doppler.png")
+@result_writer(
+    "png",
+    "_rings.png",
+    "_echo.png",
+    "_range_profile.png",
+    "_range_doppler.png",
+    "_clutter.png",
+)
 def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     """Draw the pictures of a frame.
 
@@ -29,7 +37,8 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png`` too.
+        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``, with
+        clutter ``_clutter.png``, too.
     """
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     unit = power_unit(result.echoes.amplitude_model)
@@ -67,4 +76,16 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
         noise_power=result.map_noise_power,
         unit=unit,
     )
-    return [*files, save_picture(pixels, file("range_doppler"))]
+    files.append(save_picture(pixels, file("range_doppler")))
+    expected = result.expected
+    if expected is not None and expected.clutter_map is not None:
+        noise_power = result.noise_of_budget or 0.0
+        figure = plot_clutter(
+            expected,
+            result.source.radar,
+            f"Expected clutter, {title}",
+            noise_power=noise_power,
+            unit=unit,
+        )
+        files.append(save_figure(figure, file("clutter")))
+    return files

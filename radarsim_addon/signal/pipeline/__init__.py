@@ -6,6 +6,7 @@ In: a run folder and options. Out: results frame by frame, files, text on the co
 
 from ..results import FrameResult
 from .cli import main
+from .coverage import write_coverage
 from .frame import process_frame
 from .frame_processor import FrameProcessor
 from .kept_frames import KeptFrame
@@ -26,4 +27,5 @@ __all__ = [
     "parse_process_arguments",
     "process_frame",
     "process_run",
+    "write_coverage",
 ]

@@ -142,6 +142,8 @@ def frame_steps(
         options.doppler_taper,
         range_limits_m=frame_input.range_limits_m,
         mti=options.mti,
+        expected=expected,
+        receiver_gain=options.receiver_gain,
     )
     # detection works on one channel
     first_map = rd_map.channel(0)

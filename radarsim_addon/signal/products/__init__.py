@@ -6,7 +6,16 @@ registers its writers; :func:`.results.write_result` calls them by name.
 """
 
 from . import detection_files, frame_products, hdf5, sigmf
+from .coverage_files import write_coverage_files
 from .frame_products import SUMMARY_ENDING
 from .ring_products import write_products
 
-__all__ = ["SUMMARY_ENDING", "detection_files", "frame_products", "hdf5", "sigmf", "write_products"]
+__all__ = [
+    "SUMMARY_ENDING",
+    "detection_files",
+    "frame_products",
+    "hdf5",
+    "sigmf",
+    "write_coverage_files",
+    "write_products",
+]

@@ -24,7 +24,7 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
 
     ``_profile.npz`` (range_m, expected_power, coherent_range_m, coherent_power), ``_map.npz``
     (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), and ``_expected.npz`` with
-    the fields of :class:`.maps.ExpectedPower`.
+    the fields of :class:`.maps.ExpectedPower`, and clutter_to_noise in the cells of its map.
     """
     profile, rd_map = result.profile, result.rd_map
     arrays = {
@@ -42,9 +42,9 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
         },
     }
     if result.expected is not None:
+        known = {**vars(result.expected), "clutter_to_noise": result.clutter_to_noise}
         arrays["_expected.npz"] = {
-            field.name: getattr(result.expected, field.name)
-            for field in dataclasses.fields(result.expected)
+            name: values for name, values in known.items() if values is not None
         }
     files = []
     for ending, content in arrays.items():

@@ -184,11 +184,9 @@ def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> N
 def _write_uncertainty(group: Group, expected: ExpectedPower, unit: str) -> None:
     _put(group, "range_m", expected.range_m, "m", "one-way range")
     _put(group, "doppler_hz", expected.doppler_hz, "Hz", "Doppler, receding negative")
-    for name, values in (("profile", expected.profile), ("profile_error", expected.profile_error)):
-        _put(group, name, values, unit, _expected_text(name), "range_m")
-    for name, values in (("map", expected.map), ("map_error", expected.map_error)):
-        _put(group, name, values, unit, _expected_text(name), "doppler_hz", "range_m")
-
-
-def _expected_text(name: str) -> str:
-    return "standard error of the expected power" if "error" in name else "expected power"
+    for kind, axes in (("profile", ["range_m"]), ("map", ["doppler_hz", "range_m"])):
+        for of, told in (("", "expected power"), ("clutter_", "expected power of clutter")):
+            for error, text in (("", told), ("_error", f"standard error of the {told}")):
+                name = f"{of}{kind}{error}"
+                if getattr(expected, name) is not None:
+                    _put(group, name, getattr(expected, name), unit, text, *axes)

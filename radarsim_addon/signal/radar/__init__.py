@@ -9,6 +9,15 @@ from .antennas import PATTERNS, ConstantGain, PeakedAntenna, make_antenna, self_
 from .channels import SINGLE_CHANNEL, Channel, Element
 from .config import Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
+from .coverage import (
+    Coverage,
+    CoverageCurve,
+    CoverageSetup,
+    Mount,
+    compute_coverage,
+    coverage_curve,
+    two_ray_gain,
+)
 from .link_budget import RadarSystem, make_system, read_system
 from .parameter_checks import find_suspicious_parameters, range_limit
 from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
@@ -42,9 +51,13 @@ __all__ = [
     "Burst",
     "Channel",
     "ConstantGain",
+    "Coverage",
+    "CoverageCurve",
+    "CoverageSetup",
     "Element",
     "FmcwWaveform",
     "LineWaveform",
+    "Mount",
     "PeakedAntenna",
     "PhaseCodedPulse",
     "PmcwWaveform",
@@ -55,6 +68,8 @@ __all__ = [
     "Weather",
     "band_window",
     "burst_from_dict",
+    "compute_coverage",
+    "coverage_curve",
     "cut_dbi",
     "find_suspicious_parameters",
     "frequencies_hz",
@@ -71,6 +86,7 @@ __all__ = [
     "replica_spectrum",
     "self_contained",
     "slow_time_window",
+    "two_ray_gain",
     "waveform_from_dict",
     "waveform_to_dict",
     "window_at",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...array_types import Real
 from ...findings import Finding
 from ..decoding import FrameInput
 from ..detection import BudgetReport, Detections, FrameStatistics, LeadingEdge, Peak
@@ -103,6 +104,28 @@ class FrameResult:
         """Mean noise of a cell of the profile, thermal and of the ADC [W]; 0 without."""
         gain = range_noise_gain(self.compressed.radar, self.compressed.range_taper)
         return self.received.floor_power_w * gain
+
+    @property
+    def noise_of_budget(self) -> float | None:
+        """Mean thermal noise of a cell of the map by the link budget [W], asked for or not.
+
+        None without a link budget, or where that has no noise. Without a canceller.
+        """
+        if not self.budget.noise_w:
+            return None
+        taper = self.rd_map.range_taper, self.rd_map.doppler_taper
+        return self.budget.noise_w * map_noise_gain(self.source.radar, *taper)
+
+    @property
+    def clutter_to_noise(self) -> Real | None:
+        """Clutter over the link budget's noise in the cells of `expected`, without a canceller.
+
+        (pulses, ranges), 1; None without clutter or without a link budget.
+        """
+        noise_w = self.noise_of_budget
+        if self.expected is None or self.expected.clutter_map is None or noise_w is None:
+            return None
+        return self.expected.clutter_map / noise_w
 
     @property
     def map_noise_power(self) -> float:

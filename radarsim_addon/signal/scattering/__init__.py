@@ -7,6 +7,7 @@ exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 
 from .amplitudes import amplitude, amplitude_history, path_amplitude
 from .antenna_gains import Link, antenna_motion
+from .clutter_surfaces import STILL_PLANE, ClutterSurfaces
 from .frame_speckle import FrameSpeckle, table_footprints
 from .interference import interference_factors
 from .rain_volume import rain_paths, rain_rows
@@ -14,6 +15,8 @@ from .random_phases import path_phasors
 from .surface_speckle import SpeckleReport
 
 __all__ = [
+    "STILL_PLANE",
+    "ClutterSurfaces",
     "FrameSpeckle",
     "Link",
     "SpeckleReport",

@@ -232,7 +232,7 @@ def roughness_of(scene: GroundTruthRecord | None, objects: list[str]) -> Mapping
     """Roughness of the objects that the scene's record has one of, by number from 1."""
     return {
         number: Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
-        for number, item in _numbered(scene, objects)
+        for number, item in numbered_objects(scene, objects)
         if item.rms_height_m is not None
     }
 
@@ -243,12 +243,12 @@ def fluctuations_of(
     """Fluctuations of the objects that the scene's record has some of, by number from 1."""
     return {
         number: item.fluctuation
-        for number, item in _numbered(scene, objects)
+        for number, item in numbered_objects(scene, objects)
         if item.fluctuation is not None
     }
 
 
-def _numbered(
+def numbered_objects(
     scene: GroundTruthRecord | None, objects: list[str]
 ) -> Iterator[tuple[int, ObjectRecord]]:
     """Yield the objects of a scene's record with their numbers, from 1."""

@@ -22,6 +22,14 @@ from .surface_cells import Cells, SurfaceCells
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
+def grazing_cosines(rows: PathRows) -> Real:
+    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
+
+    Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
+    """
+    return np.asarray(np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0)))
+
+
 class SurfaceFluctuations:
     """Draws texture and velocities; `surfaces` goes by the number of the object, from 1."""
 
@@ -48,8 +56,7 @@ class SurfaceFluctuations:
         own_m = self._cells.local_m(cells)
         draw = hash_step(cells.state ^ _DRAWS)
         draws = uniform(draw), uniform(hash_step(draw))
-        # a surface of clutter's models is level: its grazing angle is the ray's elevation
-        cosine = np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0))
+        cosine = grazing_cosines(rows)
         for number, surface in self._surfaces.items():
             mine = np.flatnonzero((objects == number) & counts)
             if not mine.size:

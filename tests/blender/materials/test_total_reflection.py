@@ -13,11 +13,13 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import total_reflection, total_reflections
+from radarsim_addon.blender.nodes import attributes
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.slab_scene import physical_material
 
 pytestmark = pytest.mark.blender
+WAVELENGTH = 0.03
 
 
 def prism(apex_deg: float, index: float) -> Any:
@@ -37,7 +39,8 @@ def prism(apex_deg: float, index: float) -> Any:
 
 
 def found() -> list[Any]:
-    return total_reflections(bpy.context.evaluated_depsgraph_get(), [(0, 0, 0), (0, 0, 0)])
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return total_reflections(depsgraph, [(0, 0, 0), (0, 0, 0)], WAVELENGTH, 1.0)
 
 
 @pytest.mark.parametrize("index", [1.5, 2.3])
@@ -54,24 +57,31 @@ def test_a_prism_about_its_critical_angle(index: float, above_deg: float) -> Non
         assert said.numbers["index"] == pytest.approx(index)
 
 
-def test_a_block_seen_at_a_slant(tmp_path: Path) -> None:
+@pytest.mark.parametrize("widths", [0.0, 1.0, 5.0, 30.0])
+def test_a_block_seen_at_a_slant(tmp_path: Path, widths: float) -> None:
     """A cube, 40 degrees from its front: bent to asin(sin 40 / n), waves reach the side on
-    tan of that of the width, and there beyond the critical angle for any n above 1.41."""
+    tan of that of the width, and there beyond the critical angle for any n above 1.41. Over its
+    width, power falls by exp(-widths)."""
     index, angle = 2.3, math.radians(40)
+    kappa = widths / 2 * WAVELENGTH / (4 * math.pi)
     rs.new_scene()
     bpy.ops.mesh.primitive_cube_add(size=2, location=(0, 2000, 0), rotation=(0, 0, angle))
     cube = bpy.context.object
     cube.scale = (1, 1, 50)  # no top in reach
-    cube.data.materials.append(physical_material(index, 0.0))
+    cube.data.materials.append(physical_material(index, kappa))
     bpy.context.view_layer.update()
     (said,) = found()
-    # Two faces are seen, under 40 and 50 degrees, each with its own bent angle.
+    # Two faces are seen, under 40 and 50 degrees, each with its own bent angle. At x from the edge
+    # the straight ray has the shorter way to the side, x / sin.
     want = 0.0
     for seen in (angle, math.pi / 2 - angle):
-        bent = math.asin(math.sin(seen) / index)
-        want += math.cos(seen) * math.tan(bent)
+        reached, per_width = math.tan(math.asin(math.sin(seen) / index)), widths / math.sin(seen)
+        left = -math.expm1(-per_width * reached) / per_width if widths else reached
+        want += math.cos(seen) * left
     want /= math.cos(angle) + math.sin(angle)
-    assert said.numbers["fraction"] == pytest.approx(want, abs=0.02)
+    assert said.numbers["fraction"] == pytest.approx(want, rel=0.06)
+    if widths > 0:
+        return
     run = ph.run_paths(tmp_path, width_px=8, height_px=8)
     assert "total-reflection" in {item.code for item in run.job.findings}
 
@@ -116,17 +126,16 @@ def box_and_rays() -> tuple[Any, Any, Any, Any]:
     return points, np.array(halves, dtype=np.int32), 0.2 * rng.normal(size=(400, 3)), onward
 
 
-def test_planes_of_convex_meshes_tell_where_rays_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
     """As Blender's own rays do."""
     points, halves, starts, onward = box_and_rays()
-    assert total_reflection._convex_planes(points, halves) is not None
     inside = np.linalg.norm(starts, axis=1) < 0.3
     starts, onward = starts[inside], onward[inside]
-    by_planes = total_reflection._arrivals(points, halves)(starts, onward)
-    monkeypatch.setattr(total_reflection, "_FEW_TRIANGLES", 0)
-    by_rays = total_reflection._arrivals(points, halves)(starts, onward)
+    planes = total_reflection._convex_planes(points, halves)
+    by_planes = total_reflection._arrivals(points, halves, planes)(starts, onward)
+    by_rays = total_reflection._arrivals(points, halves, None)(starts, onward)
     assert len(starts) > 100
-    assert np.all(by_planes > 0)
+    assert np.all(by_planes[0] > 0)
     np.testing.assert_allclose(by_planes, by_rays, atol=1e-5)
 
 
@@ -139,8 +148,28 @@ def test_open_and_hollow_meshes_have_no_such_planes() -> None:
     dented = points.copy()
     dented[0] *= -0.2
     assert total_reflection._convex_planes(dented, halves) is None
-    through = total_reflection._arrivals(points, halves[:-2])(starts, onward)
-    assert 0 < np.isnan(through).sum() < len(through) / 2
+    out, way = total_reflection._arrivals(points, halves[:-2], None)(starts, onward)
+    assert 0 < np.isnan(out).sum() < len(out) / 2
+    np.testing.assert_array_equal(np.isnan(out), np.isnan(way))
+
+
+def test_corners_of_a_room() -> None:
+    """Of each front that is seen, two walls' thicknesses lead into the walls at its ends, and there
+    to faces beyond the critical angle. Straight rays leave them, past half of each wall."""
+    rs.new_scene()
+    turn, width, depth, thickness = 0.6, 8.0, 6.0, 0.5
+    bpy.ops.mesh.primitive_cube_add(location=(0, 2000, 0), rotation=(0, 0, turn))
+    item = bpy.context.object
+    item.data.transform(np.diag([width / 2, depth / 2, 50, 1]).tolist())
+    walls = item.modifiers.new("Walls", "SOLIDIFY")
+    walls.thickness, walls.offset, walls.use_even_offset = thickness, -1, True
+    item.data.materials.append(physical_material(2.05, 0.0))
+    item[attributes.OBJECT_SHELL_THICKNESS] = thickness
+    bpy.context.view_layer.update()
+    (said,) = found()
+    lost = 2 * thickness * (math.cos(turn) + math.sin(turn))
+    want = lost / (width * math.cos(turn) + depth * math.sin(turn))
+    assert said.numbers["fraction"] == pytest.approx(want, rel=0.15)
 
 
 def test_little_of_each_of_many_is_named() -> None:
@@ -158,3 +187,26 @@ def test_little_of_each_of_many_is_named() -> None:
         bpy.data.objects.remove(item)
     bpy.context.view_layer.update()
     assert found() == []
+
+
+def test_walls_are_absorbed_across() -> None:
+    """A slab of 1 by 12: its straight rays leave by the rim with the absorption of the way across
+    it alone."""
+    index, angle, widths = 2.3, 0.7, 3.0
+    rs.new_scene()
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 2000, 0), rotation=(0, 0, angle))
+    slab = bpy.context.object
+    slab.scale = (12, 1, 60)
+    slab.data.materials.append(physical_material(index, widths * WAVELENGTH / (4 * math.pi)))
+    slab[attributes.OBJECT_LAYER_NORMAL] = (0.0, 1.0, 0.0)
+    bpy.context.view_layer.update()
+    (said,) = found()
+    # By the front, x from the far rim: x / tan across. By the near rim all arrive at the back
+    # beyond the critical angle, across what is left of the depth.
+    bent = math.asin(math.sin(angle) / index)
+    front = math.cos(angle) * math.tan(angle) / widths
+    front *= -math.expm1(-widths * math.tan(bent) / math.tan(angle))
+    depth = (np.arange(4000) + 0.5) / 4000
+    rim_part = math.sin(angle) * np.exp(-widths * depth).mean()
+    want = (front + rim_part) / (12 * math.cos(angle) + math.sin(angle))
+    assert said.numbers["fraction"] == pytest.approx(want, rel=0.15)

@@ -142,6 +142,28 @@ def test_a_house_of_four_rooms(
     assert got_m == pytest.approx(want_m, abs=2e-4)
 
 
+@pytest.mark.parametrize("own_normals", [False, True])
+def test_a_house_shaded_smooth(tmp_path: Path, own_normals: bool) -> None:
+    """As imported buildings often are, with normals in the file or without: its edges count."""
+
+    def make() -> Any:
+        item = floor_plan(medium("Wall", EPS))
+        item.location = (*CENTRE, 0.0)
+        item.rotation_euler = (0, 0, math.radians(25.0))
+        mesh = item.data
+        mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+        if own_normals:
+            corners = [mesh.vertices[loop.vertex_index].co.normalized() for loop in mesh.loops]
+            mesh.normals_split_custom_set(corners)
+        return item
+
+    got_db, got_m, codes = behind(tmp_path, make)
+    want_db, want_m = expected(crossed(25.0))
+    assert "smooth-across-edges" not in codes
+    assert got_db == pytest.approx(want_db, abs=BOUND_DB)
+    assert got_m == pytest.approx(want_m, abs=2e-4)
+
+
 @pytest.mark.parametrize("count", [1, 2, 4])
 @pytest.mark.parametrize("angle_deg", [37.0, 70.0])
 def test_loose_walls_of_one_mesh(tmp_path: Path, count: int, angle_deg: float) -> None:

@@ -197,6 +197,7 @@ def test_the_record_holds_how_clutter_fluctuates(tmp_path: Path) -> None:
     scene = frame.scene()
     assert scene is not None
     assert scene.objects[0].fluctuation == contract.FluctuationRecord(**values)
+    assert scene.objects[0].clutter == "constant_gamma"
     set_clutter_fluctuation(material, motion="gaussian", motion_speed_mps=1.0)
     assert fluctuation_of([None, material]) == contract.FluctuationRecord(
         motion="gaussian", motion_speed_mps=1.0
@@ -212,6 +213,8 @@ def test_a_model_without_its_group_or_file_is_named(tmp_path: Path) -> None:
     plate = ph.plate_at(10, 4, plain)
     run = ph.run_paths(tmp_path / "run", width_px=8, height_px=8)
     assert "clutter-not-connected" in [one.code for one in run.job.findings]
+    truth = open_run(run.folder).frame(1).scene()
+    assert truth is not None and truth.objects[0].clutter is None
     material = ground_material(gamma_db=GAMMA_DB)
     plate.material_slots[0].material = material
     material["radarsim_clutter"], material["radarsim_clutter_path"] = "table", "//no.csv"

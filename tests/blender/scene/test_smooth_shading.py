@@ -10,7 +10,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.scene import check_normals
+from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.blender.scene import check_normals, sharpen_walls
+from radarsim_addon.blender.state import SettingsRestorer
+from tests.blender.slab_scene import physical_material
 
 pytestmark = pytest.mark.blender
 
@@ -58,3 +61,35 @@ def test_round_bodies_are_as_they_should_be(empty_scene: Any) -> None:
     assert named() == ()
     cylinder = smooth(bpy.context.object)  # its caps bend the normals of its side
     assert named() == (cylinder.name,)
+
+
+def test_walls_get_sharp_edges_and_stay_round(empty_scene: Any) -> None:
+    """A box is as if shaded flat; a tank of 16 segments keeps its round side, without its rims."""
+    wall = physical_material(2.3, 0.01)
+    bpy.ops.mesh.primitive_cube_add()
+    box = smooth(bpy.context.object)
+    box[attributes.OBJECT_LAYER_NORMAL] = (0.0, 1.0, 0.0)
+    bpy.ops.mesh.primitive_cylinder_add(vertices=16, end_fill_type="NOTHING", depth=1)
+    tank = smooth(bpy.context.object)
+    tank.modifiers.new("Wall", "SOLIDIFY").thickness = 0.05
+    tank[attributes.OBJECT_SHELL_THICKNESS] = 0.05
+    for item in (box, tank):
+        item.data.materials.append(wall)
+    assert named() == (box.name, tank.name)
+    before, recorder = list(bpy.data.node_groups), SettingsRestorer()
+    sharpen_walls(recorder, bpy.context.evaluated_depsgraph_get())
+    assert named() == ()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    mesh = tank.evaluated_get(depsgraph).data
+    for polygon in mesh.polygons:
+        for index in polygon.loop_indices:
+            normal, corner = mesh.corner_normals[index].vector, mesh.loops[index].vertex_index
+            radial = mesh.vertices[corner].co.xy.normalized()
+            if abs(polygon.normal.z) < 0.5:  # the round side: from the axis, or to it
+                assert abs(normal.xy.dot(radial)) == pytest.approx(1, abs=1e-3)
+            else:
+                assert abs(normal.z) == pytest.approx(1, abs=1e-6)
+    assert recorder.restore() == []
+    assert not box.modifiers and len(tank.modifiers) == 1
+    assert list(bpy.data.node_groups) == before
+    assert named() == (box.name, tank.name)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.state import Snapshot, evaluated_objects, snapshot, take_snapshot
+from radarsim_addon.blender.state import Snapshot, evaluated_objects, evaluations, take_snapshot
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -134,7 +134,7 @@ def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch)
     moving()
     first = checked()
     walks: list[Any] = []
-    monkeypatch.setattr(snapshot, "_walk", lambda *given: walks.append(given))
+    monkeypatch.setattr(evaluations, "walk", lambda *given: walks.append(given))
     for frame in (2, 3, 4):
         bpy.context.scene.frame_set(frame)
         bpy.context.scene["setting"] = frame

@@ -17,7 +17,15 @@ from radarsim_addon.signal import Burst, ProcessOptions, Radar, Waveform, proces
 from radarsim_addon.signal.distributed.local_workers import LocalWorkers
 from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, points, write_run
-from tests.worker_processes import children, dask_cluster, finished, products, runs, start
+from tests.worker_processes import (
+    children,
+    dask_cluster,
+    differences,
+    finished,
+    products,
+    runs,
+    start,
+)
 
 posix = pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds workers by /proc")
 
@@ -47,7 +55,7 @@ def test_workers_write_the_same_files(
 ) -> None:
     """Pictures, the animation with its common colours and HDF5, too."""
     out = finished("process", folder, "--hdf5", "--workers", 2, "--out", tmp_path / "products")
-    assert products(tmp_path) == alone
+    assert not differences(products(tmp_path), alone)
     assert "range_doppler.gif" in alone and "frame_0004.h5" in alone
     assert f"{len(FRAMES)}/{len(FRAMES)} frames, 100 %" in out
     assert sorted(line.split(":")[0] for line in out.splitlines() if line.startswith("frame ")) == [
@@ -62,11 +70,8 @@ def test_dask_writes_the_same_files(folder: Path, alone: dict[str, bytes], tmp_p
         finished("process", folder, *words, "--dask", address)
     found = products(tmp_path)
     del found["range_doppler.gif"]  # of two frames
-    assert found == {
-        name: content
-        for name, content in alone.items()
-        if name[:10] in ("frame_0001", "frame_0002")
-    }
+    frames = ("frame_0001", "frame_0002")
+    assert not differences(found, {n: c for n, c in alone.items() if n.startswith(frames)})
 
 
 def test_a_cluster_that_is_not_there_is_named(

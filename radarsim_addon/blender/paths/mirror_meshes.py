@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Indices, Integers, Mask, Real
-from ..materials import MirrorMaterial, is_mirror_like, mirror_of
+from ...physics.mirrors import MirrorMaterial
+from ..materials import is_mirror_like, mirror_of
 from .obstacles import BodyMesh, Obstacles
 
 

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The last snapshot of a scene, brought up to date.
+
+Blender reports what each evaluation has changed. The next snapshot reads those objects again, and
+walks through the scene only where instances may have changed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .snapshot import Snapshot, is_there, materials_of, read_again, walk
+
+
+class _Latest:
+    """The last snapshot, and what Blender has evaluated since."""
+
+    def __init__(self) -> None:
+        self.snapshot: Snapshot | None = None
+        #: Objects to be read again; True where more than their pose has changed.
+        self.changed: dict[Any, bool] = {}
+        #: Objects that may have other materials.
+        self.shaded: set[Any] = set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
+
+    def note(self, depsgraph: Any) -> None:
+        """Note what Blender has just evaluated."""
+        if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
+            return
+        layout = self.snapshot.layout
+        for update in depsgraph.updates:
+            self.evaluated = True
+            item = update.id.original
+            if isinstance(item, bpy.types.Collection):
+                self.layout_changed = True
+            elif isinstance(item, bpy.types.Scene):  # a setting, or what is hidden
+                self.scene_changed = True
+            elif isinstance(item, bpy.types.Object):
+                geometry, there = update.is_updated_geometry, item in layout.row_of
+                # A change of the scene reports all its objects, as shaded again.
+                if geometry or update.is_updated_transform:
+                    self.layout_changed |= item in layout.instanced
+                    if there:
+                        self.changed[item] = geometry or self.changed.get(item, False)
+                if update.is_updated_shading:
+                    self.shaded.add(item)
+                self.scene_changed |= item in layout.instanced or not there
+
+    def take(self, depsgraph: Any) -> Snapshot:
+        """Return the snapshot of now."""
+        last = self.snapshot
+        followed = follow_evaluations()
+        if last is not None and last.depsgraph == depsgraph and followed:
+            try:
+                last = self._brought_up_to_date(last)
+            except ReferenceError:  # an object was removed
+                last = walk(depsgraph)
+        else:
+            last = walk(depsgraph)
+        self.snapshot, self.changed, self.shaded = last, {}, set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
+        return last
+
+    def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
+        for shape in last.shapes:
+            if shape.own and shape.original in self.shaded:
+                shape.materials = materials_of(shape.original.evaluated_get(last.depsgraph))
+        moved = self.scene_changed and not is_there(last.layout, last.depsgraph)
+        if self.layout_changed or moved:
+            return walk(last.depsgraph, last, self.changed)
+        return read_again(last, self.changed) if self.evaluated else last
+
+    def forget(self) -> None:
+        """Drop the snapshot."""
+        self.snapshot = None
+
+
+_latest = _Latest()
+
+
+@persistent
+def _note_evaluation(_scene: Any, depsgraph: Any) -> None:
+    _latest.note(depsgraph)
+
+
+@persistent
+def _forget(*_: Any) -> None:
+    _latest.forget()
+
+
+def follow_evaluations() -> bool:
+    """Have Blender report evaluations.
+
+    Returns
+    -------
+    bool
+        Whether it did so before.
+    """
+    missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
+    for hooks, function in missing:
+        hooks.append(function)
+    return not missing
+
+
+def ignore_evaluations() -> None:
+    """Have Blender report evaluations no longer, until the next snapshot is taken."""
+    for hooks, function in _reports():
+        if function in hooks:
+            hooks.remove(function)
+    _latest.forget()
+
+
+def _reports() -> tuple[tuple[Any, Any], ...]:
+    """Lists of handlers, and what belongs into each."""
+    handlers = bpy.app.handlers
+    return (
+        (handlers.depsgraph_update_post, _note_evaluation),
+        (handlers.frame_change_post, _note_evaluation),
+        (handlers.load_pre, _forget),
+        (handlers.undo_pre, _forget),
+        (handlers.redo_pre, _forget),
+    )
+
+
+def take_snapshot(depsgraph: Any) -> Snapshot:
+    """Return all objects and instances of a depsgraph.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Returns
+    -------
+    Snapshot
+        The same one until Blender evaluates something else.
+    """
+    return _latest.take(depsgraph)
