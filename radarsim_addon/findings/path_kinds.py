@@ -198,13 +198,12 @@ MIRRORS = {
     "mirror-without-image": Kind(
         "caution",
         "{subjects} are smooth and planar, so they act as mirrors, but radarsim makes no image of "
-        "the transmitter for them: their material is a BSDF of Blender, a thin sheet, or has "
-        "inputs that nodes set.",
+        "the transmitter for them: their material is a BSDF of Blender, or has inputs that nodes "
+        "set.",
         "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
         "whose ray from the receiver meets the mirror first are included.",
         "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface "
-        "that is not a mirror. Thin sheets get no image with any setting. A Physical material "
-        "with no thickness gets one, with the reflectance of a single boundary, not of a sheet.",
+        "that is not a mirror.",
     ),
     "mirror-moves": Kind(
         "caution",

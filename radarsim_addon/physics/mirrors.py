@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ..array_types import Complex, Real
 from ..vectors import crosses, dots, norms
 from .fresnel import reflection_coefficients, unpolarised_reflectance
+from .slab import amplitude_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
 _PARALLEL = 1e-9
@@ -36,12 +37,15 @@ class MirrorMaterial:
         Whether the power depends on the run's polarisation.
     rms_height_m
         Of a slightly rough surface [m]; 0: smooth.
+    sheet_wavelengths
+        Thickness of a thin sheet, in wavelengths in vacuum; 0: a half-space.
     """
 
     index: complex
     share: float
     polarised: bool
     rms_height_m: float = 0.0
+    sheet_wavelengths: float = 0.0
 
     def reflection(
         self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
@@ -62,7 +66,9 @@ class MirrorMaterial:
         power, phase_rad
             As there, (n,) each.
         """
-        power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
+        power, phase_rad = mirror_reflection(
+            self.index, incoming, normal, polarisation, self.sheet_wavelengths
+        )
         if not self.polarised:
             power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
         if self.rms_height_m > 0:
@@ -91,7 +97,11 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
 
 
 def mirror_reflection(
-    index: complex, incoming: Real, normal: Real, polarisation: str
+    index: complex,
+    incoming: Real,
+    normal: Real,
+    polarisation: str,
+    sheet_wavelengths: float = 0.0,
 ) -> tuple[Real, Real]:
     """Return what a smooth plane makes of a polarised wave.
 
@@ -106,6 +116,9 @@ def mirror_reflection(
     polarisation
         "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
         up); "average": power of half a wave each, phase of the horizontal one.
+    sheet_wavelengths
+        Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
+        half-space.
 
     Returns
     -------
@@ -118,7 +131,11 @@ def mirror_reflection(
     across[straight] = _level(incoming[straight])
     across /= norms(across)[:, None]
     turned = incoming - 2 * dots(incoming, normal)[:, None] * normal
-    r_s, r_p = reflection_coefficients(index, np.abs(dots(incoming, normal)))
+    cosine = np.abs(dots(incoming, normal))
+    if sheet_wavelengths > 0:
+        _, _, r_s, r_p = amplitude_coefficients(index, sheet_wavelengths, 1.0, cosine)
+    else:
+        r_s, r_p = reflection_coefficients(index, cosine)
     vertical = polarisation == "vertical"
     before, after = (_field(way, vertical) for way in (incoming, turned))
     s_in, s_out = dots(before, across), dots(after, across)
