@@ -145,7 +145,8 @@ MIRRORS = {
         "{subjects} are mirrors with an RMS height and no slope: paths over them have the coherent "
         "part that it leaves of the amplitude.",
         "The rest of the reflected power, which scatters around, is not in the paths over them. "
-        "What is seen in these mirrors alone has the reflectance of a smooth one.",
+        "A second mirror in a row on the way from the receiver has the reflectance of a smooth "
+        "one.",
         "Give the surface a correlation length too if its scattering matters more than its "
         "mirroring.",
     ),

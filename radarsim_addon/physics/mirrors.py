@@ -147,7 +147,7 @@ def mirror_reflection(
     return np.asarray(power, dtype=np.float64), np.angle(kept)
 
 
-def coherent_reflection(rms_height_m: float, sine: ArrayLike, wavelength_m: float) -> Real:
+def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: float) -> Real:
     """Return the factor of a slightly rough plane on the amplitude that it mirrors.
 
     Parameters
@@ -170,7 +170,8 @@ def coherent_reflection(rms_height_m: float, sine: ArrayLike, wavelength_m: floa
     and for the distribution of sea-wave elevations, IEE Proc. H 131 (1984) 114-116:
     exp(-x) I0(x) with x = 2 (k h sin psi)^2.
     """
-    x = 2 * (2 * np.pi * rms_height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
+    height_m = np.asarray(rms_height_m, dtype=np.float64)
+    x = 2 * (2 * np.pi * height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
     near = np.minimum(x, _LARGE)
     with np.errstate(divide="ignore"):
         far = (1 + 1 / (8 * x)) / np.sqrt(2 * np.pi * x)

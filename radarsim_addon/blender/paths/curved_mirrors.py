@@ -42,6 +42,12 @@ class CurvedMirrors:
         """Names of the objects with the mirrors."""
         return tuple(dict.fromkeys(self.names.values()))
 
+    @property
+    def rough_objects(self) -> tuple[str, ...]:
+        """Names of the objects with an RMS height."""
+        rough = np.array([one.rms_height_m > 0 for one in self.materials])[self.material]
+        return tuple(dict.fromkeys(self.names[n] for n in np.unique(self.body[rough]).tolist()))
+
     def rounded(self, wavelength_m: float) -> list[Finding]:
         """Return what to say of patches that lie far off their triangles."""
         far = self.lift_m > FLAT * wavelength_m

@@ -9,6 +9,8 @@ mirror, and nothing else lies on the way to that point and on from there to the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,10 +18,11 @@ import numpy as np
 from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding
+from ...physics.mirrors import coherent_reflection
 from ...signal.motion import PathImages
 from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
 from ...vectors import are_finite, crosses, distances, dots, norms
-from ..materials import clutter_of, lobe_width
+from ..materials import clutter_of, lobe_width, mirror_of
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
@@ -82,6 +85,9 @@ class MirrorPaths:
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
         clutter = np.array([any(clutter_of(one) for one in every) for every in materials], bool)
         self._plain_lobes = np.append(0.0, np.where(clutter, 0.0, widths)[bodies.shape])
+        #: RMS height of slightly rough mirrors by the body's number, from 1; 0: none [m].
+        heights_m = np.array([_rms_height_m(every) for every in materials], dtype=np.float64)
+        self._heights_m = np.append(0.0, heights_m[bodies.shape])
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
@@ -99,6 +105,7 @@ class MirrorPaths:
             names += () if curved is None else curved.objects
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
         rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
+        rough += () if curved is None else curved.rough_objects
         if rough:
             self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
@@ -226,8 +233,10 @@ class MirrorPaths:
         lie on the way over a curved mirror [W].
         """
         if not self._one_place:
+            self._roughen(rows)
             return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
+        self._roughen(rows)
         through_w = 0.0
         if self._curved is not None:
             over, through_w = self._over_curved(self._curved, rows)
@@ -236,6 +245,19 @@ class MirrorPaths:
             rows, self.records, self._receiver_m, self._transmitter_m, self._reflections
         )
         return every, through_w
+
+    def _roughen(self, rows: PathRows) -> None:
+        """Leave the coherent part of what the receiver sees in slightly rough mirrors."""
+        seen = self._heights_m[rows["first_body"]] > 0
+        seen &= (rows["order"] - rows["mirrors"] > 1) & are_finite(rows["first_scatterer_m"])
+        chosen = np.flatnonzero(seen)
+        bodies, first_m = rows["first_body"][chosen], rows["first_scatterer_m"][chosen]
+        receiver_m = np.broadcast_to(self._receiver_m, first_m.shape)
+        normals = self._hits.normals(bodies, receiver_m, first_m)
+        sine = np.abs(dots(normals, rows["direction"][chosen]))
+        height_m = self._heights_m[bodies]
+        factor = coherent_reflection(height_m, sine, self._wavelength_m) ** 2
+        rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
 
     def _over_curved(self, curved: CurvedPaths, rows: PathRows) -> tuple[PathRows, float]:
         """Paths to the transmitter over curved mirrors, from the scatterers of direct paths, and
@@ -306,3 +328,10 @@ class MirrorPaths:
         seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
         blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
         return np.asarray(seen & ~blocked & ~through)
+
+
+def _rms_height_m(materials: Sequence[Any]) -> float:
+    """RMS height that all of a body's materials have as mirrors without another lobe; else 0."""
+    mirrors = [None if clutter_of(one) else mirror_of(one) for one in materials]
+    known = {0.0 if one is None or one.share < 1 else one.rms_height_m for one in mirrors}
+    return known.pop() if len(known) == 1 else 0.0

@@ -481,3 +481,22 @@ def test_slightly_rough_ground(tmp_path: Path) -> None:
     assert rho < 0.95
     found = np.array(powers[1]) / powers[0]
     np.testing.assert_allclose(found, [1.0, rho**2, rho**4], rtol=2e-3)
+
+
+def test_slightly_rough_ground_shows_less(tmp_path: Path) -> None:
+    """What the receiver sees in the ground alone has the coherent part on both ways."""
+    powers = []
+    for height_m in (0.0, 0.02):
+        scene()
+        box("Screen", (-2, 35, 3.5), (2, 35.5, 5))
+        bpy.data.objects["Ground"].data.materials[0]["radarsim_rms_height_m"] = height_m
+        run = measure(tmp_path / str(height_m), pixels=128)
+        rows = run.table()
+        plate = rows[rows["last_object"] == run.record().objects.index("Plate") + 1]
+        assert set(plate["order"]) == {3}
+        powers.append(plate)
+    sine = np.abs(powers[0]["direction"][:, 2])
+    x = 2 * (2 * math.pi * 5.3e9 / ph.C0_MPS * 0.02 * sine) ** 2
+    rho = np.exp(-x) * np.i0(x)
+    assert rho.max() < 0.95
+    np.testing.assert_allclose(powers[1]["power_w"] / powers[0]["power_w"], rho**4, rtol=1e-3)
