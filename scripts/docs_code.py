@@ -4,7 +4,8 @@
 The Python blocks of a page run one after the other, in one process and one empty folder. A ``text``
 block right after a Python block is its expected output: words must be equal, numbers within 2 %
 (or the last digit printed). In tutorials the commands (``sh`` blocks) run too. A block after a
-comment ``<!-- not run: REASON -->`` is left out.
+comment ``<!-- not run: REASON -->`` is left out. The code cells of a Jupyter notebook run in the
+same way, without a kernel; what a cell prints is compared with the output in the file.
 
     python scripts/docs_code.py docs/tutorials/first-map-python.md           # compare
     python scripts/docs_code.py --write docs/tutorials/first-map-python.md   # write the outputs
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
+import json
 import os
 import re
 import shlex
@@ -65,10 +67,24 @@ def blocks(text: str) -> list[Block]:
     ]
 
 
+def cells(text: str) -> list[Block]:
+    """Return the code cells of a notebook; `line` and `span` hold the number of the cell."""
+    return [
+        Block("python", "".join(cell["source"]), n, _printed(cell), (n, n), run=True)
+        for n, cell in enumerate(json.loads(text)["cells"])
+        if cell["cell_type"] == "code"
+    ]
+
+
+def _printed(cell: dict[str, Any]) -> str:
+    return "".join(text for out in cell["outputs"] for text in out.get("text", ()))
+
+
 def outputs(page: Path) -> Iterator[tuple[Block, str]]:
     """Run the blocks of a page in the current folder; yield each with what it printed."""
     names: dict[str, Any] = {"__name__": "__main__"}
-    for block in blocks(page.read_text("utf-8")):
+    find = cells if page.suffix == ".ipynb" else blocks
+    for block in find(page.read_text("utf-8")):
         if not block.run:
             continue
         if block.kind == "python":
@@ -135,12 +151,37 @@ def run(page: Path, write: bool = False) -> list[str]:
                     wrong.append(told)
         finally:
             os.chdir(there)
-    if write:
+    if not write:
+        return wrong
+    if page.suffix == ".ipynb":
+        text = _with_outputs(text, {first: output for (first, _), output in changes})
+    else:
         for (first, last), output in reversed(changes):
             text = text[:first] + output.rstrip("\n") + "\n" + text[last:]
-        page.write_text(text, encoding="utf-8")
-        return []
-    return wrong
+    page.write_text(text, encoding="utf-8")
+    return []
+
+
+def _with_outputs(text: str, printed: dict[int, str]) -> str:
+    """Return a notebook with what its cells printed, by their numbers, and no other output."""
+    notebook = json.loads(text)
+    for number, output in printed.items():
+        stream = {"name": "stdout", "output_type": "stream", "text": output.splitlines(True)}
+        notebook["cells"][number]["outputs"] = [stream] if output else []
+    return json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
+
+
+def notebook_page(text: str) -> str:
+    """Return a notebook as Markdown."""
+    parts = []
+    for cell in json.loads(text)["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "code":
+            source = f"```python\n{source}\n```"
+            if printed := _printed(cell):
+                source += f"\n\n```text\n{printed.rstrip()}\n```"
+        parts.append(source)
+    return "\n\n".join(parts) + "\n"
 
 
 def main() -> int:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pages of the documentation site that are made when it is built (a hook of MkDocs).
 
-``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers.
+``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers;
+``examples.md`` is the page of blend_examples/; notebooks become pages that link to the notebook.
 """
 
 from __future__ import annotations
@@ -10,19 +11,22 @@ import contextlib
 import io
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
 from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
 from radarsim_addon.signal.pipeline import main
+from scripts.docs_code import notebook_page
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
 
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS_PAGE, EXAMPLES_PAGE = "reference/commands.md", "examples.md"
 _BLENDER_PARSERS = {"render": parse_render_arguments, "coverage": parse_coverage_arguments}
-COMMANDS_PAGE = "reference/commands.md"
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
@@ -38,6 +42,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     from mkdocs.structure.files import File
 
     files.append(File.generated(config, COMMANDS_PAGE, content=commands_page()))
+    examples = (ROOT / "blend_examples" / "README.md").read_text("utf-8")
+    files.append(File.generated(config, EXAMPLES_PAGE, content=examples.replace("../docs/", "")))
+    for notebook in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
+        link = f"\n[Download this page as a Jupyter notebook]({notebook.name}).\n"
+        page = notebook_page(notebook.read_text("utf-8")) + link
+        files.append(File.generated(config, f"notebooks/{notebook.stem}.md", content=page))
     return files
 
 

@@ -21,6 +21,8 @@ if __package__ in (None, ""):  # run from a checkout: the package lies next to s
 
 import bpy
 
+from scripts.examples.shared import FOLDER, add_box, add_mesh, write
+
 STREET_WIDTH_M, STREET_LENGTH_M = 20.0, 150.0
 BLOCK_LENGTH_M, BLOCK_DEPTH_M = 42.0, 20.0
 #: Heights of the blocks along the street, left and right [m].
@@ -59,8 +61,6 @@ def build() -> Any:
     from radarsim_addon.blender.nodes import make_material
 
     scene = bpy.context.scene
-    scene.unit_settings.system = "METRIC"
-    scene.frame_start, scene.frame_end = 1, 1
     wall, ground = (
         make_material(name, *index, specularity=0.0, penetrable=False)
         for name, index in (("Wall", CONCRETE), ("Ground", GROUND))
@@ -92,34 +92,10 @@ def build() -> Any:
     return radar
 
 
-def add_box(name: str, low: tuple[float, ...], high: tuple[float, ...]) -> Any:
-    """Add a closed box between two corners."""
-    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1])
-               for z in (low[2], high[2])]  # fmt: skip
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return add_mesh(name, corners, faces)
-
-
-def add_mesh(name: str, corners: list[Any], faces: list[Any]) -> Any:
-    """Add an object made of faces."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners, [], faces)
-    item = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(item)
-    return item
-
-
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = Path(__file__).resolve().parents[1] / "blend_examples" / "canyon.blend"
-    parser.add_argument("output", nargs="?", type=Path, default=default)
-    output = parser.parse_args(argv).output
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    build()
-    # Compressed, and without the preview picture, which would differ from machine to machine.
-    bpy.context.preferences.filepaths.file_preview_type = "NONE"
-    bpy.ops.wm.save_as_mainfile(filepath=str(output.resolve()), compress=True)
-    print(f"wrote {output}")
+    parser.add_argument("output", nargs="?", type=Path, default=FOLDER / "canyon.blend")
+    write(build, parser.parse_args(argv).output)
     return 0
 
 

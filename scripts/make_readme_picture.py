@@ -7,11 +7,9 @@ make demo && .venv/bin/python scripts/make_readme_picture.py
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -21,6 +19,8 @@ import matplotlib  # noqa: E402
 import numpy as np  # noqa: E402
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
+
+from scripts.examples.pictures import daylight, plain_material, render_from  # noqa: E402
 
 SIZE = (960, 720)
 COLOURS = {
@@ -46,16 +46,6 @@ OFFSETS = {
 }
 
 
-def plain_material(name: str, colour: tuple[float, float, float]) -> Any:
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    shader = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
-    shader.inputs["Base Color"].default_value = (*colour, 1.0)
-    shader.inputs["Roughness"].default_value = 0.7
-    return material
-
-
 def render_scene(path: Path) -> dict[str, tuple[float, float]]:
     """An ordinary picture of the scene; returns where the labels go, in shares of the picture."""
     bpy.ops.wm.open_mainfile(
@@ -68,37 +58,10 @@ def render_scene(path: Path) -> dict[str, tuple[float, float]]:
         item.data.materials.append(plain_material(name, colour))
     # Drawn larger than it is: 24 m would be two pixels.
     bpy.data.objects["Target"].scale = (3, 3, 3)
-    for item in [o for o in bpy.data.objects if o.type == "LIGHT"]:
-        item.hide_render = True
     bpy.ops.mesh.primitive_cone_add(radius1=0.25, depth=1.0, location=(0, 0, 0.5))
     bpy.context.object.data.materials.append(plain_material("radar", (0.95, 0.8, 0.1)))
-    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.rotation_euler = 3.5, (0.7, 0.2, 0.9)
-    scene.collection.objects.link(sun)
-    world = bpy.data.worlds.new("sky")
-    if world.node_tree is None:
-        world.use_nodes = True
-    background = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeBackground")
-    background.inputs["Color"].default_value = (0.75, 0.85, 1.0, 1.0)
-    background.inputs["Strength"].default_value = 0.7
-    scene.world = world
-    camera = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
-    scene.collection.objects.link(camera)
-    camera.location = (-8.5, 4.5, 6.0)
-    aim = Vector((14.0, 0.3, -1.0)) - camera.location
-    camera.rotation_euler = aim.to_track_quat("-Z", "Y").to_euler()
-    camera.data.angle, camera.data.clip_end = math.radians(50), 1000
-    scene.camera = camera
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising = 32, False
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = 100
-    if hasattr(scene.render.image_settings, "media_type"):
-        scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = "PNG"
-    scene.view_settings.view_transform = "Standard"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
+    daylight(scene)
+    camera = render_from(scene, (-8.5, 4.5, 6.0), (14.0, 0.3, -1.0), 50.0, SIZE, path)
     places = {}
     for name in LABELS:
         point = Vector((0, 0, 1.0)) if name == "Radar" else bpy.data.objects[name].location

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Blender half, and its interface for scripts.
 
-``add_radar``, ``settings``, ``material``, ``set_clutter``,
-``set_clutter_fluctuation``, ``assign_material``, ``assign_by_name``, ``measure``, ``process``: see
+``add_radar``, ``settings``, ``material``, ``set_clutter``, ``set_clutter_fluctuation``,
+``set_mirror``, ``assign_material``, ``assign_by_name``, ``measure``, ``process``: see
 :mod:`.headless.scripting` and :mod:`.headless.scripting_materials`. They are loaded when they are
 first used: importing this package does not import bpy.
 """
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         material,
         set_clutter,
         set_clutter_fluctuation,
+        set_mirror,
     )
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "process",
     "set_clutter",
     "set_clutter_fluctuation",
+    "set_mirror",
     "settings",
 ]
 

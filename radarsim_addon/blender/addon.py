@@ -63,6 +63,7 @@ def register() -> None:
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
     overlays.hide_overlays()
+    clutter_panel.forget_plots()
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)

@@ -206,6 +206,14 @@ MIRRORS = {
         "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface "
         "that is not a mirror.",
     ),
+    "mirror-first-without-image": Kind(
+        "caution",
+        "{subjects} are to be mirrors before others (Mirror Images: First), and have no smooth "
+        "planar face that faces the transmitter.",
+        "They get no image of the transmitter.",
+        "Give them a Radar Material with roughness 0 and planar faces, or set Mirror Images to "
+        "Automatic.",
+    ),
     "mirror-moves": Kind(
         "caution",
         "{subjects} are mirrors and move during the burst.",
@@ -215,11 +223,11 @@ MIRRORS = {
     ),
     "mirror-ways-not-in-phase": Kind(
         "caution",
-        "The antennas are {distance_m:length} apart, or the camera is orthographic: paths back to "
-        "the receiver over mirrors are measured by themselves.",
+        "The camera is orthographic: paths back to the receiver over mirrors are measured by "
+        "themselves.",
         "Powers of all paths are right, but paths back over a mirror do not interfere with the "
         "direct ones.",
-        "Put both antennas in one place, and use a perspective or panoramic camera.",
+        "Use a perspective or panoramic camera.",
     ),
     "mirror-lobe-narrow": Kind(
         "caution",
@@ -305,6 +313,14 @@ MOTION = {
         "radarsim takes a smooth cubic through these poses; Blender's straight lines between them "
         "would give steps of Doppler.",
         "Set Motion to Linear simulations for Blender's straight lines.",
+    ),
+    "cache-between-frames": Kind(
+        "caution",
+        "The cache that moves {subjects} has its own frames, between those of the scene.",
+        "radarsim takes a smooth cubic through whole frames of the scene, where the cache's "
+        "straight lines are cut: range rates are off by up to about {speed_mps:.2g} m/s.",
+        "Set the scene to the frame rate of the cache, with its frames on whole frames. Frames "
+        "of Mesh Cache modifiers (Time Mode Frame) are known, whatever their Frame Scale.",
     ),
     "motion-in-steps": Kind(
         "caution",

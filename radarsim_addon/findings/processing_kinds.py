@@ -66,7 +66,7 @@ PROCESSING = {
         "Its drops would return {reflectivity_db:.1f} dB m^2/m^3: that much cross section from "
         "each cubic metre of a resolution cell.",
         "Compare the targets' cross sections with reflectivity times volume of the cell, or set "
-        "the option Rain echo.",
+        "the option Rain echo (with paths, and not for an orthographic camera).",
     ),
     "range-ambiguous-paths": Kind(
         "caution",

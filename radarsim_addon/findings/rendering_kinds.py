@@ -110,6 +110,16 @@ SCENE = {
         "depth inside.",
         "Move it out, or make this wall an object of its own, a plain box near the radar.",
     ),
+    "antenna-in-medium": Kind(
+        "caution",
+        "An antenna of the radar is inside {subjects}, in a medium of index {index:.3g}.",
+        "Absorption and delay to its faces, and the loss there, are computed, but rays leave "
+        "straight on. Waves that leave through a plane face spread more: what echoes outside is up "
+        "to {power_db:.2g} dB too strong, and seen in other directions.",
+        "Place the radar in the air: a radome is a closed shell with a hollow around the antennas. "
+        "Or set the EIRP and the antennas' patterns to those measured outside of the object, and "
+        "disable the object in renders.",
+    ),
     "coincident-faces": Kind(
         "error",
         "These pairs of objects have faces that coincide exactly: {subjects}.",

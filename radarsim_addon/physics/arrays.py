@@ -79,6 +79,10 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
     return weights
 
 
+#: Time of the gain's integral: elements times wavelengths; some seconds for as many.
+_MOST_WORK = 1e7
+
+
 @dataclass(frozen=True)
 class PlanarArray:
     """Grid of equal elements in the plane across boresight; one row is a linear array.
@@ -124,6 +128,7 @@ class PlanarArray:
         real_array("Column spacing", self.column_spacing_m, "m", above=0.0)
         real_array("Row spacing", self.row_spacing_m, "m", above=0.0)
         real_array("Wavelength", self.wavelength_m, "m", above=0.0)
+        self._check_size()
         real_array("Steering azimuth", self.steer_azimuth_rad, "rad", -np.pi / 2, np.pi / 2)
         real_array("Steering elevation", self.steer_elevation_rad, "rad", -np.pi / 2, np.pi / 2)
         real_array("Efficiency", self.efficiency, "", None, 1.0, above=0.0)
@@ -131,6 +136,20 @@ class PlanarArray:
             real_array("Element exponent", self.element_exponent, "", minimum=0.0)
         taper_weights(self.column_taper, self.columns)
         taper_weights(self.row_taper, self.rows)
+
+    def _check_size(self) -> None:
+        elements = self.columns * self.rows
+        if elements <= _MOST_WORK:
+            sides = [
+                (count - 1) * spacing / self.wavelength_m for _, count, spacing in self._axes()
+            ]
+            if elements * max(math.hypot(*sides), 1.0) <= _MOST_WORK:
+                return
+        raise ConfigError(
+            f"Array of {self.columns} x {self.rows} elements is too large for its gain to be "
+            f"computed; expected at most {_MOST_WORK:g} for elements times diagonal in wavelengths "
+            "(200 x 200 elements half a wavelength apart have 5.6e6)."
+        )
 
     @property
     def grating_lobes(self) -> bool:
@@ -215,7 +234,8 @@ def _element_kernel(exponent: float | None) -> Callable[[Real], Real]:
     nodes, weights = np.polynomial.legendre.leggauss(24)
 
     def kernel(separation: Real) -> Real:
-        panels = 2 + int(np.ceil(np.max(separation)))
+        # 24 nodes carry three waves of a panel to 1e-16
+        panels = 5 + int(np.ceil(np.max(separation) / 3))
         starts = np.arange(panels)[:, None] / panels
         angle = (np.pi / 2 * (starts + (nodes + 1) / (2 * panels))).ravel()
         weight = np.tile(np.pi / 2 * weights / (2 * panels), panels) * np.cos(angle) ** (q + 1)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,10 +86,20 @@ def read_clutter_table(path: str | Path) -> ClutterTable:
     ------
     ConfigError
         A cell that is no finite number, an angle out of 0 to 90 degrees or out of order, sigma0 not
-        above 0 or out of -150 to 50 dB, a frequency not above 0, an unknown polarisation, or a
-        polarisation without rows; the message has file and line.
+        above 0 or out of -150 to 50 dB, a frequency not above 0, an unknown polarisation or
+        column, or a polarisation without rows; the message has file and line.
     """
     table = read_csv(path, _COLUMNS)
+    known = {*itertools.chain(*_COLUMNS), "frequency_ghz", "polarisation"}
+    if unknown := sorted(set(table.columns) - known):
+        raise ConfigError(
+            f"{table.path.name} has a column {unknown[0]!r}, whose meaning is not known; expected "
+            f"{', '.join(sorted(known))}. Rename the column, or remove it."
+        )
+    if {"sigma0_db", "sigma0"} <= set(table.columns):
+        raise ConfigError(
+            f"{table.path.name} has the columns sigma0_db and sigma0; expected one of them."
+        )
     grazing_deg = _checked(table, "grazing_deg", "degrees", 0.0, 90.0)
     if "sigma0_db" in table.columns:
         db = _checked(table, "sigma0_db", "dB", _LIMITS_DB[0] - 1e-9, _LIMITS_DB[1])

@@ -55,22 +55,38 @@ def gamma(epsilon: complex, sine: Real, vertical: bool) -> Complex:
     return np.asarray((first - root) / (first + root))
 
 
-def pattern(points_m: Real, epsilon: complex, carrier_hz: float, vertical: bool) -> Real:
-    """Two-way power over that of the direct path, of points in front of a radar at the origin."""
-    image_m = np.array([0.0, 0.0, -2 * HEIGHT_M])
-    direct_m = np.linalg.norm(points_m, axis=1)
-    over_m = np.linalg.norm(points_m - image_m, axis=1)
-    sine = (points_m - image_m)[:, 2] / over_m
-    # Irradiance of a vertical surface: 1/R^2 and the cosine y/R.
-    field = np.sqrt((direct_m / over_m) ** 3)
-    turn = np.exp(-2j * math.pi / wavelength(carrier_hz) * (over_m - direct_m))
-    one_way = 1 + np.conj(gamma(epsilon, sine, vertical)) * field * turn
-    return np.asarray(np.abs(one_way) ** 4)
+def pattern(
+    points_m: Real,
+    epsilon: complex,
+    carrier_hz: float,
+    vertical: bool,
+    transmitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Real:
+    """Two-way power over that of the direct path, of points before a receiver at the origin."""
+    found = np.ones(len(points_m))
+    for antenna_m in (np.zeros(3), np.array(transmitter_m)):
+        image_m = antenna_m * [1, 1, -1] - [0, 0, 2 * HEIGHT_M]
+        direct_m = np.linalg.norm(points_m - antenna_m, axis=1)
+        over_m = np.linalg.norm(points_m - image_m, axis=1)
+        sine = (points_m - image_m)[:, 2] / over_m
+        # Irradiance of a vertical surface: 1/R^2 and the cosine y/R.
+        field = np.sqrt((direct_m / over_m) ** 3)
+        turn = np.exp(-2j * math.pi / wavelength(carrier_hz) * (over_m - direct_m))
+        one_way = 1 + np.conj(gamma(epsilon, sine, vertical)) * field * turn
+        found *= np.abs(one_way) ** 2
+    return found
 
 
-def _scene(epsilon: complex, fov_deg: float, low_m: float, high_m: float, width_m: float) -> None:
+def _scene(
+    epsilon: complex,
+    fov_deg: float,
+    low_m: float,
+    high_m: float,
+    width_m: float,
+    transmitter_m: tuple[float, float, float] | None = None,
+) -> None:
     """A radar, a smooth ground, and a vertical strip of a Lambert plate."""
-    new_scene(fov_deg)
+    new_scene(fov_deg, transmitter_m=transmitter_m)
     index = complex(np.sqrt(epsilon))
     ground = make_physical_material(
         "Ground", "index", carrier_hz=5.3e9, penetrable=False, n=index.real, k=index.imag
@@ -103,13 +119,20 @@ def expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
     return point_m, total_w / direct_w
 
 
-def swept(bench: Bench, ground: str) -> list[Check]:
+#: A transmitter that stands apart from the receiver at the origin [m].
+APART_M = (30.0, 60.0, -4.0)
+
+
+def swept(
+    bench: Bench, ground: str, transmitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[Check]:
     """The pattern over the height of a target, every pixel of the strip a target."""
+    apart = transmitter_m if any(transmitter_m) else None
     checks = []
     fov_deg = 2 * math.degrees(math.atan(1.005 * HEIGHT_M / RANGE_M))
     for carrier_hz, epsilon in GROUNDS[ground].items():
         for polarisation in ("horizontal", "vertical"):
-            _scene(epsilon, fov_deg, CLEAR_M - HEIGHT_M, HEIGHT_M, 2.0)
+            _scene(epsilon, fov_deg, CLEAR_M - HEIGHT_M, HEIGHT_M, 2.0, apart)
             run = acquire(
                 bench,
                 2,
@@ -120,13 +143,16 @@ def swept(bench: Bench, ground: str) -> list[Check]:
                 polarisation=polarisation,
             )
             point_m, found = expected_points(run, carrier_hz)
-            expected = pattern(point_m, epsilon, carrier_hz, polarisation == "vertical")
+            expected = pattern(
+                point_m, epsilon, carrier_hz, polarisation == "vertical", transmitter_m
+            )
             strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
             worst = [
                 power_check("", one, other, BOUND_DB, SOURCE, unit="dB")
                 for one, other in zip(expected[strong], found[strong], strict=True)
             ]
             name = f"{ground}, {carrier_hz / 1e9:g} GHz, {polarisation}"
+            name += "" if apart is None else ", bistatic"
             checks.append(worst_of(name, worst))
             for height_m, one, other in zip(point_m[:, 2] + HEIGHT_M, expected, found, strict=True):
                 bench.point(
@@ -289,6 +315,7 @@ GROUP = Group(
         Case("two-way pattern, conductor", lambda bench: swept(bench, "conductor"), 40.0),
         Case("two-way pattern, sea", lambda bench: swept(bench, "sea"), 40.0, quick=True),
         Case("two-way pattern, wet ground", lambda bench: swept(bench, "wet ground"), 40.0),
+        Case("two-way pattern, bistatic, sea", lambda bench: swept(bench, "sea", APART_M), 40.0),
         Case("from the scene to the map", chain, 120.0),
         Case("sphere", ball, 10.0, quick=True),
     ),

@@ -15,6 +15,7 @@ from radarsim_addon.physics.rain_echo import rain_reflectivity_per_m
 from radarsim_addon.physics.weather import Polarisation
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.decoding import open_frame
+from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import Weather
 from radarsim_addon.signal.scattering import rain_rows
 
@@ -94,6 +95,68 @@ def rain_volume(bench: Bench) -> list[Check]:
     return checks
 
 
+def rain_chain(bench: Bench) -> list[Check]:
+    """Rain by the options of the command, from a Blender scene to the products of a frame."""
+    new_scene(4.0)
+    add_plate("Far", Plate(np.array([-1.0, 3000, -1]), _across(2.0), _up(2.0)), lambert(1.0))
+    run = acquire(
+        bench, 64, 2, carrier_hz=9.65e9, prf_hz=4000.0, pulses=64, bandwidth_hz=50e6,
+        sampling_rate_hz=60e6, chirp_duration_s=4e-6, range_stop_m=1500.0,
+    )  # fmt: skip
+    powers = []
+    for seed in range(4):  # one realisation has some 200 independent cells
+        code = main([
+            "process", str(run.folder), "--no-plots", "--no-products", "--range-limits", "100:1500",
+            "--speckle-seed", str(seed), "--rain-mm-per-h", "25", "--rain-echo", "--wind-y", "12",
+        ])  # fmt: skip
+        if code not in (0, 3):
+            raise AssertionError(f"the command ended with {code}")
+        with np.load(run.folder / "products" / "frame_0001_map.npz") as file:
+            range_m, doppler_hz = file["range_m"], file["doppler_hz"]
+            powers.append(file["power"][0])
+    power = np.mean(powers, axis=0)
+    with np.load(run.folder / "products" / "frame_0001_expected.npz") as file:
+        expected = {name: file[name] for name in ("range_m", "doppler_hz", "clutter_map")}
+    right = run.record.receiver.right
+    solid_sr = 4 * math.asin(right**2 / (1 + right**2))
+    link = EIRP_W * wavelength(9.65e9) ** 2 / (4 * math.pi) ** 3
+    eta = rain_reflectivity_per_m(9.65e9, 25.0)
+    lost = Weather(rain_mm_per_h=25.0).attenuation_db_per_km(9.65e9)
+    near_m = np.arange(300.0, 1300.0, 0.5) + 0.25
+    density = link * eta * solid_sr * 10 ** (-lost * 2 * near_m / 1e4) / near_m**2
+    total_w = float(density.sum() * 0.5)
+    checks = []
+    # what a map adds up of a point of 1 W: cells of half the response's width, Hamming both ways
+    for name, ranges_m, hertz, values, bound_db in (
+        ("expected power", expected["range_m"], expected["doppler_hz"], expected["clutter_map"],
+         0.15),
+        ("echoes", range_m, doppler_hz, power, 0.5),
+    ):  # fmt: skip
+        inside = (ranges_m > 300) & (ranges_m < 1300)
+        cells = values[:, inside]
+        step_m = float(ranges_m[1] - ranges_m[0])
+        in_map_w = float(cells.sum()) * step_m / _response_m2()
+        label = f"rain through the chain, power of {name} from 300 to 1300 m"
+        checks.append(power_check(label, total_w, in_map_w, bound_db, "integral with extinction"))
+        mean_mps = -float(np.average(hertz, weights=cells.sum(axis=1))) * wavelength(9.65e9) / 2
+        label = f"rain through the chain, mean range rate of {name}"
+        checks.append(
+            absolute_check(label, 12.0, mean_mps, 0.1, "wind along a level view", unit="m/s")
+        )
+    return checks
+
+
+def _response_m2() -> float:
+    """Integral over range of a point's response in the map, summed over its Doppler cells [m]."""
+    part = (np.arange(20_000) + 0.5) / 20_000 - 0.5  # of the band of 50 MHz
+    band = 0.54 + 0.46 * np.cos(2 * np.pi * part)
+    # Parseval: of |mean of band exp(j 4 pi f r / c)|^2 over all ranges
+    along_m = 299_792_458.0 / 2 / 50e6 * float(np.mean(band**2) / np.mean(band) ** 2)
+    pulses = 0.54 - 0.46 * np.cos(2 * np.pi * (np.arange(64) + 0.5) / 64)
+    over_doppler = 64 * float(np.sum(pulses**2) / pulses.sum() ** 2)
+    return along_m * over_doppler
+
+
 def _across(length_m: float) -> np.ndarray:
     return np.array([length_m, 0.0, 0.0])
 
@@ -129,5 +192,6 @@ GROUP = Group(
     (
         Case("tables", against_table, 10.0, quick=True),
         Case("echo of rain", rain_volume, 15.0),
+        Case("rain through the chain", rain_chain, 30.0),
     ),
 )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -12,14 +13,32 @@ from scripts import docs_code
 ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 #: Other pages with Python in them, but for those that read the run of `make demo`.
 PAGES = [ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")]
 
 
-@pytest.mark.parametrize("page", [*TUTORIALS, *PAGES], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*TUTORIALS, *NOTEBOOKS, *PAGES], ids=lambda page: page.stem)
 def test_code_of_pages(page: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert docs_code.run(page) == []
+
+
+def test_a_notebook_whose_output_is_wrong_is_seen(tmp_path: Path) -> None:
+    """Every code cell is compared, also one that should print nothing; figures are not kept."""
+    first, second = (
+        {"cell_type": "code", "source": [code], "outputs": []} for code in ("x = 3", "print(x)")
+    )
+    page = tmp_path / "page.ipynb"
+    page.write_text(json.dumps({"cells": [first, second]}))
+    assert docs_code.run(page) == ["expected 0 lines, found 1"]
+    docs_code.run(page, write=True)
+    assert docs_code.run(page) == []
+    assert "```text\n3\n```" in docs_code.notebook_page(page.read_text())
+    for notebook in NOTEBOOKS:
+        outputs = [out for cell in json.loads(notebook.read_text("utf-8"))["cells"]
+                   for out in cell.get("outputs", ())]  # fmt: skip
+        assert all(out["output_type"] == "stream" for out in outputs), notebook.name
 
 
 def test_every_page_with_python_is_run() -> None:

@@ -82,10 +82,10 @@ def _fault(case: Case) -> str:
 
 def _change(rng: random.Random, place: Path, words: Sequence[str]) -> list[str]:
     """Change one or two files, of the run or of those that the words name; returns their names."""
-    files = {str(path): path for path in (place / "files").iterdir()}
+    files = {str(path): path for path in sorted((place / "files").iterdir())}
     named = [files[word] for word in words if word in files]  # no other file of this machine
-    side = [path for path in (place / "files").iterdir() if path.suffix != ".json"] + named
-    run = [path for path in (place / "run").rglob("*") if path.is_file()]
+    side = [path for path in sorted((place / "files").iterdir()) if path.suffix != ".json"] + named
+    run = [path for path in sorted((place / "run").rglob("*")) if path.is_file()]
     heavy = [path for path in run if path.suffix == ".json"]
     changed = []
     for _ in range(rng.choice([1, 1, 1, 2, 3])):

@@ -366,3 +366,9 @@ def test_tapers_from_scipy_are_missed_by_name(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(MissingDependencyError, match="'taylor' needs scipy"):
         taper_weights("taylor", 8)
     assert taper_weights("hamming", 8).shape == (8,)
+
+
+@pytest.mark.parametrize("sides", [(40_000_000, 2), (300, 300), (5000, 1), (10**400, 1)])
+def test_arrays_that_take_too_long_are_refused(sides: tuple[int, int]) -> None:
+    with pytest.raises(ConfigError, match="too large for its gain"):
+        PlanarArray(*sides, 0.5, 0.5, 1.0)

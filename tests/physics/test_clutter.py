@@ -129,6 +129,8 @@ def test_a_table_that_cannot_be_right_is_refused(tmp_path: Path, rows: str, said
         ("grazing_deg,sigma0_db,polarisation\n1,-20,HV\n", "polarisation is 'HV'"),
         ("grazing_deg,sigma0_db,polarisation\n1,-20,VV\n", "no rows for horizontal"),
         ("angle,sigma0_db\n1,-20\n", "expected grazing_deg"),
+        ("grazing_deg,sigma0_db,polarization\n1,-20,HH\n", "a column 'polarization'"),
+        ("grazing_deg,sigma0_db,sigma0\n1,-20,0.1\n", "expected one of them"),
     ],
 )
 def test_columns_of_a_table_are_checked(tmp_path: Path, text: str, said: str) -> None:

@@ -10,7 +10,12 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
-from ..materials import make_physical_material, set_clutter, set_clutter_fluctuation  # noqa: F401
+from ..materials import (  # noqa: F401
+    make_physical_material,
+    set_clutter,
+    set_clutter_fluctuation,
+    set_mirror,
+)
 from ..nodes import assign_to
 from ..rig_settings import RADAR_PROPERTY, carrier_hz, migrate_file, register, unregister
 from ..scene import replace_material, suggest_materials

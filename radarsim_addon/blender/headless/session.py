@@ -14,6 +14,7 @@ import bpy
 
 from ...errors import ConfigError, SceneError
 from ...processes import own_folder, remove_abandoned_folders
+from ..materials import set_mirrors
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
 from ..run import MeasurementJob
@@ -45,6 +46,9 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     scene, view_layer, radar = open_scene(arguments)
     if arguments.device is not None:
         choose_device(scene, Device(arguments.device.upper()))
+    for patterns, choice in ((arguments.mirrors, "first"), (arguments.no_mirrors, "never")):
+        if patterns is not None:
+            set_mirrors(scene, patterns, choice)
     folder = arguments.out.absolute() if arguments.out else output_folder(radar)
     job = make_job(
         scene,

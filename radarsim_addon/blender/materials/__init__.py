@@ -12,13 +12,27 @@ from .assignments import (
     slot_materials,
 )
 from .averaging import average_in_a_row, averaging_objects, separate_averages
-from .clutter import clutter_name, clutter_of, set_clutter, set_clutter_tables, table_files
+from .clutter import (
+    clutter_key,
+    clutter_name,
+    clutter_of,
+    set_clutter,
+    set_clutter_tables,
+    table_files,
+)
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
-from .inside_walls import objects_in_walls, overlapping_shells
+from .inside_walls import antennas_in_media, objects_in_walls, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
+from .mirror_marks import (
+    marked_mirrors,
+    mirror_choice,
+    mirror_property,
+    set_mirror,
+    set_mirrors,
+)
 from .mirrors import ground_mirror, is_mirror_like, lobe_width, mirror_of
 from .pane_sides import doubled_panes
 from .physical_materials import (
@@ -39,10 +53,12 @@ __all__ = [
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "antennas_in_media",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
     "beyond_float32",
+    "clutter_key",
     "clutter_name",
     "clutter_of",
     "delays",
@@ -58,8 +74,11 @@ __all__ = [
     "is_rough",
     "lobe_width",
     "make_physical_material",
+    "marked_mirrors",
     "media_beyond_their_band",
+    "mirror_choice",
     "mirror_of",
+    "mirror_property",
     "objects_in_walls",
     "overlapping_shells",
     "refresh_materials",
@@ -69,6 +88,8 @@ __all__ = [
     "set_clutter_fluctuation",
     "set_clutter_tables",
     "set_layer_normals",
+    "set_mirror",
+    "set_mirrors",
     "settle_interiors",
     "settle_interiors_far_away",
     "sharpen_edges",

@@ -37,7 +37,7 @@ def averaging_objects(depsgraph: Any) -> dict[str, complex]:
     for item, materials in assigned_materials(depsgraph):
         indices = [index(material) for material in materials if averages(material)]
         if indices:
-            found[item.name] = max(indices, key=abs)
+            found[item.name_full] = max(indices, key=abs)
     return found
 
 
@@ -58,14 +58,14 @@ def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
     """
     snapshot = take_snapshot(depsgraph)
     shapes = [shape.original for shape in snapshot.shapes]
-    ours = snapshot.of_shapes([item.name in objects for item in shapes])
+    ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
     several = (
         attributes.OBJECT_SHELL_THICKNESS in item
         or (
             attributes.OBJECT_LAYER_NORMAL in item and attributes.OBJECT_LAYER_THICKNESS not in item
         )
         for item in shapes
-        if item.name in objects
+        if item.name_full in objects
     )
     return int((ours & snapshot.layout.visible).sum()) > 1 or any(several)
 

@@ -15,6 +15,8 @@ material's group reads; see :mod:`..nodes.clutter_lobe`.
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,11 +66,45 @@ class Clutter:
     @property
     def model(self) -> ClutterModel:
         """The model. Raises ConfigError for an unknown name or a table that cannot be used."""
-        return clutter_model(self.name, None if self.path is None else bpy.path.abspath(self.path))
+        if not self.path:
+            return clutter_model(self.name, self.path)
+        path = bpy.path.abspath(self.path)
+        return _table_model(self.name, path, _stamp(path))
 
     def sigma0_db(self, carrier_hz: float, grazing_rad: ArrayLike, polarisation: str) -> Real:
         """Return sigma0 at grazing angles [rad] in dB. Raises ConfigError as its model does."""
         return self.model.sigma0_db(carrier_hz, grazing_rad, polarisation, **self.parameters)
+
+
+@functools.lru_cache(maxsize=16)
+def _table_model(name: str, path: str, _stamp: tuple[int, int] | None) -> ClutterModel:
+    """Model of a file, read again only after the file has changed: panels ask at each redraw."""
+    return clutter_model(name, path)
+
+
+def _stamp(path: str) -> tuple[int, int] | None:
+    """Time of the last change [ns] and size of a file; None without it."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+def clutter_key(clutter: Clutter) -> str:
+    """Return a text that changes whenever sigma0 of a clutter model may.
+
+    Parameters
+    ----------
+    clutter
+        Model with its parameters or file.
+
+    Returns
+    -------
+    str
+    """
+    stamp = _stamp(bpy.path.abspath(clutter.path)) if clutter.path else None
+    return f"{clutter!r} {stamp}"
 
 
 def clutter_of(material: Any) -> Clutter | None:

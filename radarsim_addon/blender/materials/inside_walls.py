@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
@@ -14,12 +15,16 @@ from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ...vectors import norms
 from ..nodes import attributes
+from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
+from ..nodes.physical_material import INDEX
 from ..state import Snapshot, evaluated_mesh, read_triangles, take_snapshot
 from .assignments import SURFACE_TYPES, assigned_materials
 
 #: Fraction of a surface inside another part of its mesh, and inside a wall, that is named.
 _LEAST_BURIED, _LEAST_INSIDE = 0.005, 0.1
+#: Error of spreading from which on an antenna in a medium is named [dB].
+_LEAST_DB = 0.02
 #: Triangles of an object that are looked at, the largest ones.
 _TRIANGLES = 500
 #: Points of an object that may lie in a wall, at most.
@@ -113,6 +118,39 @@ def objects_in_walls(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> lis
             if np.mean(wall.holds(points)) > _LEAST_INSIDE:
                 names[f"{snapshot.label(other)} in {snapshot.label(row)}"] = None
     return [finding("inside-a-wall", *names)] if names else []
+
+
+def antennas_in_media(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
+    """Find the objects with an interior that hold antennas in the evaluated frame.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date; materials are set for the run.
+    antennas
+        Positions of receiver and transmitter, (3,) each [Blender units].
+
+    Returns
+    -------
+    list of Finding
+        One ``antenna-in-medium`` per object, with its index and what spreading is off by at most.
+    """
+    snapshot, places = take_snapshot(depsgraph), np.asarray(antennas, dtype=np.float64)
+    low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
+    within = ((places[:, None] > low) & (places[:, None] < high)).all(axis=2).any(axis=0)
+    found = []
+    for row in np.flatnonzero(within & snapshot.layout.visible).tolist():
+        shape = snapshot.shapes[snapshot.layout.shape[row]]
+        entered = [one for one in shape.materials if has_interior(one)]
+        if not entered or shape.kind != "MESH" or not _is_surface(shape):
+            continue
+        count = int(np.sum(_Wall(snapshot, row).holds(places)))
+        sockets = [group_input(material, INDEX) for material in entered]
+        index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
+        if count and abs(power_db := 20 * count * math.log10(index)) > _LEAST_DB:
+            label = snapshot.label(row)
+            found.append(finding("antenna-in-medium", label, index=index, power_db=power_db))
+    return found
 
 
 def _is_surface(shape: Any) -> bool:

@@ -125,7 +125,7 @@ def settle_interiors_far_away(
     for one in assigned_materials(depsgraph):
         delay |= any(map(delays, one.materials))
         entered = [material for material in one.materials if has_interior(material)]
-        loss_db = losses_db.get(one.item.name, 0.0)
+        loss_db = losses_db.get(one.item.name_full, 0.0)
         shell = attributes.OBJECT_SHELL_THICKNESS in one.item
         if not entered or shell or loss_db > MAX_LOSS_DB:  # nothing comes out
             continue
@@ -144,10 +144,10 @@ def settle_interiors_far_away(
                 item.update_tag()
                 del errors[item.name_full]
                 if _echoes_from_its_rim(item, depsgraph):
-                    loss_db = losses_db.get(item.name, 0.0)
-                    rims.append(finding("rim-echoes-weak", item.name, power_db=loss_db))
+                    loss_db = losses_db.get(item.name_full, 0.0)
+                    rims.append(finding("rim-echoes-weak", item.name_full, power_db=loss_db))
     found = [
-        _named(item.name, error, wavelength)
+        _named(item.name_full, error, wavelength)
         for item, error in errors.values()
         if _matters(error, wavelength)
     ]

@@ -178,7 +178,7 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
         given = item.get(attributes.OBJECT_LAYER_NORMAL)
         if given is None:
             known = _set_what_is_found(recorder, item, depsgraph)
-            others += [] if known else [item.name]
+            others += [] if known else [item.name_full]
         elif np.any(given):
             normal = np.array(given, dtype=np.float64)
             _set_thickness(recorder, item, object_layer_thickness(item, depsgraph, normal))
@@ -208,8 +208,7 @@ def _set_what_is_found(recorder: SettingsRestorer, item: Any, depsgraph: Any) ->
         several = walls.across(across / np.linalg.norm(across)) > _MOST_ACROSS
     if walls is not None and several and walls.share >= _WALL_SHARE:
         one = walls.one_thickness
-        if one is None and item.library is None:
-            store_thickness(recorder, item, walls.thickness)
+        if one is None and store_thickness(recorder, item, walls.thickness):
             one = float(np.median(walls.thickness[walls.wall]))
         if one is not None:
             recorder.set_item(item, attributes.OBJECT_SHELL_THICKNESS, one)
@@ -300,7 +299,7 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Absorption [dB] by object's name.
+        Absorption [dB] by object's full name.
     """
     is_inside = cache(is_entered)
     losses = {}
@@ -312,7 +311,8 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
         kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
         if kappa > 0:
             depth = thinnest(item, depsgraph)
-            losses[item.name] = 2 * 4 * math.pi * kappa / wavelength * depth * 10 / math.log(10)
+            nepers = 2 * 4 * math.pi * kappa / wavelength * depth
+            losses[item.name_full] = nepers * 10 / math.log(10)
     return losses
 
 
@@ -329,10 +329,11 @@ def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
     list of Finding
         One ``absorption-below-float32`` per object, with its loss and the limit [dB].
     """
-    found = []
+    found, key = [], attributes.OBJECT_SHELL_THICKNESS
+    shells = {item.name_full for item in bpy.data.objects if key in item}
     for name, loss_db in losses_db.items():
         limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
-        if attributes.OBJECT_SHELL_THICKNESS in bpy.data.objects[name]:
+        if name in shells:
             limit_db = FACES_LOSS_DB
         if loss_db > limit_db:
             said = finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)

@@ -81,7 +81,7 @@ def total_reflections(
             continue
         body = _body(item, depsgraph, entered, wavelength, extinction_length)
         fraction = 0.0 if body.refraction <= 1 else _reflected(item, depsgraph, body, places)
-        found.append((fraction, body.refraction, item.name))
+        found.append((fraction, body.refraction, item.name_full))
     # what is not said stays below this in the sum: waves may pass all of them
     found.sort()
     unsaid = np.cumsum([fraction for fraction, _, _ in found])

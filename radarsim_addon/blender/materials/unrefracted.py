@@ -41,7 +41,10 @@ def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
             continue
         depth_m = thinnest(item, depsgraph) * metres_per_unit
         if depth_m > 0:
-            worst[item.name] = _too_long_m(index, depth_m, 60.0), _too_long_m(index, depth_m, 30.0)
+            worst[item.name_full] = (
+                _too_long_m(index, depth_m, 60.0),
+                _too_long_m(index, depth_m, 30.0),
+            )
     if not worst:
         return []
     far_60_m, far_30_m = max(worst.values())

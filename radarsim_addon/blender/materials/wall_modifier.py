@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Modifiers that objects have during a run, for faces that other modifiers make."""
+"""What faces of walls have during a run, whatever modifiers make these."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..state import SettingsRestorer
 _NAME = "radarsim walls"
 
 
-def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> None:
+def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> bool:
     """Give the faces of an object's evaluated mesh the thickness of their walls, until restored.
 
     Parameters
@@ -23,10 +23,17 @@ def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> N
     recorder
         Records the change.
     item : bpy.types.Object
-        Of this file.
+        Changed in memory if it is linked from another file.
     thickness
         In the object's own units, by polygon, (n,).
+
+    Returns
+    -------
+    bool
+        False for a linked object whose faces modifiers make: it cannot have another modifier.
     """
+    if item.library is not None:
+        return _store_in_mesh(recorder, item.data, thickness)
     mesh = bpy.data.meshes.new(_NAME)
     recorder.on_restore(_NAME, lambda: bpy.data.meshes.remove(mesh))
     mesh.vertices.add(len(thickness))
@@ -36,6 +43,22 @@ def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> N
     recorder.on_restore(_NAME, lambda: bpy.data.objects.remove(holder))
     holder.hide_render = True
     _draw_thickness(_add_modifier(recorder, item), holder)
+    return True
+
+
+def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bool:
+    """Give the faces of a linked mesh their thickness, in memory; returns whether these are all."""
+    name = attributes.FACE_WALL_THICKNESS
+    if len(mesh.polygons) != len(thickness):
+        return False
+    if name not in mesh.attributes:  # else by another object of this mesh
+        held = mesh.attributes.new(name, "FLOAT", "FACE")
+        # foreach_set leaves linked data as it is, without a word.
+        for element, value in zip(held.data, thickness.tolist(), strict=True):
+            element.value = value
+        recorder.on_restore(name, lambda: mesh.attributes.remove(mesh.attributes[name]))
+        mesh.update_tag()
+    return True
 
 
 def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> None:
@@ -48,7 +71,7 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
     recorder
         Records the change.
     item : bpy.types.Object
-        Of this file.
+        Of this file, not linked from another.
     angle_deg
         Between the faces on both sides of an edge.
     """

@@ -140,6 +140,22 @@ def deforms_linearly_between_frames(item: Any) -> bool:
     )
 
 
+def cache_frames(item: Any) -> tuple[float, float] | None:
+    """Return the scene's frame of a cache's frame 0, and scene frames from one to the next.
+
+    (0, 1) for simulations, None for a file whose frames Blender does not say.
+    """
+    for modifier in item.modifiers:
+        if modifier.type == "MESH_CACHE":
+            how = modifier.play_mode, modifier.time_mode
+            if how != ("SCENE", "FRAME") or modifier.frame_scale <= 0:
+                return None
+            return modifier.frame_start / modifier.frame_scale, 1 / modifier.frame_scale
+        if modifier.type == "MESH_SEQUENCE_CACHE":
+            return None if modifier.use_vertex_interpolation else (0.0, 1.0)
+    return 0.0, 1.0
+
+
 def moves_in_steps(item: Any, first: float, last: float) -> bool:
     """Return whether an F-curve holds a value between `first` and `last`, then jumps."""
     return any(

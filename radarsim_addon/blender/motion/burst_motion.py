@@ -8,13 +8,13 @@ samples doubles until the fit is accurate enough for the carrier, or a limit is 
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ... import contract
@@ -33,6 +33,7 @@ from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
 from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
 from .animation import (
+    cache_frames,
     deforms_linearly_between_frames,
     is_linear_between_frames,
     moves_in_steps,
@@ -134,7 +135,7 @@ class BurstMotion:
         moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
         if self._smooth and any(map(deforms_linearly_between_frames, candidates.values())):
             # A cache may hold its vertices from frame to frame.
-            moments += self._plan.whole_frames
+            moments += self._plan.whole_frames()
         for _, moment in moments:
             depsgraph = self._show(moment)
             for name, item in list(candidates.items()):
@@ -205,7 +206,11 @@ class BurstMotion:
         smooth = self._smooth_rows()
         smooth_surfaces = self._smooth_surfaces()
         if smooth or smooth_surfaces:
-            for moment in plan.whole_frames:
+            whole = plan.whole_frames()
+            own = [plan.whole_frames(*frames) for frames in smooth_surfaces.values() if frames]
+            if None in smooth_surfaces.values():
+                own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
+            for moment in itertools.chain(whole, *own):
                 sampler.take(*moment)
         fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
         moments = plan.grid(count, *plan.window)
@@ -248,9 +253,11 @@ class BurstMotion:
     def _moving_items(self) -> Iterator[list[Any]]:
         """Yield the objects that move each row of poses: antennas, then the collected bodies."""
         yield from ([self._rig.camera], [self._rig.emitter])
+        layout = self.bodies.snapshot.layout
         for part in self._touched:
-            instancer = bpy.data.objects.get(part.key[0]) if part.key else None
-            yield [self.bodies.originals[part.number], *([instancer] if instancer else [])]
+            index = int(layout.instancer[part.row])
+            instancers = [layout.instancers[index]] if index >= 0 else []
+            yield [self.bodies.originals[part.number], *instancers]
 
     def _smooth_rows(self) -> set[int]:
         """Return the rows of poses to be a cubic through whole frames."""
@@ -261,12 +268,15 @@ class BurstMotion:
         rows = enumerate(self._moving_items())
         return {row for row, items in rows if any(map(linear, items))}
 
-    def _smooth_surfaces(self) -> set[str]:
-        """Return the deforming surfaces to be a cubic through whole frames."""
+    def _smooth_surfaces(self) -> dict[str, tuple[float, float] | None]:
+        """Return the deforming surfaces to be a cubic through whole frames, and which these are."""
         if not self._smooth:
-            return set()
-        surfaces = self._deformations.surfaces
-        return {name for name, one in surfaces.items() if deforms_linearly_between_frames(one.item)}
+            return {}
+        return {
+            name: cache_frames(one.item)
+            for name, one in self._deformations.surfaces.items()
+            if deforms_linearly_between_frames(one.item)
+        }
 
     def _tracks(self, fits: Fits) -> Tracks:
         return Tracks(

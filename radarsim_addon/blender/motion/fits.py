@@ -30,6 +30,8 @@ _TARGET_ROUNDING = 0.25
 _TARGET_RATE = 0.015
 #: Standard errors over the target that more samples can still bring down to it.
 _NEAR_TARGET = 4.0
+#: Part of the change from frame to frame that surfaces may be off a straight line between frames.
+_ON_FRAMES = 0.01
 #: A fit whose error at a check exceeds its scatter by this factor does not follow the motion.
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
@@ -51,7 +53,7 @@ class Fits:
         sampler: Sampler,
         checks_s: list[float],
         smooth: set[int],
-        smooth_surfaces: set[str],
+        smooth_surfaces: dict[str, tuple[float, float] | None],
     ) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
         #: Rows of poses that move on straight lines between whole frames, to be a cubic.
@@ -122,11 +124,11 @@ class Fits:
                 continue
             sampled = sampler.vertices[name]
             if name in self._smooth_surfaces:
-                if all(sampled[at_s] is not None for at_s, _ in plan.whole_frames):
+                if all(sampled[at_s] is not None for at_s in self._whole_s(name)):
                     if name not in self._vertices:
                         self._vertices[name] = self._smooth_series(name)
                     continue
-                self._smooth_surfaces.discard(name)
+                del self._smooth_surfaces[name]
             have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
             keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
@@ -141,7 +143,7 @@ class Fits:
     def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
         """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
         plan, sampled = self._plan, self._sampler.vertices[name]
-        whole_s = np.array([at_s for at_s, _ in plan.whole_frames])
+        whole_s = np.array(self._whole_s(name))
         spline = cubic_spline(whole_s, np.stack([sampled[at_s] for at_s in whole_s]).astype(float))
         times_s = np.linspace(0, plan.duration_s, _BETWEEN_FRAMES * (whole_s.size - 3) + 1)
         series, noise_m, bound_m = fit_vertices(
@@ -154,6 +156,30 @@ class Fits:
         # The rounding of the vertices remains.
         step_m = _rounding_step(sampled[plan.rendered[0]], plan.metres_per_unit)
         return series, noise_m, bound_m + step_m
+
+    def _whole_s(self, name: str) -> list[float]:
+        """Return the times of the frames between which a surface is linear [s]."""
+        return [at_s for at_s, _ in self._plan.whole_frames(*self._smooth_surfaces[name] or ())]
+
+    def _off_whole_frames_mps(self, name: str) -> float:
+        """Return the change of speed from frame to frame of a surface not linear between them.
+
+        0 for one that is, or whose frames are known. [m/s]
+        """
+        plan, sampled = self._plan, self._sampler.vertices[name]
+        whole = plan.whole_frames()
+        middles = [plan.between(*pair)[0] for pair in itertools.pairwise(whole)]
+        if self._smooth_surfaces[name] is not None:
+            return 0.0
+        there = [sampled[at_s] for at_s in (*(at_s for at_s, _ in whole), *middles)]
+        if any(one is None for one in there):
+            return 0.0
+        values = np.stack(there).astype(np.float64)
+        frames, between = values[: len(whole)], values[len(whole) :]
+        apart = np.abs((frames[1:] + frames[:-1]) / 2 - between).max()
+        bent = float(np.linalg.norm(np.diff(frames, 2, axis=0), axis=2).max())
+        step = _rounding_step(values, plan.metres_per_unit)
+        return bent * plan.fps if apart > _MAX_MISS * step + _ON_FRAMES * bent else 0.0
 
     def _fit_body(self, index: int, times_s: Real, poses: Real) -> BodyMotion:
         plan = self._plan
@@ -172,7 +198,7 @@ class Fits:
     def _smooth_motion(self, index: int) -> BodyMotion:
         """Return a cubic through the poses at whole frames."""
         plan = self._plan
-        moments = [at_s for at_s, _ in plan.whole_frames]
+        moments = [at_s for at_s, _ in plan.whole_frames()]
         poses = np.stack([self._sampler.poses[at_s][index] for at_s in moments])
         present = np.isfinite(poses[:, 0, 0])
         whole_s = np.array(moments)[present]
@@ -305,11 +331,15 @@ class Fits:
         found = []
         parts = self._sampler.parts
         smooth = [i for i in sorted(self._smooth) if self.motions[i].moving]
-        surfaces = sorted(self._smooth_surfaces & self._vertices.keys())
+        surfaces = sorted(self._smooth_surfaces.keys() & self._vertices.keys())
         if smooth or surfaces:
             moved = dict.fromkeys("antennas" if i < 2 else parts[i - 2].name for i in smooth)
             moved |= dict.fromkeys(surfaces)
             found.append(finding("motion-between-frames", *moved))
+        for name in surfaces:
+            off_mps = self._off_whole_frames_mps(name)
+            if off_mps > 0:
+                found.append(finding("cache-between-frames", name, speed_mps=off_mps))
         if self._missed:
             bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]
             found.append(

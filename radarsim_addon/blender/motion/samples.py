@@ -147,13 +147,20 @@ class SamplingPlan:
         moments += [self.clear_at(frame) for frame in corners if low < frame < high]
         return moments
 
-    @property
-    def whole_frames(self) -> list[tuple[float, Instant]]:
-        """Whole frames of the burst and one more on both sides, for a cubic through them."""
-        first, last = self.burst
-        return [
-            self._at_frame(at) for at in range(int(np.floor(first)) - 1, int(np.ceil(last)) + 2)
-        ]
+    def whole_frames(self, start: float = 0.0, step: float = 1.0) -> list[tuple[float, Instant]]:
+        """Whole frames of the burst and one more on both sides, for a cubic through them.
+
+        Those of a cache: `start` is the scene's frame of its frame 0, `step` what is between two.
+        """
+        first, last = (round((frame - start) / step, 6) for frame in self.burst)
+        numbers = range(int(np.floor(first)) - 1, int(np.ceil(last)) + 2)
+        return [self._at_frame(start + number * step) for number in numbers]
+
+    def between(
+        self, one: tuple[float, Instant], other: tuple[float, Instant]
+    ) -> tuple[float, Instant]:
+        """Return the moment amid two others."""
+        return self._at_frame(self.frame + (one[0] + other[0]) / 2 * self.fps)
 
     @property
     def corners_s(self) -> list[float]:
@@ -205,9 +212,9 @@ class Sampler:
         """Return the row of each part in a snapshot, -1 for what it does not have."""
         if layout is not self._layout:
             wanted = {part.name for part in self.parts if part.key}
-            mine = [shape.original.name in wanted for shape in shapes]
+            mine = [shape.original.name_full in wanted for shape in shapes]
             there = np.flatnonzero(np.array(mine)[layout.shape] & (layout.instancer >= 0))
-            names = (shapes[index].original.name for index in layout.shape[there])
+            names = (shapes[index].original.name_full for index in layout.shape[there])
             keys = (layout.key(row) for row in there.tolist())
             row_of = dict(zip(zip(names, keys, strict=True), there.tolist(), strict=True))
             itself = layout.row_of

@@ -87,7 +87,7 @@ class ClutterWeights:
                 if clutter is None or group_input(material, CLUTTER_ROW) is None:
                     continue
                 if len(set(shape.materials)) > 1:
-                    self._several.add(shape.original.name)
+                    self._several.add(shape.original.name_full)
                     continue
                 if material.name_full not in known:
                     table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)

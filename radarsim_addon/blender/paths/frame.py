@@ -53,8 +53,8 @@ def _by_surface(item: Finding) -> list[Finding]:
     """Tell silent objects that are rough from mirrors."""
     if item.code != "object-without-echo":
         return [item]
-    objects = [bpy.data.objects.get(name) for name in item.subjects]
-    rough = {one.name for one in objects if one is not None and is_rough(one)}
+    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
+    rough = {one.name_full for one in named if is_rough(one)}
     others = [name for name in item.subjects if name not in rough]
     found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
     return found + ([finding("object-without-echo", *others)] if others else [])

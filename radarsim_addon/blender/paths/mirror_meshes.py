@@ -10,7 +10,7 @@ import numpy as np
 
 from ...array_types import Indices, Integers, Mask, Real
 from ...physics.mirrors import MirrorMaterial
-from ..materials import is_mirror_like, mirror_of
+from ..materials import is_mirror_like, mirror_choice, mirror_of
 from .obstacles import BodyMesh, Obstacles
 
 
@@ -20,7 +20,7 @@ class MirroringMesh:
 
     `body` is its number, from 1. `across_m2` (k, 3) are twice the triangles' areas along their
     normals. `smooth` (k,) tells which have a mirror-like material, `mirrored` (k,) which of them
-    one whose reflection is known.
+    one whose reflection is known. `choice` is what the user marked the object as.
     """
 
     body: int
@@ -33,6 +33,7 @@ class MirroringMesh:
     mirrored: Mask
     slot: Integers
     slots: list[MirrorMaterial | None]
+    choice: str
 
     def materials_of(self, triangles: Indices) -> list[MirrorMaterial]:
         """Return the materials of mirroring triangles."""
@@ -41,7 +42,7 @@ class MirroringMesh:
 
 
 def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
-    """Yield the meshes of all bodies with materials that mirror."""
+    """Yield the meshes of all bodies with materials that mirror, and no mark against it."""
     bodies = obstacles.bodies
     shapes = bodies.snapshot.shapes
     every = {one for shape in shapes for one in shape.materials}
@@ -51,6 +52,10 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
     mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
     for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
         number = int(bodies.shape[index])
+        original = bodies.originals[int(bodies.number[index])]
+        choice = mirror_choice(original)
+        if choice == "never":
+            continue
         mesh = obstacles.mesh(index)
         if mesh is None:
             continue
@@ -62,7 +67,7 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
         across *= np.sign(np.linalg.det(pose[:3, :3]))
         yield MirroringMesh(
             index + 1,
-            bodies.originals[int(bodies.number[index])].name,
+            original.name_full,
             mesh,
             pose,
             corners,
@@ -71,4 +76,5 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
             np.array([one is not None for one in slots])[slot],
             slot,
             slots,
+            choice,
         )

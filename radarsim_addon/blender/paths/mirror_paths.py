@@ -30,10 +30,18 @@ from ..views import TracedReplicate, pixel_numbers
 from .curved_mirrors import CurvedMirrors, find_curved_mirrors
 from .curved_paths import CurvedPaths
 from .hit_points import HitPoints
-from .image_chains import find_blocked, first_images, reflection, second_images, ways_over
+from .image_chains import (
+    ImageChain,
+    find_blocked,
+    first_images,
+    reflection,
+    second_images,
+    ways_over,
+)
 from .mirrors import find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
+from .ways_back import WaysBack, receiver_chains
 
 #: How far a mirrored ray may pass its scatterer, and its length be off, over that: float32.
 _MIRRORED = 2e-5
@@ -78,16 +86,7 @@ class MirrorPaths:
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
-        materials = [shape.materials for shape in bodies.snapshot.shapes]
-        widths = [min(map(lobe_width, every), default=math.inf) for every in materials]
-        #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
-        #: clutter model, 0 for others.
-        self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
-        clutter = np.array([any(clutter_of(one) for one in every) for every in materials], bool)
-        self._plain_lobes = np.append(0.0, np.where(clutter, 0.0, widths)[bodies.shape])
-        #: RMS height of slightly rough mirrors by the body's number, from 1; 0: none [m].
-        heights_m = np.array([_rms_height_m(every) for every in materials], dtype=np.float64)
-        self._heights_m = np.append(0.0, heights_m[bodies.shape])
+        self._read_materials(bodies)
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
@@ -111,8 +110,6 @@ class MirrorPaths:
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
-        if self.mirrors and not self._one_place:
-            self._findings.append(finding("mirror-ways-not-in-phase", distance_m=apart_m))
         #: Paths over curved mirrors; None without any.
         self._curved: CurvedPaths | None = None
         if curved is not None and self._reflections > 1:
@@ -123,8 +120,28 @@ class MirrorPaths:
         self.images = first_images(self.mirrors, transmitter_m)
         if self._reflections > 2:
             self._add_second_images(most)
+        #: Images of the receiver by their numbers, where it stands apart.
+        self._back: WaysBack | None = None
+        self._own_images: list[ImageChain] = []
+        if receiver.kind == "orthographic" and self.mirrors:
+            self._findings.append(finding("mirror-ways-not-in-phase"))
+        elif not self._one_place:
+            self._find_ways_back(most)
         #: Places of the images, (n, 3) [m].
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
+
+    def _read_materials(self, bodies: Bodies) -> None:
+        """Find the lobes and the RMS heights of all bodies."""
+        materials = [shape.materials for shape in bodies.snapshot.shapes]
+        widths = [min(map(lobe_width, every), default=math.inf) for every in materials]
+        #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
+        #: clutter model, 0 for others.
+        self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
+        clutter = np.array([any(clutter_of(one) for one in every) for every in materials], bool)
+        self._plain_lobes = np.append(0.0, np.where(clutter, 0.0, widths)[bodies.shape])
+        #: RMS height of slightly rough mirrors by the body's number, from 1; 0: none [m].
+        heights_m = np.array([_rms_height_m(every) for every in materials], dtype=np.float64)
+        self._heights_m = np.append(0.0, heights_m[bodies.shape])
 
     def _over_mirrors(self, curved: CurvedMirrors, most: int) -> CurvedPaths | None:
         """Paths over curved mirrors; None where they are off, or the antennas are apart."""
@@ -148,11 +165,36 @@ class MirrorPaths:
             count = len(second) - free
             self._findings.append(finding("mirror-pairs-left-out", *names, count=count, most=most))
 
+    def _find_ways_back(self, most: int) -> None:
+        """Find the images of a receiver that stands apart from the transmitter."""
+        mirrors, findings = find_mirrors(
+            self._obstacles, self._receiver_m, self._wavelength_m, most
+        )
+        told = {item.code for item in self._findings}
+        if self._reflections > 1:
+            self._findings += [item for item in findings if item.code not in told]
+        pairs = self._reflections > 2
+        chains, self._own_images = receiver_chains(
+            mirrors, self._receiver_m, self.images, self._wavelength_m, most, pairs
+        )
+        self.mirrors += mirrors
+        self._back = WaysBack(
+            chains,
+            self._obstacles,
+            self._hits,
+            self._lobes,
+            self._receiver_m,
+            self._transmitter_m,
+            self._polarisation,
+            self._wavelength_m,
+            self._reflections,
+        )
+
     @property
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
         found = list(self._findings)
-        if self._narrow and self._one_place:
+        if self._narrow and self._receiver.kind != "orthographic":
             found.append(finding("mirror-lobe-narrow", *self._names(self._narrow)))
         if self._narrow_curved:
             found.append(finding("mirror-curved-target", *self._names(self._narrow_curved)))
@@ -174,7 +216,7 @@ class MirrorPaths:
     def _name(self, body: int) -> str:
         """Name of the object of a body, from 1."""
         bodies = self._obstacles.bodies
-        return str(bodies.originals[int(bodies.number[body - 1])].name)
+        return str(bodies.originals[int(bodies.number[body - 1])].name_full)
 
     @property
     def bodies(self) -> dict[int, str]:
@@ -185,8 +227,8 @@ class MirrorPaths:
 
     @property
     def records(self) -> list[contract.ImageRecord]:
-        """The images, in the order of their numbers from 1."""
-        return [chain.record for chain in self.images]
+        """The images, in the order of their numbers from 1; the receiver's own are the last."""
+        return [chain.record for chain in (*self.images, *self._own_images)]
 
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
         """Return the paths among rows that were measured with an image, from 1, with its mirrors
@@ -221,29 +263,39 @@ class MirrorPaths:
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
         if image:
-            alike = self._alike(rows, self.images_m[image - 1], self._lobes)
+            alike = self._alike(rows, image)
             self._narrow.update(np.unique(rows["last_body"][once & ~alike]).tolist())
-            once &= alike
+            if self._back is None:
+                once &= alike
         wide["point"] = np.where(once, pixel_numbers(traced), 0)
         return wide
 
     def with_both_ways(self, rows: PathRows) -> tuple[PathRows, float]:
         """Return rows of a tile replicate with those over curved mirrors, and those that come back
-        over mirrors, as `same_point` has them; and the power of those left out because open objects
-        lie on the way over a curved mirror [W].
+        over mirrors, as `same_point` or `ways_back` has them; and the power of those left out
+        because open objects lie on the way [W].
         """
-        if not self._one_place:
+        if self._receiver.kind == "orthographic":
             self._roughen(rows)
             return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
         self._roughen(rows)
-        through_w = 0.0
-        if self._curved is not None:
-            over, through_w = self._over_curved(self._curved, rows)
-            rows = np.concatenate([rows, over])
-        every = add_reverse_paths(
-            rows, self.records, self._receiver_m, self._transmitter_m, self._reflections
-        )
+        images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
+        if self._back is None:
+            through_w = 0.0
+            if self._curved is not None:
+                over, through_w = self._over_curved(self._curved, rows)
+                rows = np.concatenate([rows, over])
+            every = add_reverse_paths(
+                rows, images, self._receiver_m, self._transmitter_m, self._reflections
+            )
+            return every, through_w
+        every, through_w = self._back.added(rows, images)
+        for image in range(1, len(self.images) + 1):
+            of_image = np.flatnonzero((every["transmitter_image"] == image) & (every["point"] > 0))
+            every["point"][of_image[~self._alike(every[of_image], image)]] = 0
+        _, place, paths = np.unique(every["point"], return_inverse=True, return_counts=True)
+        every["point"][paths[place] == 1] = 0
         return every, through_w
 
     def _roughen(self, rows: PathRows) -> None:
@@ -269,21 +321,28 @@ class MirrorPaths:
         away = dots(normals, self._receiver_m - places_m) < 0
         normals[away] *= -1
         made, points_m, through_w = curved.over(direct, normals)
-        alike = self._alike(made, points_m, self._plain_lobes)
+        alike = self._alike_over_curved(made, points_m)
         self._narrow_curved.update(np.unique(made["last_body"][~alike]).tolist())
         return made[alike], through_w
 
-    def _alike(self, rows: PathRows, image_m: Real, lobes: Real) -> Mask:
+    def _alike(self, rows: PathRows, image: int) -> Mask:
         """Whether surfaces scatter nearly alike towards the transmitter and its image, (n,)."""
-        lobe = lobes[rows["last_body"]]
+        lobe = self._lobes[rows["last_body"]]
+        image_m = self.images_m[image - 1]
         return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, image_m, lobe)
+
+    def _alike_over_curved(self, rows: PathRows, points_m: Real) -> Mask:
+        """Whether surfaces scatter nearly alike towards the transmitter and points (n, 3), (n,)."""
+        lobe = self._plain_lobes[rows["last_body"]]
+        return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, points_m, lobe)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
         """Rows that come over mirrors to a vertex that another pixel sees."""
         gone = np.zeros(rows.size, dtype=bool)
         once = (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= are_finite(rows["last_scatterer_m"])
-        for image, chain in enumerate(self.images, start=1):
+        back = dict(enumerate(self.images, 1)) if self._back is None else self._back.chains
+        for image, chain in back.items():
             scatterers = rows["order"] - rows["mirrors"] == 1 + len(chain.mirrors)
             mine = np.flatnonzero(once & scatterers)
             if not mine.size:
@@ -298,17 +357,18 @@ class MirrorPaths:
             close = norms(crosses(seen_m, rows["direction"][mine])) <= _MIRRORED * length_m
             close &= np.abs(way_m - length_m) <= _MIRRORED * length_m
             mine = mine[close]
+            alike = self._alike if self._back is None else self._back.alike
+            mine = mine[alike(rows[mine], image)]
             place_m = over.places(0, self._receiver_m)[0]
-            alike = self._alike(rows[mine], self.images_m[image - 1], self._lobes)
-            gone[mine[alike & self._as_direct(rows[mine], place_m)]] = True
+            gone[mine[self._as_direct(rows[mine], place_m)]] = True
         if self._curved is not None:
             scatterers = rows["order"] - rows["mirrors"] == 2
             over_curved = np.isin(rows["first_body"], list(self._curved.mirrors.names))
             mine = np.flatnonzero(once & scatterers & over_curved)
             met, points_m = self._curved.met(rows[mine])
             mine, points_m = mine[met], points_m[met]
-            alike = self._alike(rows[mine], points_m, self._plain_lobes)
-            gone[mine[alike & self._as_direct(rows[mine], points_m)]] = True
+            wide = self._alike_over_curved(rows[mine], points_m)
+            gone[mine[wide & self._as_direct(rows[mine], points_m)]] = True
         return gone
 
     def _as_direct(self, rows: PathRows, from_m: Real) -> Mask:

@@ -14,6 +14,7 @@ from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import MirrorMaterial, mirror_matrix
 from ...vectors import dots, norms
+from ..materials import mirror_choice
 from .mirror_meshes import mirroring_meshes
 from .obstacles import Obstacles
 
@@ -21,6 +22,8 @@ from .obstacles import Obstacles
 FLAT = 1 / 50
 #: Planes that are looked for; what else mirrors is left out and counted.
 _MOST_PLANES = 64
+#: What is added to the solid angle of mirrors that the user wants first [sr]: more than any has.
+_FIRST_SR = 1e3
 #: How far a point of a triangle may lie outside of it, over its own size: rounding.
 _EDGE = 1e-9
 
@@ -31,7 +34,8 @@ class Mirror:
 
     `normal` points to the side of the transmitter, `offset_m` is the plane's; `triangles_m`
     (k, 3, 3), `body` and `material` belong to each triangle. `sight_sr` is the solid angle of the
-    triangles from the transmitter, times what their materials reflect at normal incidence.
+    triangles from the transmitter, times what their materials reflect at normal incidence, and
+    more of objects that the user wants first.
     """
 
     normal: Real
@@ -91,7 +95,8 @@ def find_mirrors(
     """
     found: list[Mirror] = []
     without: list[str] = []
-    parts = _faces(obstacles, transmitter_m, without)
+    curved: list[str] = []
+    parts = _faces(obstacles, transmitter_m, curved, without)
     left = np.ones(len(parts.sight_sr), dtype=bool)
     while left.any() and len(found) < max(_MOST_PLANES, most):
         first = np.argmax(np.where(left, parts.sight_sr, -1.0))
@@ -118,6 +123,11 @@ def find_mirrors(
     findings = []
     if without:
         findings.append(finding("mirror-without-image", *dict.fromkeys(without)))
+    wanted = [
+        one.name for one in obstacles.bodies.originals.values() if mirror_choice(one) == "first"
+    ]
+    if in_vain := set(wanted).difference(parts.names, curved):
+        findings.append(finding("mirror-first-without-image", *sorted(in_vain)))
     beyond = found[most:]
     if beyond:
         names = dict.fromkeys(name for mirror in beyond for name in mirror.objects)
@@ -144,14 +154,18 @@ class _Faces:
     names: list[str]
 
 
-def _faces(obstacles: Obstacles, transmitter_m: Real, without: list[str]) -> _Faces:
-    """Find the faces; add objects whose material has no image."""
+def _faces(
+    obstacles: Obstacles, transmitter_m: Real, curved: list[str], without: list[str]
+) -> _Faces:
+    """Find the faces; add objects that are curved, and whose material has no image."""
     columns = defaultdict(list)
     names: list[str] = []
     bodies: list[int] = []
     materials: list[MirrorMaterial] = []
     for one in mirroring_meshes(obstacles):
         mesh, corners, across, smooth = one.mesh, one.corners_m, one.across_m2, one.smooth
+        if np.any(smooth & mesh.curved):
+            curved.append(one.name)
         double_m2 = norms(across)
         away_m = transmitter_m - corners.mean(axis=1)
         facing = dots(across, away_m)
@@ -165,7 +179,8 @@ def _faces(obstacles: Obstacles, transmitter_m: Real, without: list[str]) -> _Fa
         bright = np.array([_brightness(one) for one in chosen])
         columns["triangles"].append(corners[kept])
         columns["normals"].append(across[kept] / double_m2[kept, None])
-        columns["sight"].append(bright * facing[kept] / 2 / norms(away_m[kept]) ** 3)
+        sight_sr = bright * facing[kept] / 2 / norms(away_m[kept]) ** 3
+        columns["sight"].append(sight_sr + (_FIRST_SR if one.choice == "first" else 0.0))
         bodies += [one.body] * kept.size
         materials += chosen
         names += [one.name] * kept.size

@@ -20,10 +20,7 @@ from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ...signal.paths import TriangleMesh
-from ..materials import (
-    Interiors,
-    objects_in_walls,
-)
+from ..materials import Interiors, marked_mirrors, objects_in_walls
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
@@ -120,7 +117,9 @@ class PathJob(MeasurementJob):
             self._fps(),
             extent,
             sampling_mode="paths",
-            options=repr(self.options) + (" world" if self.code_world else " materials"),
+            options=repr(self.options)
+            + (" world" if self.code_world else " materials")
+            + marked_mirrors(),
             visibility_updates=self.options.visibility_updates,
         )
 

@@ -13,13 +13,13 @@ the mirror is left out: it would be the same path a second time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from ...array_types import Mask, Real
-from ...contract import ImageRecord, ReceiverRecord
-from ...signal.paths import PathRows, has_curved_images, images_of
+from ...contract import ReceiverRecord
+from ...signal.motion import PathImages
+from ...signal.paths import PathRows, has_curved_images, planes_of
 from ...vectors import distances, dots, norms
 
 #: Distance of the antennas over that of a scatterer up to which both ways are one.
@@ -30,7 +30,7 @@ _LOBE_ERROR = 0.05
 
 def add_reverse_paths(
     rows: PathRows,
-    images: Sequence[ImageRecord],
+    images: PathImages,
     receiver_m: Real,
     transmitter_m: Real,
     reflections: int,
@@ -58,7 +58,7 @@ def add_reverse_paths(
         back = rows[over]
         _come_back(back, rows[over])
         back["transmitter_image"] = 0
-        both.append(_measured(back, images, receiver_m, transmitter_m))
+        both.append(measured(back, images, receiver_m, transmitter_m))
     for image in np.unique(rows["transmitter_image"][over]).tolist() if reflections >= 3 else []:
         # All paths to this image, with every mirror on the way back.
         first = np.flatnonzero(rows["transmitter_image"][over] == image)
@@ -73,7 +73,7 @@ def add_reverse_paths(
             there[name] += back[name]
         there["order"] += back["mirrors"]
         kept = there["order"] <= reflections
-        both.append(_measured(there[kept], images, receiver_m, transmitter_m))
+        both.append(measured(there[kept], images, receiver_m, transmitter_m))
     alone = np.setdiff1d(direct, base)
     rows["point"][alone] = 0
     return np.concatenate(both)
@@ -86,12 +86,10 @@ def _come_back(rows: PathRows, over: PathRows) -> None:
         rows["receiver_plane"] = over["transmitter_plane"]
 
 
-def _measured(
-    rows: PathRows, images: Sequence[ImageRecord], receiver_m: Real, transmitter_m: Real
-) -> PathRows:
+def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real) -> PathRows:
     """Put lengths and directions of paths with one scattering into rows that are images' own."""
-    over = images_of(rows, images)
-    assert over is not None  # they go over some
+    numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
+    over = images.of_paths(numbers, planes_of(rows))
     point_m = rows["last_scatterer_m"]
     rows["length_m"] = distances(point_m, over.places(0, receiver_m))
     rows["length_m"] += distances(point_m, over.places(1, transmitter_m))

@@ -103,6 +103,16 @@ def parse_render_arguments(
     )
     add_arguments(parser, render_settings())
     parser.add_argument(
+        "--mirrors",
+        metavar="NAMES",
+        help="Image the transmitter in these objects first: names with * and ?, after commas more",
+    )
+    parser.add_argument(
+        "--no-mirrors",
+        metavar="NAMES",
+        help="Make no image of the transmitter in these objects, whatever their materials",
+    )
+    parser.add_argument(
         "--device",
         choices=("cpu", "cuda", "optix", "hip", "oneapi", "metal"),
         type=str.lower,

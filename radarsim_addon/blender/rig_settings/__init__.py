@@ -24,10 +24,11 @@ from .records import (
     read_measurement,
     read_path_options,
 )
-from .registration import PROGRESS_PROPERTY, register, unregister
+from .registration import MIRROR_PROPERTY, PROGRESS_PROPERTY, register, unregister
 
 __all__ = [
     "MATERIAL_PROPERTY",
+    "MIRROR_PROPERTY",
     "PROGRESS_PROPERTY",
     "RADAR_PROPERTY",
     "RADAR_SETTINGS",

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..materials import mirror_property
 from ..materials.library import READY
 from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
@@ -15,6 +16,7 @@ from .migration import migrate_file
 from .radar import RADAR_PROPERTY, AntennaGroup, RadarGroup, active_radar_property
 
 PROGRESS_PROPERTY = "radarsim"
+MIRROR_PROPERTY = "radarsim_mirror_images"
 
 
 class MaterialSuggestion(bpy.types.PropertyGroup):
@@ -124,6 +126,7 @@ def register() -> None:
         bpy.utils.register_class(group)
         setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
     setattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY, active_radar_property())
+    setattr(bpy.types.Object, MIRROR_PROPERTY, mirror_property())
     bpy.app.handlers.load_post.append(migrate_file)
     if hasattr(bpy.data, "scenes"):  # not while Blender starts: it opens the file afterwards
         migrate_file()
@@ -135,6 +138,7 @@ def unregister() -> None:
         return
     bpy.app.handlers.load_post.remove(migrate_file)
     delattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY)
+    delattr(bpy.types.Object, MIRROR_PROPERTY)
     for group, owner, name, _ in reversed(_GROUPS):
         delattr(owner, name)
         bpy.utils.unregister_class(group)

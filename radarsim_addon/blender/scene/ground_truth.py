@@ -346,9 +346,9 @@ def geometry_digest(depsgraph: Any, rig: Rig) -> str:
     text = cache(_material_text)
     shapes, order = np.unique(layout.shape[rows], return_inverse=True)
     for shape in (snapshot.shapes[index] for index in shapes.tolist()):
-        digest.update(shape.original.name.encode() + _mesh_digest(snapshot, shape))
+        digest.update(shape.original.name_full.encode() + _mesh_digest(snapshot, shape))
         digest.update("\n".join(text(material) for material in shape.materials).encode())
-    digest.update(repr([item.name for item in layout.instancers]).encode())
+    digest.update(repr([item.name_full for item in layout.instancers]).encode())
     for numbers in (order, layout.instancer[rows]):
         digest.update(numbers.astype(np.int64).tobytes())
     digest.update(layout.numbers[rows].tobytes() + snapshot.matrices[rows].tobytes())

@@ -123,12 +123,12 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     shapes = snapshot.shapes
     has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
     rows = np.flatnonzero(snapshot.of_shapes(has_surface))
-    names = [shape.original.name for shape in shapes]
+    names = [shape.original.name_full for shape in shapes]
     boxes = np.array([[s.box.min(axis=0), s.box.max(axis=0)] for s in shapes]).reshape(-1, 2, 3)
     pose = snapshot.matrices[rows]
     pose[:, :3, 3] *= metres_per_unit
     owner = snapshot.layout.shape[rows]
-    rendered = {s.original.name: s.original for s in shapes if not s.original.hide_render}
+    rendered = {s.original.name_full: s.original for s in shapes if not s.original.hide_render}
     return Poses(names, owner, pose, boxes[owner] * metres_per_unit, rendered, snapshot, rows)
 
 

@@ -83,7 +83,9 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
             with snapshot.mesh(shapes[number]) as mesh:
                 read[number] = None if mesh is None else _shape(mesh, inside)
         shape = read[number]
-        name = shapes[number].original.name + (" (instance)" if layout.instancer[row] >= 0 else "")
+        name = shapes[number].original.name_full + (
+            " (instance)" if layout.instancer[row] >= 0 else ""
+        )
         faces = None if shape is None else _faces(shape, snapshot.matrices[row], name, inside)
         if faces is not None:
             found.append(faces)

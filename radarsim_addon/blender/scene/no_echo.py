@@ -45,7 +45,7 @@ def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Find
     surrounding = _surrounding(depsgraph, rig)
     if surrounding:
         return [finding("antenna-inside-mesh", *surrounding)]
-    assigned = {one.item.name: one.materials for one in assigned_materials(depsgraph)}
+    assigned = {one.item.name_full: one.materials for one in assigned_materials(depsgraph)}
     if not seen:
         return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
     reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree

@@ -68,7 +68,7 @@ def check_normals(depsgraph: Any) -> list[Finding]:
         with snapshot.mesh(shape) as mesh:
             fraction = 0.0 if mesh is None else _bent(mesh)
         if fraction > _LEAST_FRACTION:
-            found[shape.original.name] = fraction
+            found[shape.original.name_full] = fraction
     if not found:
         return []
     fraction = max(found.values())

@@ -44,8 +44,8 @@ class EvaluatedObject(NamedTuple):
     @property
     def label(self) -> str:
         """Name of the object, with its instancer: ``instancer/object``."""
-        name: str = self.original.name
-        return name if self.instancer is None else f"{self.instancer.name}/{name}"
+        name: str = self.original.name_full
+        return name if self.instancer is None else f"{self.instancer.name_full}/{name}"
 
     @property
     def matrix(self) -> Real:
@@ -93,7 +93,7 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
             item.object,
             item.object.original,
             instancer,
-            () if instancer is None else (instancer.name, *item.persistent_id),
+            () if instancer is None else (instancer.name_full, *item.persistent_id),
             item.matrix_world,
             item.show_self,
         )

@@ -101,7 +101,7 @@ class Layout:
     def key(self, row: int) -> Key:
         """Return the key of an instance among those of its object; empty for the object itself."""
         index = int(self.instancer[row])
-        return () if index < 0 else (self.instancers[index].name, *self.numbers[row].tolist())
+        return () if index < 0 else (self.instancers[index].name_full, *self.numbers[row].tolist())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -138,9 +138,9 @@ class Snapshot:
 
     def label(self, row: int) -> str:
         """Return the name of the object, with its instancer: ``instancer/object``."""
-        name: str = self.shapes[self.layout.shape[row]].original.name
+        name: str = self.shapes[self.layout.shape[row]].original.name_full
         index = int(self.layout.instancer[row])
-        return name if index < 0 else f"{self.layout.instancers[index].name}/{name}"
+        return name if index < 0 else f"{self.layout.instancers[index].name_full}/{name}"
 
     @contextlib.contextmanager
     def mesh(self, shape: Shape) -> Iterator[Any]:

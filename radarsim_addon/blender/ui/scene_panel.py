@@ -17,8 +17,9 @@ from ...findings import Finding, merge
 from ...options import declared
 from ...signal.radar import Weather
 from ..headless import make_job
+from ..materials import SURFACE_TYPES
 from ..plan import Measurement
-from ..rig_settings import PROGRESS_PROPERTY, carrier_hz, settings
+from ..rig_settings import MIRROR_PROPERTY, PROGRESS_PROPERTY, carrier_hz, settings
 from ..scene import active_radar, echoes
 from .fields import (
     ActiveRadarPanel,
@@ -173,6 +174,9 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         row.prop(state, "preset", text="")
         button = row.operator("radarsim.assign_material", icon="MATERIAL")
         button.preset = state.preset
+        item = context.active_object
+        if item is not None and item.type in SURFACE_TYPES:
+            split(layout).prop(item, MIRROR_PROPERTY)
         layout.operator("radarsim.add_asset_library", icon="ASSET_MANAGER")
 
 
@@ -193,9 +197,11 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         layout, group = split(self.layout), active_group(context.scene)
-        names = ["rain_mm_per_h", "rain_polarisation", "fog_g_per_m3", "gases"]
-        if not group.rain_mm_per_h:
-            names.remove("rain_polarisation")
+        names = ["rain_mm_per_h"]
+        if group.rain_mm_per_h:
+            names += ["rain_polarisation", "rain_echo"]
+            names += ["wind_x_mps", "wind_y_mps"] if group.rain_echo else []
+        names += ["fog_g_per_m3", "gases"]
         if group.fog_g_per_m3 or group.gases:
             names.append("air_temperature_c")
         if group.gases:
@@ -206,7 +212,7 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
             _attenuation_db_per_km(weather, carrier_hz(context.scene))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
-        if group.rain_mm_per_h:
+        if group.rain_mm_per_h and not group.rain_echo:
             layout.label(text="The echo of rain is left out", icon="INFO")
 
 

@@ -33,9 +33,9 @@ def number_objects(
     names = []
     opaque, hidden = set(), set()
     opaque_material = cache(lets_nothing_through)
-    for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name)):
+    for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name_full)):
         if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
-            names.append(item.name)
+            names.append(item.name_full)
             recorder.set(item, "pass_index", len(names))
             if _is_opaque(item, opaque_material):
                 opaque.add(len(names))

@@ -60,16 +60,22 @@ class PathImages:
                 turned, shift = mirror @ turned, mirror @ shift + back
             linear.append(turned)
             offset_m.append(shift)
-        matrices, shifts_m = np.array(linear), np.array(offset_m)
+        return cls(np.array(linear), np.array(offset_m), np.zeros((0, 2), np.int32)).of_paths(
+            numbers, planes
+        )
+
+    def of_paths(self, numbers: NDArray[np.integer], planes: Real | None = None) -> PathImages:
+        """Return the same images for other paths, with `numbers` and `planes` as for `of`."""
+        matrices, shifts_m = self.linear, self.offset_m
         own_numbers: Int32 = np.array(numbers, dtype=np.int32)
         if planes is not None:
             own = own_numbers < 0
             normals, at = planes[own][:, :3], planes[own][:, 3:]
-            own_numbers[own] = len(linear) + np.arange(len(normals))
+            own_numbers[own] = len(matrices) + np.arange(len(normals))
             mirrors = np.eye(3) - 2 * normals[:, :, None] * normals[:, None, :]
             matrices = np.concatenate([matrices, mirrors])
             shifts_m = np.concatenate([shifts_m, 2 * at * normals])
-        return cls(matrices, shifts_m, own_numbers)
+        return PathImages(matrices, shifts_m, own_numbers)
 
     def select(self, rows: Rows) -> PathImages:
         """Return the images of some paths."""

@@ -256,6 +256,10 @@ def _read_tracks(path: Path, bodies: int) -> Tracks:
     """Read and check a file of surface points; `FrameFileError` if it is missing or damaged."""
     try:
         arrays = _plain_arrays(path)
+        for name, array in arrays.items():
+            expected = "iu" if name in ("track_body", "track_vertices") else "f"
+            if array.dtype.kind not in expected:
+                raise ValueError(f"{name} holds values of type {array.dtype}")
         tracks = Tracks(
             arrays["track_body"].astype(np.int32),
             arrays["track_vertices"].astype(np.int32),

@@ -3,9 +3,9 @@
 
 A path stands for all that its pixel sees. Where a surface is seen at grazing incidence, that is a
 stretch of many range cells, and single paths have an echo in one of them and nothing in the others.
-Between the rays of one object the surface is taken to be straight: from its own ray
-a pixel reaches half-way to its neighbours, and its power, which it keeps, is spread over that as
-theirs tell. Expected powers and the echoes of rough surfaces are formed of the same points
+Between the rays of one object lengths follow a parabola: from its own ray a pixel
+reaches half-way to its neighbours, and its power, which it keeps, is spread over that as theirs
+tell. Expected powers and the echoes of rough surfaces are formed of the same points
 (:mod:`.paths.table_footprints`); where pixels add up in phase, single paths stay as they are.
 
 Nothing is spread at orders above 1 (which chance rules), where the ranges to both sides say
@@ -290,24 +290,43 @@ def places_in_pixels(along: Indices) -> tuple[Indices, Real]:
     """Return the row of each point and its place in the pixel, across and up, (points, 2), from
     -1/2 to 1/2, of rows (n, 2) of so many points.
     """
-    points = along.prod(axis=1)
+    across, up = along.T
+    points = across * up
     row = np.repeat(np.arange(points.size), points)
     number = np.arange(row.size) - np.repeat(np.cumsum(points) - points, points)
-    across, up = along[row].T
-    place = np.stack([(number % across + 0.5) / across, (number // across + 0.5) / up], axis=-1)
-    return row, place - 0.5
+    across, up = across[row], up[row]
+    line = number // across
+    place = np.stack([(number - line * across + 0.5) / across, (line + 0.5) / up])
+    return row, (place - 0.5).T
 
 
 def along_steps(steps: Real, row: Indices, place: Real) -> Real:
-    """Return by how much values change, (points, ...), at places in pixels of rows with these
-    steps, (n, 2, 2, ...).
+    """Return by how much values change, (points,) or (points, k), at places in pixels of rows with
+    these steps, (n, 2, 2) or (n, 2, 2, k).
     """
-    total = np.zeros((row.size, *steps.shape[3:]))
-    for axis in (0, 1):
+    if steps.ndim > 3:
+        each = [along_steps(steps[..., i], row, place) for i in range(steps.shape[3])]
+        return np.stack(each).T
+    total = np.zeros(row.size)
+    for axis, (mean, half, bent) in enumerate(_courses(steps)):
         here = place[:, axis]
-        part = steps[row, axis, (here > 0).astype(np.intp)]
-        total += here.reshape(-1, *[1] * (part.ndim - 1)) * part
+        total += here * mean[row]
+        total += here**2 * half[row]
+        if bent.any():
+            total += abs(here) * bent[row]
     return total
+
+
+def _courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
+    """Factors of x, x^2 and |x| by which values change at x in a pixel across, and up, (n,) each.
+
+    With a step on either side it is the parabola through the three rays, which the neighbours'
+    meets half-way; with one side alone that half is straight, and the other one stays at the ray.
+    """
+    for before, after in ((steps[:, axis, 0], steps[:, axis, 1]) for axis in (0, 1)):
+        known = (before != 0) & (after != 0)
+        half = (after - before) / 2
+        yield (before + after) / 2, np.where(known, half, 0.0), np.where(known, 0.0, half)
 
 
 def shares(power_steps: Real, row: Indices, place: Real) -> Real:

@@ -18,7 +18,7 @@ from ...sidecar import file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import PathRows, has_curved_images, has_images, open_table
+from .table import AnyRows, PathRows, has_curved_images, has_images, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
@@ -153,7 +153,7 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
 
 
-def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | None:
+def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None:
     """Return the images over which rows of a table go.
 
     Parameters
@@ -184,13 +184,28 @@ def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | Non
             f"The table names image {numbers.max()}, its sidecar has {len(images)}. They do not "
             "belong together: render the frame again."
         )
-    if not curved:
-        return PathImages.of(images, numbers)
-    planes = np.stack([rows["receiver_plane"], rows["transmitter_plane"]], axis=1)
-    return PathImages.of(images, numbers, planes)
+    return PathImages.of(images, numbers, planes_of(rows))
 
 
-def geometry_of(rows: PathRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
+def planes_of(rows: AnyRows) -> Real | None:
+    """Return the planes of images in curved mirrors.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+
+    Returns
+    -------
+    ndarray or None
+        Normals and offsets of receiver and transmitter, (n, 2, 4) [m]; None without the columns.
+    """
+    if not has_curved_images(rows):
+        return None
+    return np.stack([rows["receiver_plane"], rows["transmitter_plane"]], axis=1)
+
+
+def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
     """Return the vertices and directions of rows of the table.
 
     Parameters

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
 from ...contract import PathsRecord
+from ...vectors import are_finite, distances, dots, norms
 from .footprints import (
     Steps,
     along_steps,
@@ -26,7 +27,7 @@ from .footprints import (
     steps_of,
     view_limits,
 )
-from .table import PathRows
+from .table import PathColumns, PathRows
 from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
@@ -68,7 +69,7 @@ class TableFootprints:
         self._orthographic = record.receiver.kind == "orthographic"
         self._views: dict[int, _Split] = {}
         self._starts, self._stops = view_limits(table)
-        self._last: tuple[Indices, tuple[Indices, PathRows]] | None = None
+        self._last: tuple[Indices, tuple[Indices, PathColumns]] | None = None
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
         """Take the steps of a view from who needs them too.
@@ -105,7 +106,7 @@ class TableFootprints:
         none = np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros((0, 2), np.int16)
         return _Split(*map(np.concatenate, zip(none, *parts, strict=True)))
 
-    def points(self, numbers: Indices) -> tuple[Indices, PathRows]:
+    def points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
         """Return the points of some rows, themselves as rows of a table.
 
         Parameters
@@ -115,7 +116,7 @@ class TableFootprints:
 
         Returns
         -------
-        ndarray, ndarray
+        ndarray, PathColumns
             Index in `numbers` that each point belongs to, and the points with their parts of power
             and solid angle, (points,) each.
         """
@@ -127,43 +128,41 @@ class TableFootprints:
             self._last = numbers, found
         return found
 
-    def _points(self, numbers: Indices) -> tuple[Indices, PathRows]:
-        rows = self._table[_as_slice(numbers)]
+    def _points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
         found = self._split
         place = np.searchsorted(found.rows, numbers)
         split = np.append(found.rows, -1)[place] == numbers
         chosen = place[split]
         if not chosen.size:
-            return np.arange(rows.size), rows
+            return np.arange(numbers.size), PathColumns(self._table, numbers)
         along, between = (a[chosen].astype(np.intp) for a in (found.along, found.between))
-        counts = np.ones(rows.size, dtype=np.intp)
-        counts[split] = along.prod(axis=1)
-        index = np.repeat(np.arange(rows.size), counts)
-        points = rows[index]
+        counts = np.ones(numbers.size, dtype=np.intp)
+        counts[split] = along[:, 0] * along[:, 1]
+        index = np.repeat(np.arange(numbers.size), counts)
+        points = PathColumns(self._table, numbers[index])
         mine = np.flatnonzero(split[index])
         row, at = places_in_pixels(along)
-        share = shares(
-            power_steps(self._table["power_w"], between, rows["power_w"][split]), row, at
-        )
+        power_w = np.asarray(self._table["power_w"])
+        share = shares(power_steps(power_w, between, power_w[numbers[split]]), row, at)
 
         def moved(name: str) -> Real:
             ends = self._table[name][between]
             return along_steps(ends[:, :, :, 1] - ends[:, :, :, 0], row, at)
 
-        old_m = points["last_scatterer_m"][mine]
+        place_m, length_m = points["last_scatterer_m"], points["length_m"]
+        old_m = place_m[mine]
         new_m = old_m + moved("last_scatterer_m")
-        old_leg_m, new_leg_m = (
-            np.linalg.norm(place_m - self._emitter_m, axis=1) for place_m in (old_m, new_m)
-        )
-        points["length_m"][mine] += new_leg_m - old_leg_m
+        change_m = distances(new_m, self._emitter_m) - distances(old_m, self._emitter_m)
+        length_m[mine] += change_m
         if self._orthographic:
-            points["length_m"][mine] += np.sum(points["direction"][mine] * (new_m - old_m), axis=1)
+            length_m[mine] += dots(points["direction"][mine], new_m - old_m)
         else:
             old_arm_m, new_arm_m = old_m - self._receiver_m, new_m - self._receiver_m
-            reach_m = np.linalg.norm(new_arm_m, axis=1)
-            points["length_m"][mine] += reach_m - np.linalg.norm(old_arm_m, axis=1)
+            reach_m = norms(new_arm_m)
+            length_m[mine] += reach_m - norms(old_arm_m)
             points["direction"][mine] = new_arm_m / reach_m[:, None]
-        points["first_scatterer_m"][mine] = points["last_scatterer_m"][mine] = new_m
+        place_m[mine] = new_m
+        points["first_scatterer_m"][mine] = new_m
         points["range_rate_mps"][mine] += moved("range_rate_mps")
         for name in ("power_w", "solid_angle_sr"):
             points[name][mine] *= share
@@ -172,14 +171,4 @@ class TableFootprints:
 
 def _placed(rows: PathRows) -> Mask:
     """Which rows have a known last vertex, (n,)."""
-    found = np.ones(rows.size, dtype=bool)
-    for axis in range(3):
-        found &= np.isfinite(rows["last_scatterer_m"][:, axis])
-    return found
-
-
-def _as_slice(rows: Indices) -> Indices | slice:
-    """Row numbers, as a slice where they are without a gap: of a table that copies nothing."""
-    if not rows.size or rows[-1] - rows[0] + 1 != rows.size or (np.diff(rows) != 1).any():
-        return rows
-    return slice(int(rows[0]), int(rows[-1]) + 1)
+    return are_finite(rows["last_scatterer_m"])

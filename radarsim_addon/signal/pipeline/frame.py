@@ -245,9 +245,15 @@ def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -
 
 def _rain(frame_input: FrameInput, options: ResolvedOptions) -> PathRows | None:
     """Points of the rain of a frame; None without. Every frame has drops of its own."""
-    if not (frame_input.tables and options.weather.rain_echo and options.weather.rain_mm_per_h):
+    if not (_shows_rain(frame_input, options.weather) and options.weather.rain_mm_per_h):
         return None
     return rain_rows(frame_input, options.weather, _rain_seed(frame_input, options))
+
+
+def _shows_rain(frame_input: FrameInput, weather: Weather) -> bool:
+    """Whether the echo of rain is asked for, and known for this kind of frame."""
+    known = bool(frame_input.tables) and frame_input.receiver.kind != "orthographic"
+    return weather.rain_echo and known
 
 
 def _rain_seed(frame_input: FrameInput, options: ResolvedOptions) -> int:
@@ -318,7 +324,9 @@ def _findings(
     found = itertools.chain(
         rendered,
         (item for item in of_paths if item.code != "no-echo" or not explained),
-        weather.findings(frame_input.radar.waveform.carrier_hz),
+        dataclasses.replace(weather, rain_echo=_shows_rain(frame_input, weather)).findings(
+            frame_input.radar.waveform.carrier_hz
+        ),
         budget.findings,
         speckle.findings,
         [] if expected is None else expected.findings,

@@ -87,9 +87,9 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
         raise ConfigError(f"Waveform is {data!r:.60}; expected an object with its fields.")
     given = dict(data)
     name = given.pop("kind", Waveform.kind)
-    if name not in WAVEFORM_KINDS:
+    if not isinstance(name, str) or name not in WAVEFORM_KINDS:
         raise ConfigError(
-            f"Waveform of kind {name!r}; expected one of {', '.join(sorted(WAVEFORM_KINDS))}."
+            f"Waveform of kind {name!r:.60}; expected one of {', '.join(sorted(WAVEFORM_KINDS))}."
         )
     kind = WAVEFORM_KINDS[name]
     if kind is ArbitraryPulse:

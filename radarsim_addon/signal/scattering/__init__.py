@@ -12,7 +12,7 @@ from .frame_speckle import FrameSpeckle, table_footprints
 from .interference import interference_factors
 from .rain_volume import rain_paths, rain_rows
 from .random_phases import path_phasors
-from .surface_speckle import SpeckleReport
+from .speckle_report import SpeckleReport
 
 __all__ = [
     "STILL_PLANE",

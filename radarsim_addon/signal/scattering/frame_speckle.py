@@ -14,9 +14,10 @@ from ...findings import Finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
-from ..paths import PathRows, Paths, TableFootprints, geometry_of
+from ..paths import PathColumns, Paths, TableFootprints, geometry_of
+from .speckle_report import SpeckleReport
 from .surface_cells import Body
-from .surface_speckle import Roughness, SpeckleReport, SurfaceSpeckle
+from .surface_speckle import Roughness, Scattering, SurfaceSpeckle
 
 #: Largest distance of the points of one path, in range resolutions of the total length (half as
 #: much of range) and in Doppler bins: their echoes overlap without a ripple.
@@ -92,41 +93,45 @@ class FrameSpeckle:
         found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
         phasors = np.full(len(paths), np.nan + 0j)
         phasors[known] = self._speckle.factors_at_rest(found)
-        motion = paths.motion
-        going = np.zeros(len(paths), dtype=bool)
-        if isinstance(motion, KinematicMotion):
-            going[known] = motion.moving[known]
         sway_mps = np.zeros(len(paths))
         if found.sway_mps is not None:
             sway_mps[known] = found.sway_mps
-        own = dataclasses.replace(paths, phasors=phasors)
-        if not (isinstance(motion, KinematicMotion) and going.any()):
-            return self._swaying(own, sway_mps)
-        own = self._swaying(own.select(~going), sway_mps[~going])
-        moving = np.flatnonzero(going[known])
-        scattered = paths.select(going)
-        length_m = scattered.length_m + found.longer_m[moving]
-        leaders = self._table[found.leader[moving]]
-        own_motion = motion.select(going)
-        one = own_motion.order == 1
-        tracks = (
-            np.where(one, leaders["last_surface_point"], leaders["first_surface_point"]),
-            leaders["last_surface_point"],
-        )
+        motion = paths.motion
+        if isinstance(motion, KinematicMotion) and motion.moving[known].any():
+            moving = np.flatnonzero(motion.moving[known])
+            going = known[moving]
+            phasors[going], sway_mps[going] = found.factor[moving], 0.0
+            paths = self._following(paths, motion, going, found, moving)
+        return self._swaying(dataclasses.replace(paths, phasors=phasors), sway_mps)
+
+    def _following(
+        self,
+        paths: Paths,
+        motion: KinematicMotion,
+        going: Indices,
+        found: Scattering,
+        moving: Indices,
+    ) -> Paths:
+        """The paths, of which those `going` are over their scatterers, `moving` in `found`."""
+        assert self._speckle is not None
+        cells = found.cell[moving]
+        length_m = paths.length_m.copy()
+        length_m[going] += found.longer_m[moving]
+        first_m, last_m = motion.first_scatterer_m.copy(), motion.last_scatterer_m.copy()
+        first_m[going], last_m[going] = self._speckle.scatterers_m(cells)
+        leaders = self._speckle.leaders(cells)
+        track = leaders["last_surface_point"]
+        one, tracks = motion.order[going] == 1, motion.tracks.copy()
+        tracks[going, 0] = np.where(one, track, leaders["first_surface_point"])
+        tracks[going, 1] = track
         over = dataclasses.replace(
-            own_motion,
-            length_m=length_m,
-            first_scatterer_m=found.first_scatterer_m[moving],
-            last_scatterer_m=found.last_scatterer_m[moving],
-            tracks=np.stack(tracks, axis=-1).astype(np.int32),
+            motion,
+            length_m=np.where(motion.moving, length_m, motion.length_m),
+            first_scatterer_m=first_m,
+            last_scatterer_m=last_m,
+            tracks=tracks,
         )
-        scattered = dataclasses.replace(
-            scattered,
-            length_m=length_m,
-            motion=over,
-            phasors=found.factor[moving],
-        )
-        return Paths.join([own, scattered])
+        return dataclasses.replace(paths, length_m=length_m, motion=over)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
         """The paths, with the range rates of clutter that moves by itself.
@@ -153,23 +158,30 @@ class FrameSpeckle:
             ]
         )
 
-    def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
+    def _spread(self, paths: Paths, index: Indices, points: PathColumns) -> Paths:
         """The paths of points, each with the gain of the path that it belongs to."""
-        chosen = paths.select(index)
-        motion = chosen.motion
+        motion = paths.motion
         if isinstance(motion, KinematicMotion):
             motion = dataclasses.replace(
                 motion,
-                length_m=np.array(points["length_m"]),
-                first_scatterer_m=np.array(points["first_scatterer_m"]),
-                last_scatterer_m=np.array(points["last_scatterer_m"]),
-                direction=np.array(points["direction"]),
+                length_m=points["length_m"],
+                order=motion.order[index],
+                first_scatterer_m=points["first_scatterer_m"],
+                last_scatterer_m=points["last_scatterer_m"],
+                direction=points["direction"],
+                bodies=motion.bodies[index],
+                tracks=motion.tracks[index],
+                images=None if motion.images is None else motion.images.select(index),
             )
+        elif motion is not None:
+            motion = motion.select(index)
+        # geometry is the points' own
+        chosen = dataclasses.replace(paths, geometry=None, motion=None).select(index)
         return dataclasses.replace(
             chosen,
-            solid_angle_sr=np.array(points["solid_angle_sr"]),
-            length_m=np.array(points["length_m"]),
-            range_rate_mps=np.array(points["range_rate_mps"]),
+            solid_angle_sr=points["solid_angle_sr"],
+            length_m=points["length_m"],
+            range_rate_mps=points["range_rate_mps"],
             geometry=geometry_of(points, self._images),
             motion=motion,
         )

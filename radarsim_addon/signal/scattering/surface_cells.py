@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Integers, Real
-from ..paths import PathRows
+from ...array_types import Indices, Integers, Real
+from ..paths import AnyRows
 from .random_phases import hash_step, uniform
 
 Hash = NDArray[np.uint64]
@@ -79,7 +79,7 @@ class SurfaceCells:
         # Mixed before the cells come in: seed 1 must not be seed 0 with its cells swapped.
         self._starts = hash_step(self._starts)
 
-    def of(self, rows: PathRows, first: bool) -> Cells:
+    def of(self, rows: AnyRows, first: bool) -> Cells:
         """Cells of a vertex of rows whose vertices are all known."""
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
         edge_m = self._edges_m[rows["first_object" if first else "last_object"]]
@@ -117,7 +117,9 @@ class SurfaceCells:
         """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
         points_m = self.local_m(cells)
         for mine, rotation, origin_m in self._by_pose(cells.pose):
-            points_m[mine] = points_m[mine] @ rotation.T + origin_m
+            if not np.array_equal(rotation, _WORLD):
+                points_m[mine] = points_m[mine] @ rotation.T
+            points_m[mine] += origin_m
         first_draw = hash_step(cells.state ^ np.uint64(0x5851F42D4C957F2D))
         second_draw = hash_step(first_draw)
         # Box and Muller; 1 - u is never 0
@@ -126,19 +128,20 @@ class SurfaceCells:
         )
         return points_m, height
 
-    def keys(self, rows: PathRows) -> Hash:
+    def keys(self, rows: AnyRows) -> Hash:
         """One number for all paths over the same cells, in the same way."""
-        apart, last = self._apart(rows), self.of(rows, False).state
+        apart, last = self.apart(rows), self.of(rows, False).state
         first = last.copy()
-        first[apart] = self.of(rows[apart], True).state
+        if apart.size:
+            first[apart] = self.of(rows[apart], True).state
         way = rows["order"].astype(np.uint64) << np.uint64(32)
         way |= rows["transparent_depth"].astype(np.uint64)
         return hash_step(hash_step(first ^ way) ^ last)
 
-    def _apart(self, rows: PathRows) -> NDArray[np.intp]:
+    def apart(self, rows: AnyRows) -> Indices:
         """Rows whose first vertex is another than the last: none of those of one reflection."""
         same = rows["first_object"] == rows["last_object"]
         same &= rows[self._columns[0]] == rows[self._columns[1]]
-        for axis in range(3):
-            same &= rows["first_scatterer_m"][:, axis] == rows["last_scatterer_m"][:, axis]
+        for first_m, last_m in zip(rows["first_scatterer_m"].T, rows["last_scatterer_m"].T):
+            same &= first_m == last_m
         return np.flatnonzero(~same)

@@ -14,7 +14,7 @@ import numpy as np
 from ...array_types import Real
 from ...contract import FluctuationRecord
 from ...physics.clutter_statistics import clutter_velocities, texture
-from ..paths import PathRows
+from ..paths import AnyRows
 from .random_phases import hash_step, uniform
 from .surface_cells import Cells, SurfaceCells
 
@@ -22,7 +22,7 @@ from .surface_cells import Cells, SurfaceCells
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
-def grazing_cosines(rows: PathRows) -> Real:
+def grazing_cosines(rows: AnyRows) -> Real:
     """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
 
     Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
@@ -46,7 +46,7 @@ class SurfaceFluctuations:
     def __bool__(self) -> bool:
         return bool(self._surfaces)
 
-    def of_vertex(self, rows: PathRows, cells: Cells, first: bool) -> tuple[Real, Real]:
+    def of_vertex(self, rows: AnyRows, cells: Cells, first: bool) -> tuple[Real, Real]:
         """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
         vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
         """

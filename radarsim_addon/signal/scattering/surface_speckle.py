@@ -31,13 +31,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Integers, Real
+from ...array_types import Complex, Indices, Integers, Real
 from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
-from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import PathRows, TableFootprints, has_images, images_of, iter_rows, scatterer_rows
+from ...vectors import are_finite, distances
+from ..paths import (
+    AnyRows,
+    PathColumns,
+    PathRows,
+    TableFootprints,
+    has_images,
+    images_of,
+    iter_rows,
+    scatterer_rows,
+)
 from .random_phases import hash_step
+from .speckle_report import ENOUGH_SCATTERERS, SpeckleReport
 from .surface_cells import Body, Hash, SurfaceCells
 from .surface_fluctuations import SurfaceFluctuations
 
@@ -53,8 +63,6 @@ _SMOOTH = 1e-6
 _COHERENT = 0.01
 #: Powers of two of float64, and some more.
 _EXPONENTS = 2200
-#: Scatterers in a resolution cell from which its intensity is taken to be exponential.
-ENOUGH_SCATTERERS = 40
 
 
 @dataclass(frozen=True)
@@ -66,70 +74,15 @@ class Roughness:
 
 
 @dataclass(frozen=True)
-class SpeckleReport:
-    """What the cells of a frame are like.
-
-    Attributes
-    ----------
-    cell_m
-        Edge of a cell [m]; larger where a material's correlation length is.
-    cells
-        Cells that paths hit.
-    median_scatterers
-        Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
-        median over the power.
-    undersampled_power_fraction
-        Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
-    coherent_power_fraction
-        Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
-    coherent_objects
-        Names of the objects of which more than 1 % of the power is.
-    """
-
-    cell_m: float
-    cells: int
-    median_scatterers: float
-    undersampled_power_fraction: float
-    coherent_power_fraction: float = 0.0
-    coherent_objects: tuple[str, ...] = ()
-
-    @property
-    def findings(self) -> list[Finding]:
-        """Too few scatterers for speckle, and coherent parts left out, where it is so."""
-        found = []
-        if self.undersampled_power_fraction >= 0.2:
-            found.append(
-                finding(
-                    "few-scatterers",
-                    fraction=self.undersampled_power_fraction,
-                    enough=ENOUGH_SCATTERERS,
-                    median=self.median_scatterers,
-                )
-            )
-        if self.coherent_objects:
-            found.append(
-                finding(
-                    "coherent-part-not-formed",
-                    *self.coherent_objects,
-                    fraction=self.coherent_power_fraction,
-                )
-            )
-        return found
-
-
-@dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter: factors (n,) without the phase of the length over the scatterers,
-    scatterers of first and last vertex, equal at order 1, (n, 3) [m], length over them minus the
-    path's own [m], the row of the table that leads the cell, and the range rate by the motion of
-    the clutter itself [m/s]; None: none moves.
+    """How n paths scatter: factors (n,) without the phase of the length over the scatterers, that
+    length minus the path's own [m], the number of the cell, and the range rate by the motion of the
+    clutter itself [m/s]; None: none moves.
     """
 
     factor: Complex
-    first_scatterer_m: Real
-    last_scatterer_m: Real
     longer_m: Real
-    leader: NDArray[np.intp]
+    cell: Indices
     sway_mps: Real | None = None
 
 
@@ -181,6 +134,8 @@ class SurfaceSpeckle:
         #: Of each key, where there are any: texture (keys,), velocities of both vertices.
         self._texture, self._sway_mps = np.ones(0), np.zeros((2, 0))
         self._objects = record.objects
+        #: Rows whose cells were told last, if these were all, and their cells.
+        self._placed: tuple[AnyRows, Indices] | None = None
         self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
@@ -212,34 +167,39 @@ class SurfaceSpeckle:
         middle = int(np.searchsorted(reached, reached[-1] / 2))
         return float(2.0 ** (middle - _EXPONENTS // 2))
 
-    def known(self, rows: PathRows) -> NDArray[np.bool_]:
+    def known(self, rows: AnyRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known, (n,): those of one and two reflections."""
         order = scatterer_rows(rows)["order"]
         found = (order >= 1) & (order <= 2)
         for name in ("first_scatterer_m", "last_scatterer_m"):
-            for axis in range(3):
-                found &= np.isfinite(rows[name][:, axis])
+            found &= are_finite(rows[name])
         return np.asarray(found)
 
     def _draw(self, places_m: Real) -> tuple[Real, Real, Real]:
-        """Scatterers of first and last vertex, equal at order 1, (2, keys, 3) [m], their unit
+        """Scatterers of first and last vertex, equal at order 1, (2, 3, keys) [m], their unit
         heights (2, keys) and the length over them (keys,) [m], of last vertices (keys, 3) [m].
         """
-        rows = scatterer_rows(self._table[self._leaders])
+        rows = scatterer_rows(PathColumns(self._table, self._leaders))
         single = rows["order"] == 1
         for name in ("first_scatterer_m", "last_scatterer_m"):
             rows[name][single] = places_m[single]
-        cells = {first: self._cells.of(rows, first) for first in (True, False)}
+        cells = self._cells.of(rows, False)
+        points_m, heights = self._cells.scatterers(cells)
+        scatterers_m, units = np.stack([points_m.T] * 2), np.stack([heights] * 2)
+        two = np.flatnonzero(~single)
+        if two.size:
+            before = self._cells.of(rows[two], True)
+            points_m, units[0, two] = self._cells.scatterers(before)
+            scatterers_m[0][:, two] = points_m.T
         if self._fluctuations:
-            drawn = [self._fluctuations.of_vertex(rows, of, first) for first, of in cells.items()]
-            self._texture = drawn[0][0] * drawn[1][0]
-            self._sway_mps = np.stack([rates_mps for _, rates_mps in drawn])
-        found = [self._cells.scatterers(of) for of in cells.values()]
-        scatterers_m = np.stack([points_m for points_m, _ in found])
-        order = rows["order"]
-        scatterers_m[0, order == 1] = scatterers_m[1, order == 1]
-        over_m = self._length_m(scatterers_m[0], scatterers_m[1], rows)
-        return scatterers_m, np.stack([heights for _, heights in found]), over_m
+            self._texture, rates_mps = self._fluctuations.of_vertex(rows, cells, False)
+            self._sway_mps = np.stack([np.zeros(single.size), rates_mps])
+            if two.size:
+                found = self._fluctuations.of_vertex(rows[two], before, True)
+                self._texture[two] *= found[0]
+                self._sway_mps[0, two] = found[1]
+        first_m, last_m = (points_m.T for points_m in scatterers_m)
+        return scatterers_m, units, self._length_m(first_m, last_m, rows)
 
     def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp], Real]:
         """Keys of all cells (sorted), the power over each, its one-way range, first row, and last
@@ -249,6 +209,7 @@ class SurfaceSpeckle:
         coherent_w = self._coherent_w = np.zeros(self._heights.size)
         powers, ranges, places_m = np.zeros(0), np.zeros(0), np.zeros((0, 3))
         leaders, start = np.zeros(0, dtype=np.intp), 0
+        rows: AnyRows
         for rows in iter_rows(self._table):
             number = np.arange(start, start + rows.size)
             start += rows.size
@@ -272,6 +233,8 @@ class SurfaceSpeckle:
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
             leaders, places_m = number[place], point_m[place]
+        if found.size == every.size:
+            self._placed = rows, back
         return keys, powers, ranges, leaders, places_m
 
     def report(self) -> SpeckleReport:
@@ -299,7 +262,7 @@ class SurfaceSpeckle:
 
     # -- paths -------------------------------------------------------------------------------------
 
-    def _keys_of(self, rows: PathRows) -> Hash:
+    def _keys_of(self, rows: AnyRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
         keys = self._cells.keys(rows)
         if has_images(rows):
@@ -308,14 +271,14 @@ class SurfaceSpeckle:
             keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
         return keys
 
-    def _antennas_m(self, rows: PathRows) -> tuple[Real, Real]:
+    def _antennas_m(self, rows: AnyRows) -> tuple[Real, Real]:
         """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
         images = images_of(rows, self._images)
         if images is None:
             return self._receiver_m, self._emitter_m
         return images.places(0, self._receiver_m), images.places(1, self._emitter_m)
 
-    def _length_m(self, first_scatterer_m: Real, last_scatterer_m: Real, rows: PathRows) -> Real:
+    def _length_m(self, first_scatterer_m: Real, last_scatterer_m: Real, rows: AnyRows) -> Real:
         """Length over two points, or over one at order 1 [m]."""
         order, direction = rows["order"], rows["direction"]
         receiver_m, emitter_m = self._antennas_m(rows)
@@ -327,7 +290,7 @@ class SurfaceSpeckle:
         length_m += distances(first_scatterer_m, receiver_m)
         return length_m
 
-    def _turns(self, rows: PathRows) -> tuple[Real, Real]:
+    def _turns(self, rows: AnyRows) -> tuple[Real, Real]:
         """|u_in - u_out| at the first and at the last vertex."""
         receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
@@ -342,7 +305,7 @@ class SurfaceSpeckle:
         last = np.where(two, between, into_first) - out_last
         return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
 
-    def factors(self, rows: PathRows) -> tuple[Complex, NDArray[np.bool_]]:
+    def factors(self, rows: AnyRows) -> tuple[Complex, NDArray[np.bool_]]:
         """Complex factors of the amplitudes of rows at t, (n,), and which of them are known."""
         known = self.known(rows)
         result = np.ones(rows.size, dtype=np.complex128)
@@ -354,13 +317,15 @@ class SurfaceSpeckle:
         """Factors with that phase, (n,): exact as long as path and scatterer move alike."""
         return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
-    def scattering(self, rows: PathRows) -> Scattering:
+    def scattering(self, rows: AnyRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
         rows = scatterer_rows(rows)
-        place = np.searchsorted(self._keys, self._keys_of(rows))
-        first_scatterer_m, last_scatterer_m = self._scatterers_m[:, place]
+        if self._placed is not None and rows is self._placed[0]:
+            place = self._placed[1]
+        else:
+            place = np.searchsorted(self._keys, self._keys_of(rows))
         if self._orthographic:
-            over_m = self._length_m(first_scatterer_m, last_scatterer_m, rows)
+            over_m = self._length_m(*self.scatterers_m(place), rows)
         else:
             over_m = self._over_m[place]
         own_m = self._length_m(rows["first_scatterer_m"], rows["last_scatterer_m"], rows)
@@ -375,16 +340,18 @@ class SurfaceSpeckle:
             factor = share * self._even[place]
         else:
             factor = self._uneven(rows, share, self._units[:, place])
-        return Scattering(
-            factor,
-            first_scatterer_m,
-            last_scatterer_m,
-            over_m - own_m,
-            self._leaders[place],
-            sway_mps,
-        )
+        return Scattering(factor, over_m - own_m, place, sway_mps)
 
-    def _uneven(self, rows: PathRows, share: Real, units: Real) -> Complex:
+    def scatterers_m(self, cells: Indices) -> tuple[Real, Real]:
+        """Scatterers of first and last vertex of cells by their numbers, (n, 3) each [m]."""
+        first_m, last_m = self._scatterers_m
+        return first_m.take(cells, axis=1).T, last_m.take(cells, axis=1).T
+
+    def leaders(self, cells: Indices) -> PathRows:
+        """Rows of the table that lead cells, (n,)."""
+        return self._table[self._leaders[cells]]
+
+    def _uneven(self, rows: AnyRows, share: Real, units: Real) -> Complex:
         """share (exp(j kappa h) - m) / sqrt(1 - m^2) of unit heights (2, n)."""
         kappa_h = self._kappa_heights(rows)
         exponent = np.sum(kappa_h**2, axis=0) / 2
@@ -394,7 +361,7 @@ class SurfaceSpeckle:
         mean = np.where(even.any(axis=0), 0.0, np.exp(-exponent))
         return np.asarray(share * (np.exp(1j * phase) - mean) / np.sqrt(1 - mean**2))
 
-    def _kappa_heights(self, rows: PathRows) -> Real:
+    def _kappa_heights(self, rows: AnyRows) -> Real:
         """kappa h_rms at the first and the last vertex, (2, n): 0 without a vertex, NaN unknown."""
         heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
         turns = np.stack(self._turns(rows))
@@ -407,15 +374,10 @@ def _unit(vectors: Real) -> Real:
         return np.where(length > 0, vectors / length, 0.0)
 
 
-def distances(points_m: Real, origin_m: Real) -> Real:
-    """Distances of points (n, 3) from one or as many others, (n,) [m]."""
-    found: Real = np.zeros(len(points_m))
-    for axis in range(3):  # by columns: a sum over three is slow
-        found += (points_m[:, axis] - origin_m[..., axis]) ** 2
-    return np.sqrt(found, out=found)
-
-
 def _even_phases(units: Real, order: Integers) -> Real:
     """Phases from unit heights (2, n) of 1e3 standard deviations, even over a cycle, (n,)."""
-    both = 2 * np.pi * (1e3 * units % 1.0)
-    return np.asarray(np.where(order == 2, both[0], 0.0) + both[1])
+    turns = 1e3 * units[1]
+    phases = 2 * np.pi * (turns - np.floor(turns))
+    two = np.flatnonzero(order == 2)
+    phases[two] += 2 * np.pi * (1e3 * units[0, two] % 1.0)
+    return np.asarray(phases)

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from queue import SimpleQueue
+from typing import Protocol
 
 import numpy as np
 
@@ -14,8 +15,15 @@ from ...array_types import Complex, Real
 from .grid import Weights
 from .transform import ErrorSum, PulseResult
 
-#: One pulse's spectrum from lengths, amplitudes and pulse intervals of folding.
-Transform = Callable[[Real, Weights, Real | None], PulseResult]
+
+class Transform(Protocol):
+    """Spectra of pulses, one after the other, from lengths (pulses, ...) and amplitudes (rows,) or
+    (pulses, rows), with the pulse intervals of folding.
+    """
+
+    def pulses(
+        self, lengths_m: Real, weights: Weights, order: Real | None
+    ) -> Iterator[PulseResult]: ...
 
 
 @dataclass(frozen=True)
@@ -60,8 +68,7 @@ class TransformPool:
             weights = amplitude() if callable(amplitude) else amplitude
             values = np.empty((lengths.shape[0], self._count), dtype=np.complex128)
             error, heard, folded = ErrorSum(), 0, 0
-            for pulse, length_m in enumerate(lengths):
-                found = transform(length_m, weights[pulse] if weights.ndim > 1 else weights, order)
+            for pulse, found in enumerate(transform.pulses(lengths, weights, order)):
                 values[pulse] = found.values
                 error.beside(found.error)
                 heard += found.kept

@@ -29,7 +29,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights, place
 from .nufft import TIGHTEST, Backend
 from .pulse_shape import NODES_SHARE
-from .transform import ErrorSum, PulseResult, PulseTransform
+from .transform import EachPulse, ErrorSum, PulseResult, PulseTransform
 
 
 def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
@@ -58,7 +58,7 @@ def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> E
     )
 
 
-class PulseMotionTransform:
+class PulseMotionTransform(EachPulse):
     """Transform of moving paths to spectra of their echoes, the pulse's spectrum included.
 
     Takes path lengths in the middle of a pulse and their rates; else as

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,7 +95,23 @@ class PulseResult:
     folded: int
 
 
-class PulseTransform:
+class EachPulse(ABC):
+    """Transforms of pulses one by one."""
+
+    @abstractmethod
+    def __call__(
+        self, length_m: Real, amplitude: Weights, order: Real | None = None
+    ) -> PulseResult: ...
+
+    def pulses(
+        self, lengths_m: Real, weights: Weights, order: Real | None
+    ) -> Iterator[PulseResult]:
+        """A call for each of several pulses; weights (rows,) or (pulses, rows)."""
+        for number, length_m in enumerate(lengths_m):
+            yield self(length_m, weights[number] if weights.ndim > 1 else weights, order)
+
+
+class PulseTransform(EachPulse):
     """Sums of one synthesis, with buffers that are used again. For one thread at a time."""
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:

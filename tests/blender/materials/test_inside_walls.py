@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -77,3 +79,41 @@ def test_a_ball_that_moves_into_a_wall(tmp_path: Path) -> None:
     said = [one for one in run.job.frame_findings if one.code == "inside-a-wall"]
     assert [one.subjects for one in said] == [(f"Ball in {item.name}",)]
     assert said[0].frames == (2,)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_radar_inside_a_block(tmp_path: Path, inside: bool) -> None:
+    """Absorption, delay and the loss at the face are right; that rays leave straight is named."""
+    eps, depth_m, range_m = 2.25 + 0.002j, 0.7, 20.0
+    found = []
+    for used in (False, True):
+        rs.new_scene()
+        ph.field_of_view(0.02)
+        rs.add_plate(range_m)
+        if used:
+            add_box(
+                (-1, -1 if inside else 1, -1),
+                (1, depth_m + (0 if inside else 1), 1),
+                medium("M", eps),
+            )
+        run = ph.run_paths(tmp_path / str(used), width_px=4, height_px=4)
+        rows = run.table()
+        rows = rows[rows["last_scatterer_m"][:, 1] > range_m - 1]
+        power_w = rows["power_w"].sum()
+        found.append((power_w, np.average(rows["length_m"], weights=rows["power_w"])))
+    index = complex(np.sqrt(eps))
+    faces, through_m = (1, depth_m) if inside else (2, depth_m)
+    once = (1 - abs((index - 1) / (index + 1)) ** 2) ** faces
+    once *= math.exp(-4 * math.pi * index.imag * through_m * 5.3e9 / 299_792_458.0)
+    assert found[1][0] / found[0][0] == pytest.approx(once**2, rel=1e-3)
+    longer_m = 2 * (index.real - 1) * through_m
+    assert found[1][1] - found[0][1] == pytest.approx(longer_m, abs=1e-4)
+    said = [one for one in run.job.findings if one.code == "antenna-in-medium"]
+    assert len(said) == inside
+    if inside:
+        # A plane face spreads the waves of a point d below it as one d / n below it, by n.
+        straight = depth_m + (range_m - depth_m)
+        bent = depth_m + index.real * (range_m - depth_m)
+        assert said[0].numbers["power_db"] == pytest.approx(
+            40 * math.log10(bent / straight), rel=0.05
+        )

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import signal
+from radarsim_addon.blender.motion import burst_motion
 from radarsim_addon.contract import MOTION_FILE, frame_dir
 from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
@@ -177,6 +178,35 @@ def test_a_mesh_cache_is_a_cubic_through_whole_frames(tmp_path: Path, motion: st
         assert [f.code for f in record.findings] == ["motion-between-frames"]
     else:
         assert np.abs(speed + GRAVITY * 8.5 / FPS).max() < 1e-3
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_cache_with_frames_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, known: bool
+) -> None:
+    """Four frames of the file in five of the scene: straight lines between the file's frames."""
+    if not known:  # as of a file whose frames Blender does not say
+        monkeypatch.setattr(burst_motion, "cache_frames", lambda _: None)
+    mh.scene_at(20.0, 2.0)
+    item = mh.facets("Cached", [(0, 20.0, 0)], 1.2)
+    write_point_cache(tmp_path / "fall.pc2", item, 40)
+    cache = item.modifiers.new("Cache", "MESH_CACHE")
+    cache.cache_format, cache.filepath = "PC2", str(tmp_path / "fall.pc2")
+    cache.frame_start, cache.frame_scale = 1, 0.8
+    cache.forward_axis, cache.up_axis = "POS_Y", "POS_Z"
+    rows, _, record = measured(tmp_path / "run", 9)
+    shown = 0.8 * 9 - 1  # frame of the file
+    off = rows["range_rate_mps"] / rows["direction"][:, 1] + 0.8 * GRAVITY * shown / FPS
+    said = [one for one in record.findings if one.code == "cache-between-frames"]
+    if known:
+        assert np.abs(off).max() < 1e-4
+        assert not said
+    else:
+        (one,) = said
+        assert one.subjects == ("Cached",)
+        bound_mps = one.numbers["speed_mps"]
+        assert isinstance(bound_mps, float)
+        assert 0.01 < np.abs(off).max() < bound_mps < 0.5
 
 
 def test_a_simulation_zone_that_is_not_baked_is_played(tmp_path: Path) -> None:

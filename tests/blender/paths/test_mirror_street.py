@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy")
+bpy = pytest.importorskip("bpy")
+
+from mathutils import Matrix
 
 from radarsim_addon.blender.materials import physical_materials as pm
 from tests.blender import path_helpers as ph
@@ -32,9 +34,9 @@ def across(point: np.ndarray, wall: str) -> np.ndarray:
     return np.array([2 * WALLS[wall][0] - point[0], point[1], point[2]])
 
 
-def ways(point: np.ndarray, chain: tuple[str, ...]) -> list[np.ndarray] | None:
-    """Points from the radar over walls in their order to a point; None where there is no way."""
-    images = [RADAR]
+def ways(antenna: np.ndarray, point: np.ndarray, chain: tuple[str, ...]) -> list[np.ndarray] | None:
+    """Points from an antenna over walls in their order to a point; None where there is no way."""
+    images = [antenna]
     for wall in chain:
         images.append(across(images[-1], wall))
     stations, at = [point], point
@@ -47,7 +49,7 @@ def ways(point: np.ndarray, chain: tuple[str, ...]) -> list[np.ndarray] | None:
         if not (WALL_Y[0] <= at[1] <= WALL_Y[1] and WALL_Z[0] <= at[2] <= WALL_Z[1]):
             return None
         stations.append(at)
-    stations.append(RADAR)
+    stations.append(antenna)
     for a, b in itertools.pairwise(stations):
         for x, y, z, half in PLATES:
             if min(a[1], b[1]) + 1e-6 < y < max(a[1], b[1]) - 1e-6:
@@ -69,10 +71,14 @@ def one_way(stations: list[np.ndarray]) -> tuple[float, complex]:
     return length, field
 
 
-def test_all_paths_of_a_street(tmp_path: Path) -> None:
+@pytest.mark.parametrize("transmitter", [RADAR, np.array([-1.2, 6.0, 0.8])], ids=["mono", "bi"])
+def test_all_paths_of_a_street(tmp_path: Path, transmitter: np.ndarray) -> None:
     rs.new_scene()
     ph.field_of_view(30)
     ph.radar_at(tuple(RADAR))
+    bpy.context.view_layer.update()
+    if transmitter is not RADAR:
+        bpy.data.objects["Radar Emitter"].matrix_world = Matrix.Translation(transmitter)
     wall = pm.make_physical_material(
         "Wall", "index", carrier_hz=5.3e9, n=INDEX.real, k=INDEX.imag, penetrable=False
     )
@@ -97,35 +103,43 @@ def test_all_paths_of_a_street(tmp_path: Path) -> None:
     ]
     assert sorted(chain_of) == sorted(CHAINS)
     assert not [item for item in record.findings if "mirror" in item.code]
-    direct = rows[rows["order"] == 1]
-    assert direct.size > 10
-    assert {int(n) for n in direct["last_object"]} == {
+    assert {int(n) for n in rows["last_object"]} == {
         record.objects.index(f"Plate {number}") + 1 for number in range(3)
     }
     found, missing, error_m, error_db = 0, 0, 0.0, 0.0
-    for start in direct:
-        point = start["last_scatterer_m"]
-        _, field = one_way(ways(point, ()) or [])
-        mine = rows[(rows["point"] == start["point"])] if start["point"] else start[None]
+    # the paths of one point, each alone where a point has one only
+    keys = np.where(rows["point"] > 0, rows["point"].astype(int), -1 - np.arange(rows.size))
+    groups = [rows[keys == key] for key in np.unique(keys)]
+    assert len(groups) > 10
+    for mine in groups:
+        point = mine[0]["last_scatterer_m"]
         paths: dict[tuple[tuple[str, ...], ...], np.ndarray] = {
             (chain_of[row["receiver_image"]], chain_of[row["transmitter_image"]]): row
             for row in mine
         }
         assert len(paths) == len(mine)
-        known = {chain: way for chain in CHAINS if (way := ways(point, chain)) is not None}
-        expected = {pair for pair in itertools.product(known, repeat=2) if sum(map(len, pair)) <= 2}
+        known = [
+            {
+                chain: one_way(way)
+                for chain in CHAINS
+                if (way := ways(end, point, chain)) is not None
+            }
+            for end in (RADAR, transmitter)
+        ]
+        expected = {pair for pair in itertools.product(*known) if sum(map(len, pair)) <= 2}
         missing += len(expected ^ set(paths))
+        fields = {pair: known[0][pair[0]][1] * known[1][pair[1]][1] for pair in expected}
+        first = next(iter(sorted(expected & set(paths), key=lambda pair: sum(map(len, pair)))))
         for pair in expected & set(paths):
-            legs = [one_way(known[chain]) for chain in pair]
-            error_m = max(error_m, abs(paths[pair]["length_m"] - legs[0][0] - legs[1][0]))
-            ratio = legs[0][1] * legs[1][1] / field**2
-            power = paths[pair]["power_w"] / start["power_w"]
+            length = sum(known[end][pair[end]][0] for end in (0, 1))
+            error_m = max(error_m, abs(paths[pair]["length_m"] - length))
+            ratio = fields[pair] / fields[first]
+            power = paths[pair]["power_w"] / paths[first]["power_w"]
             error_db = max(error_db, abs(10 * np.log10(power / abs(ratio) ** 2)))
-            if sum(map(len, pair)):
-                turn = np.exp(1j * paths[pair]["mirror_phase_rad"]) * ratio / abs(ratio)
-                assert abs(np.angle(turn)) < 1e-3
+            turned_rad = paths[pair]["mirror_phase_rad"] - paths[first]["mirror_phase_rad"]
+            assert abs(np.angle(np.exp(1j * turned_rad) * ratio / abs(ratio))) < 1e-3
             found += 1
-    assert found > 4 * direct.size
+    assert found > 4 * len(groups)
     assert missing == 0
     assert error_m < 1e-5
     assert error_db < 0.05

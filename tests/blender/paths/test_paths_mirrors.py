@@ -16,6 +16,8 @@ from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
 
 bpy = pytest.importorskip("bpy")
 
+from mathutils import Matrix
+
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import is_mirror_like
 from radarsim_addon.blender.materials import physical_materials as pm
@@ -269,6 +271,60 @@ def test_narrow_lobes_are_kept_as_measured(tmp_path: Path) -> None:
     assert np.all(rows["receiver_image"] == 0)
     assert np.all(rows["point"][rows["mirrors"] > 0] == 0)
     assert {1, 2, 3} == set(rows["order"])
+
+
+def stand_apart(x: float, y: float, z: float) -> None:
+    """Put the transmitter at a place of its own."""
+    bpy.context.view_layer.update()
+    bpy.data.objects["Radar Emitter"].matrix_world = Matrix.Translation((x, y, z))
+
+
+def test_narrow_lobes_of_a_bistatic_radar_are_kept_as_measured(tmp_path: Path) -> None:
+    scene()
+    stand_apart(6.0, 5.0, HEIGHT_M)
+    plate = bpy.data.objects["Plate"]
+    plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
+    run = measure(tmp_path, pixels=256)
+    rows = run.table()
+    found = {item.code: item for item in run.record().findings}
+    assert found["mirror-lobe-narrow"].subjects == ("Plate",)
+    assert np.all(rows["receiver_image"] == 0)
+    assert np.all(rows["point"][rows["mirrors"] > 0] == 0)
+    assert {1, 2, 3} == set(rows["order"])
+
+
+def test_a_mirror_that_the_receiver_alone_faces(tmp_path: Path) -> None:
+    """A wall between the antennas, closed towards the transmitter: its image is the receiver's."""
+    scene(ph.rough_metal)
+    stand_apart(8.0, 20.0, HEIGHT_M)
+    box("Wall", (3.0, 10.0, 0.0), (3.5, 30.0, 8.0))
+    bpy.data.objects["Wall"].data.materials[0] = ph.mirror()
+    run = measure(tmp_path, pixels=256)
+    record, rows = run.record(), run.table()
+    number = 1 + [image.normals[0][0] for image in record.images].index(-1.0)
+    plate = rows[rows["last_object"] == record.objects.index("Plate") + 1]
+    back = plate[(plate["receiver_image"] == number) & (plate["order"] == 2)]
+    direct = {row["point"]: row for row in plate[plate["order"] == 1]}
+    assert back.size > 5
+    image_m = np.array([6.0, 0.0, HEIGHT_M])
+    for row in back:
+        point = row["last_scatterer_m"]
+        ways = [float(np.linalg.norm(point - place)) for place in (image_m, (0, 0, HEIGHT_M))]
+        added_m = row["length_m"] - direct[row["point"]]["length_m"]
+        assert added_m == pytest.approx(ways[0] - ways[1], abs=1e-5)
+        ratio = row["power_w"] / direct[row["point"]]["power_w"]
+        assert ratio == pytest.approx((ways[1] / ways[0]) ** 3, rel=1e-3)
+    # seen in the wall as well: what the computed paths hold is there once
+    seen = plate[(plate["order"] == 2) & (plate["receiver_image"] == 0)]
+    seen = seen[seen["mirrors"] == 0]
+    assert not np.any(np.abs(seen["first_scatterer_m"][:, 0] - 3.0) < 1e-3)
+
+
+def test_an_orthographic_receiver_is_named(tmp_path: Path) -> None:
+    scene(view_deg=4.0)
+    bpy.context.scene.camera.data.type = "ORTHO"
+    codes = {item.code for item in measure(tmp_path, pixels=16).record().findings}
+    assert "mirror-ways-not-in-phase" in codes
 
 
 def test_rows_of_the_transmitter_stay_bit_by_bit(tmp_path: Path) -> None:

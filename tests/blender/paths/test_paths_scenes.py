@@ -108,7 +108,10 @@ def test_linked_library(tmp_path: Path) -> None:
     rows, record = run.table(), run.record()
     assert_plates_seen(rows, ps.PLACES)
     assert record.range_encoding == "world"
-    assert {record.objects[n - 1] for n in rows["last_object"]} == {"Plate", "Foreign plate"}
+    assert {record.objects[n - 1] for n in rows["last_object"]} == {
+        "Plate [library.blend]",
+        "Foreign plate [library.blend]",
+    }
 
 
 # -- scales ----------------------------------------------------------------------------------------

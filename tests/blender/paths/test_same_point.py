@@ -23,7 +23,7 @@ def test_both_ways_of_a_point() -> None:
     rows["point"] = [4, 4, 4, 5]
     rows["power_w"] = [4.0, 2.0, 1.0, 9.0]
     rows["mirror_phase_rad"] = [0.0, 0.5, -0.7, 0.1]
-    images = [FLOOR, SLOPE]
+    images = PathImages.of([FLOOR, SLOPE], np.zeros((0, 2)))
     every = add_reverse_paths(rows, images, radar, radar, 3)
     mine = every[every["point"] == 4]
     field = {0: 2.0, 1: math.sqrt(2) * np.exp(0.5j), 2: 1.0 * np.exp(-0.7j)}

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -15,6 +17,8 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import clutter_of, fluctuation_of
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
+from radarsim_addon.blender.ui import clutter_panel
+from radarsim_addon.blender.ui import sigma0_plot as plot
 from radarsim_addon.blender.ui.clutter_panel import RADARSIM_PT_material_clutter as panel
 from radarsim_addon.contract import FluctuationRecord
 from radarsim_addon.physics.clutter import clutter_model
@@ -32,6 +36,7 @@ def material() -> Iterator[Any]:
     try:
         yield make_physical_material("Sea", "sea_water", carrier_hz=9.65e9)
     finally:
+        clutter_panel.forget_plots()
         properties.unregister()
 
 
@@ -49,6 +54,9 @@ class Layout:
 
     def prop(self, _data: Any, name: str) -> None:
         self.shown.append(name)
+
+    def template_icon(self, *, icon_value: int, scale: float) -> None:
+        self.shown.append(f"plot at {scale:.3g}")
 
 
 def drawn(material: Any) -> str:
@@ -106,6 +114,59 @@ def test_fields_of_texture_and_motion(material: Any) -> None:
     assert all(name in text for name in ("texture_length_m", "motion_speed_mps", "motion_fraction"))
     fields.texture_length_m = 0.0
     assert "Length of the texture" in drawn(material)
+
+
+def test_plot_shows_both_curves_over_the_valid_angles() -> None:
+    """Curves pass where sigma0 is; columns from 0.1 to 60 degrees are light."""
+    sea, angles_rad = clutter_model("nrl_sea"), plot.plot_angles_rad()
+    levels = np.array([
+        sea.sigma0_db(9.65e9, angles_rad, side, sea_state=3) for side in ("horizontal", "vertical")
+    ])  # fmt: skip
+    picture = plot.draw_sigma0(levels, sea.is_valid(9.65e9, angles_rad))
+    area = picture[plot.TOP : plot.SIDE - plot.BOTTOM, plot.LEFT : plot.SIDE - plot.RIGHT, :3]
+    # from 10 dB at the top to -60 dB
+    for level_db, colour in zip(levels, plot.COLOURS, strict=True):
+        for column in (20, 120, 220):
+            rows = np.flatnonzero((area[:, column] == np.float32(colour)).all(axis=1))
+            found_db = 10 - 70 * rows.mean() / (area.shape[0] - 1)
+            assert found_db == pytest.approx(level_db[column], abs=0.6)
+    corner = area[5, :, 0]
+    light = np.degrees(angles_rad[corner > corner.min()])
+    assert light.min() == pytest.approx(0.1, rel=0.02)
+    assert light[light < 80].max() == pytest.approx(60, rel=0.03)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_plot_is_drawn_again_only_after_a_change(
+    material: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, table: bool
+) -> None:
+    """The least of 40 redraws takes 5 ms at most, also with a table of 3000 rows."""
+    drawn_pictures = []
+    real = plot.draw_sigma0
+    monkeypatch.setattr(
+        clutter_panel, "draw_sigma0", lambda *given: drawn_pictures.append(1) or real(*given)
+    )
+    fields, path = material.radarsim, tmp_path / "field.csv"
+    fields.clutter = "table" if table else "nrl_sea"
+    if table:
+        rows = "".join(f"{angle:.3f},-20\n" for angle in np.linspace(0.1, 90, 3000))
+        path.write_text("grazing_deg,sigma0_db\n" + rows)
+        fields.clutter_path = str(path)
+    assert "plot at 16" in drawn(material)
+    times_s = []
+    for _ in range(40):
+        began_s = time.process_time()
+        drawn(material)
+        times_s.append(time.process_time() - began_s)
+    assert len(drawn_pictures) == 1
+    assert min(times_s) < 5e-3, min(times_s)
+    if table:
+        path.write_text("grazing_deg,sigma0_db\n1,-30\n2,-10\n")
+        assert "0.3\u00b0:  -30.0" in drawn(material)
+    else:
+        fields.clutter_sea_state = 1.5
+        drawn(material)
+    assert len(drawn_pictures) == 2
 
 
 def test_panel_is_for_physical_materials(material: Any) -> None:

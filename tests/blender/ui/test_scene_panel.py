@@ -183,6 +183,12 @@ def test_weather_is_said_in_its_header(scene: Any) -> None:
     settings(rig).rain_mm_per_h = 10.0
     (text,) = (text for text in recording.drawn(*recording.TAB).texts if text.endswith(" dB/km"))
     assert float(text.split()[0]) == pytest.approx(5.82, rel=0.01)
+    drawn = recording.drawn(*recording.TAB)
+    assert "The echo of rain is left out" in drawn.texts and "wind_x_mps" not in drawn.fields
+    settings(rig).rain_echo = True
+    drawn = recording.drawn(*recording.TAB)
+    assert "The echo of rain is left out" not in drawn.texts
+    assert {"rain_echo", "wind_x_mps", "wind_y_mps"} <= set(drawn.fields)
 
 
 def test_quality_sets_replicates_and_refinement(scene: Any) -> None:

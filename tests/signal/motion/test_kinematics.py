@@ -332,6 +332,10 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
     write_tracks(tmp_path, dataclasses.replace(tracks(), vertices=np.array([[0, 1, 7]], np.int32)))
     with pytest.raises(FrameFileError, match="vertices up to 7"):
         read_motion(tmp_path, 1, digest)
+    edges = VertexSeries(np.array([False, True]), tracks().series[2].series[:1])
+    write_tracks(tmp_path, dataclasses.replace(tracks(), series={2: edges}))
+    with pytest.raises(FrameFileError, match="edges_s_2 holds values of type bool"):
+        read_motion(tmp_path, 1, digest)
 
 
 def test_no_pickle_in_tracks(tmp_path: Path) -> None:

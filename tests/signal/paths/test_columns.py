@@ -23,6 +23,7 @@ from radarsim_addon.signal.paths import (
     COLUMN_GROUPS,
     PATH_DTYPE,
     PATH_FLAGS,
+    PathColumns,
     PathGeometry,
     open_frame_table,
     open_table,
@@ -309,3 +310,20 @@ def test_join_fills_what_one_part_does_not_have() -> None:
     np.testing.assert_array_equal(moved, plain.length_m + 2 * plain.range_rate_mps)
     again = Paths.join([plain, plain])
     assert (again.gain, again.phasors, again.motion) == (None, None, None)
+
+
+def test_columns_are_those_of_the_rows() -> None:
+    """Whatever is asked for first: columns, rows of them, and columns of other values."""
+    rows = random_rows(40)
+    numbers = np.array([3, 3, 39, 0, 17])
+    columns = PathColumns(rows, numbers, {"power_w": np.arange(5.0)})
+    assert columns.size == 5 and columns.dtype == rows.dtype
+    assert np.array_equal(columns["direction"], rows["direction"][numbers])
+    later = columns[np.array([4, 1])]
+    for name in rows.dtype.names:
+        own = rows[name][numbers] if name != "power_w" else np.arange(5.0)
+        assert np.array_equal(columns[name], own, equal_nan=True)
+        assert np.array_equal(later[name], own[[4, 1]], equal_nan=True)
+    copy = columns.copy()
+    copy["order"] = copy["order"] + 1
+    assert np.array_equal(columns["order"] + 1, copy["order"])

@@ -119,6 +119,14 @@ def test_what_is_damaged_is_done_again(folder: Path, done: Path) -> None:
     assert not differences(products(folder), products(done))
 
 
+@pytest.mark.parametrize("suffix", [".json", ".npz"])
+def test_a_folder_in_a_files_place_ends_no_run(folder: Path, suffix: str) -> None:
+    """Who needs the file names it; this one is nobody's."""
+    (folder / f"frames/frame_0001/odd{suffix}").mkdir()
+    assert processed(folder) == [1]
+    assert processed(folder) == []
+
+
 def test_a_frame_that_was_measured_again_is_processed(folder: Path) -> None:
     changed = write_run(folder.parent / "other", SETUP, points(SETUP, [(5, 6, 310.0, 5.0, 1e-6)]))
     shutil.copytree(changed / "frames/frame_0003", folder / "frames/frame_0003", dirs_exist_ok=True)

@@ -76,6 +76,7 @@ def test_pickles_are_not_read(tmp_path: Path) -> None:
     ("data", "message"),
     [
         ({"kind": "sonar"}, "sonar.*expected one of arbitrary"),
+        ({"kind": ["lfm"]}, "of kind \\[.lfm.\\]; expected one of arbitrary"),
         ({"kind": "fmcw", "carrier_hz": 77e9}, "lacks bandwidth_hz, adc_samples"),
         ({**waveform_to_dict(FMCW), "slope": 1}, "unknown field 'slope'"),
         (

@@ -196,4 +196,5 @@ def test_steps_of_the_expected_power_are_those_of_the_echoes(ground: FrameInput)
         index, rows = own.points(numbers)
         assert index.size > 2 * numbers.size
         for again in (handed.points(numbers), handed.points(numbers), own.points(numbers)):
-            assert (again[0] == index).all() and (again[1] == rows).all()
+            assert (again[0] == index).all()
+            assert all((again[1][name] == rows[name]).all() for name in table.rows.dtype.names)

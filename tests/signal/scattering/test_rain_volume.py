@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -133,3 +134,19 @@ def test_no_rain_no_points(tmp_path: Path) -> None:
     frame = opened(scene(tmp_path / "run"))
     assert rain_rows(frame, Weather(rain_echo=True), 0).size == 0
     assert rain_rows(frame, Weather(rain_mm_per_h=10.0), 0).size == 0
+
+
+def test_what_is_said_of_the_echo_is_what_was_done(tmp_path: Path) -> None:
+    """Before an orthographic receiver rain returns nothing, and the finding says so."""
+    receiver = pr.camera(pr.pose((0, 0, 0)), HALF_DEG)
+    receiver = dataclasses.replace(
+        receiver, kind="orthographic", left=-40.0, right=40.0, bottom=-40.0, top=40.0
+    )
+    emitter = contract.TransmitterRecord(receiver.matrix_world, EIRP_W)
+    plate = pr.plate("Wall", (0, WALL_M, 0), 50.0)
+    rows = pr.trace([plate], receiver, emitter, 16)
+    pr.write_run(tmp_path / "run", rows, ["Wall"], receiver, emitter, range_limits_m=1500.0)
+    found = result(tmp_path / "run", RAIN)
+    codes = {item.code for item in found.findings}
+    assert "rain-echo-left-out" in codes and "rain-echo" not in codes
+    assert found.expected is not None and found.expected.clutter_map is None

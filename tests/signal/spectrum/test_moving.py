@@ -13,7 +13,15 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.motion import LinearMotion, PathMotion
-from radarsim_addon.signal.spectrum import FrequencyGrid, Spectrum, SpectrumAccumulator
+from radarsim_addon.signal.spectrum import (
+    FrequencyGrid,
+    Ramp,
+    ReceiveWindow,
+    Spectrum,
+    SpectrumAccumulator,
+)
+from radarsim_addon.signal.spectrum.grid import SynthesisContext
+from radarsim_addon.signal.spectrum.ramp import RampTransform
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
 Body = Callable[[np.longdouble], np.ndarray]
@@ -161,3 +169,28 @@ def test_range_migration_over_many_bins(backend) -> None:
     peak = np.argmax(np.abs(np.fft.ifft(alone, axis=1)), axis=1)
     assert peak[-1] - peak[0] == pytest.approx(bins, abs=1.5)
     assert bins > 15
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("bend_m", [0.0, 1e-6, 3e-3])
+def test_pulses_together_are_those_one_by_one(weighted: bool, bend_m: float) -> None:
+    """Ramps of few paths, some of them beyond what is received, against the direct sum."""
+    pulses, rows, count = 7, 30, 64
+    rng = np.random.default_rng(1)
+    ramp = Ramp(2e-7, 2e13)
+    context = SynthesisContext.of(
+        FrequencyGrid(77e9, 4e6, count), ReceiveWindow(1e-7, 2.4e-7), None, ramp, None
+    )  # fmt: skip
+    middle_m = rng.uniform(2.0, 80.0, (pulses, rows))
+    moved_m = rng.uniform(-40, 40, (pulses, rows)) * ramp.half_s(count)
+    lengths_m = np.stack([middle_m - moved_m, middle_m, middle_m + moved_m + bend_m], axis=1)
+    weights = rng.normal(size=(pulses, rows) if weighted else rows) + 0j
+    ways = {name: RampTransform(context, 1e-6, name) for name in ("auto", "direct")}
+    together = list(ways["auto"].pulses(lengths_m, weights, None))
+    assert len(together) == pulses
+    for number, found in enumerate(together):
+        own = weights[number] if weighted else weights
+        exact = ways["direct"](lengths_m[number], own)
+        assert found.kept == exact.kept < rows
+        assert relative(found.values, exact.values) < 1e-7
+        assert found.error.energy == pytest.approx(exact.error.energy, rel=1e-12)

@@ -49,6 +49,23 @@ def test_more_points_than_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(nufft1(points, values, 50, backend="numpy"), whole, atol=1e-11)
 
 
+@pytest.mark.skipif(not nufft.RowsType1.possible(), reason="finufft 2.4 is not installed")
+@pytest.mark.parametrize("size", [1, 8, 101, 500])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
+def test_rows_of_points_meet_their_tolerance(size: int, tolerance: float) -> None:
+    """Against the direct sum, points at both ends of the circle included."""
+    rng = np.random.default_rng(size)
+    points = rng.uniform(-np.pi, np.pi, (5, 60))
+    points[:, :2] = np.pi, -np.pi
+    values = rng.normal(size=(3, 5, 60)) + 1j * rng.normal(size=(3, 5, 60))
+    k = np.arange(size) - size // 2
+    expected = np.einsum("smn,mnk->smk", values, np.exp(-1j * points[:, :, None] * k))
+    found = nufft.RowsType1(size, tolerance)(points, values)
+    assert found.shape == expected.shape
+    most = np.abs(values).sum(axis=-1).max()
+    assert np.abs(found - expected).max() < (tolerance + 5e-15 * size) * most
+
+
 def test_no_points_give_zeros() -> None:
     assert not nufft1(np.empty(0), np.empty(0), 5).any()
 
