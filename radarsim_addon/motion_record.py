@@ -29,7 +29,8 @@ class BodyRecord:
     instance tells instances of one object apart; it is empty for the object itself. Without
     pieces the body is stationary. noise_m is what the samples scatter about the fit,
     displacement_error_bound_m bounds the error of a displacement, both at the body's farthest
-    point.
+    point. box holds the low and the high corner of a turning body's mesh, in its own axes [m at
+    scale 1]; empty where it is not known.
     """
 
     object: str
@@ -39,6 +40,7 @@ class BodyRecord:
     segments: list[SegmentRecord]
     noise_m: float
     displacement_error_bound_m: float
+    box: list[list[float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         check_pose(self.pose)

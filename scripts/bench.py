@@ -28,8 +28,10 @@ from radarsim_addon.atomic_files import write_json, write_text  # noqa: E402
 
 #: The street canyon's cost and error, frames of a moving car, scenes of many objects, the demo;
 #: then error against time in the paper's scene, cost against the number of paths, echo synthesis,
-#: motion by both methods.
-PARTS = ("canyon", "frames", "scenes", "demo", "paper", "scaling", "synthesis", "motion")
+#: motion by both methods, rows over a clutter surface.
+PARTS = (
+    "canyon", "frames", "scenes", "demo", "paper", "scaling", "synthesis", "motion", "clutter",
+)  # fmt: skip
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -72,6 +74,7 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
     from radarsim_addon import __version__
     from scripts.benchmarks.accuracy import run_accuracy
     from scripts.benchmarks.canyon import run_canyon, run_canyon_error
+    from scripts.benchmarks.clutter_costs import run_clutter
     from scripts.benchmarks.motion import run_motion
     from scripts.benchmarks.scaling import run_scaling
     from scripts.benchmarks.sionna_canyon import run_sionna
@@ -113,6 +116,9 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
         if "motion" in parts:
             say("motion by both methods")
             result["motion"] = run_motion(folder / "motion")
+        if "clutter" in parts:
+            say("rows over a clutter surface")
+            result["clutter"] = run_clutter(folder, quick)
         if "paper" in parts:
             say("error against time")
             result["accuracy"] = run_accuracy(blend, folder, quick)

@@ -12,7 +12,7 @@ from radarsim_addon.blender.plan import Measurement, PathOptions, RunSettings, r
 from radarsim_addon.contract import LinkBudget
 from radarsim_addon.option_arguments import settings_table
 from radarsim_addon.options import declared
-from radarsim_addon.signal import Cfar, ProcessOptions, Receiver
+from radarsim_addon.signal import Cfar, ProcessOptions, Receiver, SpectrogramOptions
 from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
@@ -46,7 +46,13 @@ def page() -> str:
     for name, kind in PATTERNS.items():
         add(f"Antenna `{name}`", kind)
     add("Weather (`radarsim render`, `radarsim process`)", Weather, render)
-    for title, kind in {"Processing": ProcessOptions, "Receiver": Receiver, "CFAR": Cfar}.items():
+    processing = {
+        "Processing": ProcessOptions,
+        "Receiver": Receiver,
+        "CFAR": Cfar,
+        "Spectrogram": SpectrogramOptions,
+    }
+    for title, kind in processing.items():
         add(f"{title} (`radarsim process`)", kind, declared(kind))
     return "\n".join(parts)
 

@@ -20,6 +20,9 @@ from .ui import (
     overlays,
     panels,
     preset_menu,
+    result_files,
+    result_settings,
+    results_panel,
     scene_panel,
 )
 from .ui import link_budget_panel as system_panel
@@ -29,6 +32,8 @@ CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
     *coverage_operator.CLASSES,
     *preset_menu.CLASSES,
+    *results_panel.CLASSES,
+    *result_files.CLASSES,
     *fixes.CLASSES,
     *material_names.CLASSES,
     *panels.RADAR_CLASSES,
@@ -54,6 +59,7 @@ def register() -> None:
         own_folder(own)
     remove_abandoned_folders()
     follow_evaluations()
+    result_settings.register_results()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -67,5 +73,6 @@ def unregister() -> None:
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)
+    result_settings.unregister_results()
     ignore_evaluations()
     rig_settings.unregister()

@@ -180,6 +180,30 @@ _MODELS = (
 )
 
 
+def nathanson_sea(sea_state: int) -> str:
+    """Return the file with Nathanson's measured sigma0 of the sea, for the model 'table'.
+
+    Parameters
+    ----------
+    sea_state
+        Douglas sea state, 0 to 6, a whole number.
+
+    Returns
+    -------
+    str
+        Path of the CSV file. Of frequencies with five angles at least: 0.5 to 35 GHz, fewer at sea
+        states 0 and 6; 0.1 to 60 degrees, in part from 1 degree on.
+
+    Raises
+    ------
+    ConfigError
+        Another sea state.
+    """
+    if sea_state not in range(7):
+        raise ConfigError(f"Sea state is {sea_state!r}; expected a whole number from 0 to 6.")
+    return str(Path(__file__).with_name("sea_tables") / f"sea_state_{int(sea_state)}.csv")
+
+
 def clutter_models() -> MappingProxyType[str, ClutterModel]:
     """Return the models that need no file, by name (read only).
 

@@ -42,14 +42,15 @@ Compression
 Standard errors (acquisition "paths")
     expected_power -> ExpectedPower
 Map
-    range_doppler -> RangeDopplerMap; power_to_db
+    range_doppler -> RangeDopplerMap; power_to_db; spectrogram -> Spectrogram, SpectrogramOptions
 MTI
     mti_cancel, mti_response
 Detection
     detect_targets -> Detections, Detection; Cfar, cfar_threshold -> CfarResult;
     find_peaks -> Peak; leading_edges -> LeadingEdge; peak_to_background_db
 Products and pictures
-    write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler, save_figure
+    write_products; plot_rings, plot_echo, plot_range_profile, plot_range_doppler,
+    plot_spectrogram, save_figure
 A whole run
     process_run(path, ProcessOptions(...)) yields Progress and FrameResult;
     open_frame -> FrameInput; ProcessOptions.for_run -> ResolvedOptions; process_frame(FrameInput,
@@ -99,6 +100,8 @@ from .maps import (
     PowerProfile,
     RangeDopplerMap,
     RangeProfiles,
+    Spectrogram,
+    SpectrogramOptions,
     expected_power,
     expected_power_profile,
     map_noise_gain,
@@ -108,9 +111,17 @@ from .maps import (
     range_doppler,
     range_noise_gain,
     range_process,
+    spectrogram,
 )
 from .paths import PathCounts, PathFlag, Paths, make_paths, path_power_w
-from .pictures import plot_echo, plot_range_doppler, plot_range_profile, plot_rings, save_figure
+from .pictures import (
+    plot_echo,
+    plot_range_doppler,
+    plot_range_profile,
+    plot_rings,
+    plot_spectrogram,
+    save_figure,
+)
 from .pipeline import (
     FrameResult,
     ProcessOptions,
@@ -195,6 +206,8 @@ __all__ = [
     "Receiver",
     "ResolvedOptions",
     "Run",
+    "Spectrogram",
+    "SpectrogramOptions",
     "Spectrum",
     "SpectrumAccumulator",
     "SteppedWaveform",
@@ -232,6 +245,7 @@ __all__ = [
     "plot_range_doppler",
     "plot_range_profile",
     "plot_rings",
+    "plot_spectrogram",
     "power_to_db",
     "process_frame",
     "process_run",
@@ -244,6 +258,7 @@ __all__ = [
     "replica_spectrum",
     "save_figure",
     "slow_time_window",
+    "spectrogram",
     "synthesize",
     "waveform_from_dict",
     "waveform_to_dict",

@@ -12,6 +12,7 @@ import numpy as np
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.array_types import Real
+from radarsim_addon.blender import nodes
 from radarsim_addon.physics.clutter import clutter_model
 from radarsim_addon.physics.clutter_statistics import clutter_velocities, texture
 from radarsim_addon.physics.materials import material as library
@@ -130,6 +131,53 @@ def fluctuations(_bench: Bench) -> list[Check]:
     ]  # fmt: skip
 
 
+def effective_roughness(bench: Bench) -> list[Check]:
+    """A Simple material with Specularity 1 - S^2: the Lambert variant of Degli-Esposti's walls.
+
+    Of the power that the boundary reflects, S^2 is scattered: sigma0 = 4 S^2 F sin^2 psi; its
+    integral over all directions, S^2 F, and the mirrored rest (1 - S^2) F make up F.
+    """
+    checks = []
+    for scattering in (0.2, 0.6):
+        new_scene(12.0)
+        material = nodes.make_material(
+            "Wall", n=2.4, kappa=0.1, specularity=1 - scattering**2, roughness=0.0
+        )
+        tilt, spin = math.radians(50.0), math.radians(25.0)
+        right = np.array([math.cos(spin), math.sin(spin), 0.0])
+        ahead = np.array([-math.sin(spin), math.cos(spin), 0.0])
+        back = math.sin(tilt) * ahead + math.cos(tilt) * np.array([0.0, 0.0, 1.0])
+        plate = Plate(np.array([3.0, 20.0, 1.0]), 60 * right, 110 * back)
+        add_plate("Wall", plate, material)
+        rows = acquire(bench, 64, 1, carrier_hz=CARRIER_HZ).rows
+        sine = np.abs(rows["direction"] @ plate.normal)
+        range_m = rows["length_m"] / 2
+        measured = rows["power_w"] * range_m**2 * sine / rows["solid_angle_sr"] / LINK
+        expected = 4 * scattering**2 * _fresnel(2.4 + 0.1j, sine) * sine**2
+        error_db = 10 * np.log10(measured / expected)
+        worst = int(np.argmax(np.abs(error_db)))
+        checks.append(
+            power_check(
+                f"sigma0 of a wall by effective roughness, S = {scattering:g}, "
+                f"{np.degrees(np.arcsin(sine.min())):.0f} to "
+                f"{np.degrees(np.arcsin(sine.max())):.0f} deg",
+                float(expected[worst]),
+                float(measured[worst]),
+                0.01,
+                "4 S^2 F sin^2",
+                unit="dB",
+            )
+        )
+    return checks
+
+
+def _fresnel(index: complex, sine: Real) -> Real:
+    """Mean reflectance of both polarisations at sines of grazing angles."""
+    root = np.sqrt(index**2 - (1 - sine**2))
+    h, v = (sine - root) / (sine + root), (index**2 * sine - root) / (index**2 * sine + root)
+    return np.asarray((np.abs(h) ** 2 + np.abs(v) ** 2) / 2)
+
+
 def other_directions(bench: Bench) -> list[Check]:
     """Totals of a bistatic plate and of second reflections at a wall, against integrals."""
     return [_bistatic(bench), *_second_reflections(bench)]
@@ -210,6 +258,7 @@ GROUP = Group(
         Case("tables", against_table, 5.0, quick=True),
         Case("paths", of_paths, 30.0),
         Case("fluctuations", fluctuations, 20.0),
+        Case("effective roughness", effective_roughness, 20.0),
         Case("other directions", other_directions, 60.0),
         Case("level ground", level_ground, 30.0),
         Case("sea profile", sea_profile, 30.0),

@@ -84,6 +84,14 @@ def test_disabling_leaves_nothing_behind(found: dict[str, Any], moment: str):
     assert not any(found["before"].values())
 
 
+def test_uninstalling_leaves_nothing_behind(found: dict[str, Any]) -> None:
+    """No class, property, handler or operator, no file of its own, no word in another file."""
+    assert found["uninstalled"] == ["FINISHED"]
+    assert found["files_before"] > 300
+    assert found["after_uninstall"] == found["before"] | {"files": []}
+    assert found["addons"] == []
+
+
 def test_it_can_be_enabled_again(found: dict[str, Any]):
     assert found["enabled_again"] == found["enabled_traces"]
 

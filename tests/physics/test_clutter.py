@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.clutter import clutter_model, clutter_models
+from radarsim_addon.physics.clutter import clutter_model, clutter_models, nathanson_sea
 
 DATA = Path(__file__).parents[1] / "data"
 SIDES = {"HH": "horizontal", "VV": "vertical", "any": "average"}
@@ -136,3 +136,41 @@ def test_a_table_that_cannot_be_right_is_refused(tmp_path: Path, rows: str, said
 def test_columns_of_a_table_are_checked(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         clutter_model("table", _table(tmp_path, text))
+
+
+def test_nathansons_tables_deviate_from_the_nrl_model_as_its_report_says() -> None:
+    """The report: 2.64 dB (267 values of HH), 2.54 dB (286 of VV); and values of another copy."""
+    sea, found = clutter_model("nrl_sea"), {}
+    for state in range(7):
+        for line in Path(nathanson_sea(state)).read_text().splitlines():
+            cells = line.removeprefix("# ").split(",")
+            if len(cells) == 4 and cells[0][0].isdigit():
+                found[state, cells[3], float(cells[2]), float(cells[0])] = float(cells[1])
+    for side, count, mean_db in (("HH", 267, 2.64), ("VV", 286, 2.54)):
+        errors = [
+            value - sea.sigma0_db(ghz * 1e9, np.radians(deg), SIDES[side], sea_state=state)
+            for (state, own, ghz, deg), value in found.items()
+            if own == side
+        ]
+        assert len(errors) == count
+        assert np.mean(np.abs(errors)) == pytest.approx(mean_db, abs=0.005)
+    # at 9.3 GHz by another reader of the report: sea states 1, 3, 5
+    for deg, side, levels in (
+        (1.0, "HH", (-51, -40, -34)),
+        (1.0, "VV", (-50, -39, -33)),
+        (10.0, "HH", (-51, -37, -30)),
+        (10.0, "VV", (-42, -32, -25)),
+    ):
+        for state, level in zip((1, 3, 5), levels, strict=True):
+            table = clutter_model("table", nathanson_sea(state))
+            db = table.sigma0_db(9.3e9, np.radians(deg), SIDES[side])
+            assert db == pytest.approx(level, abs=1e-9)
+
+
+def test_nathansons_tables_hold_for_common_radars() -> None:
+    for state in range(1, 6):
+        table = clutter_model("table", nathanson_sea(state))
+        assert table.is_valid([1.25e9, 9.3e9, 17e9], np.radians(1.0)).all()
+        assert table.is_valid(9.3e9, np.radians([1.0, 60.0])).all()
+    with pytest.raises(ConfigError, match="Sea state is 7"):
+        nathanson_sea(7)

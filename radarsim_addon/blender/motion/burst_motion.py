@@ -336,6 +336,7 @@ class BurstMotion:
                 instance_name(part.key),
                 motion,
                 part.name in self._deformations.surfaces,
+                part.instance.box,
             )
             for part, motion in zip(self._touched, scene.bodies, strict=True)
         ]

@@ -37,6 +37,8 @@ from .hit_points import HitPoints
 #: Cosine between the direction of a mirrored ray and a segment above which a smooth surface has
 #: reflected it like a mirror: 1 minus the square of what Cycles rounds, over 2.
 _MIRRORED = 1 - 1e-9
+#: Rows that are weighted at a time: their arrays stay in the processor's cache.
+_ROWS_AT_ONCE = 16384
 #: Rows of a frame from which the findings are told.
 _LOOKED_AT = 4096
 #: Error of sigma0 by the flat model above which it is told [dB].
@@ -110,13 +112,21 @@ class ClutterWeights:
             concerned = np.flatnonzero((rows["order"] == order) & (first | last))
             if order == 1 and np.all(origins_m[concerned] == transmitter_m):
                 continue  # backscatter is exact
-            mine, start_m = rows[concerned], origins_m[concerned]
-            first_m, last_m = mine["first_scatterer_m"], mine["last_scatterer_m"]
-            before_m = start_m if order == 1 else first_m
-            weight = self._weights(mine["last_body"], last_m, before_m, transmitter_m, order == 1)
-            if order == 2:
-                weight *= self._weights(mine["first_body"], first_m, start_m, last_m, True)
-            rows["power_w"][concerned] *= weight
+            for start in range(0, concerned.size, _ROWS_AT_ONCE):
+                part = concerned[start : start + _ROWS_AT_ONCE]
+                self._apply_part(rows, part, origins_m[part], transmitter_m, order)
+
+    def _apply_part(
+        self, rows: PathRows, part: Indices, start_m: Real, transmitter_m: Real, order: int
+    ) -> None:
+        """Multiply powers of some rows of one order, whose rays start at `start_m`, (n, 3)."""
+        mine = rows[part]
+        first_m, last_m = mine["first_scatterer_m"], mine["last_scatterer_m"]
+        before_m = start_m if order == 1 else first_m
+        weight = self._weights(mine["last_body"], last_m, before_m, transmitter_m, order == 1)
+        if order == 2:
+            weight *= self._weights(mine["first_body"], first_m, start_m, last_m, True)
+        rows["power_w"][part] *= weight
 
     def _weights(
         self, bodies: Indices, vertex_m: Real, before_m: Real, after_m: Real, seen_first: bool

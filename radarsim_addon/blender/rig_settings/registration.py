@@ -83,6 +83,22 @@ class RadarProgress(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Draw the arc beyond which echoes fold or are filtered off",
     )
+    overlay_velocities: bpy.props.BoolProperty(
+        name="Velocities",
+        options={"SKIP_SAVE"},
+        description="Draw how far what F-curves move goes in a second, with its speed [m/s]",
+    )
+    overlay_cell: bpy.props.BoolProperty(
+        name="Cell at Cursor",
+        options={"SKIP_SAVE"},
+        description="Draw the range cell around the 3D cursor [m], with its velocity cell [m/s]",
+    )
+    overlay_paths: bpy.props.BoolProperty(
+        name="Paths of Target",
+        default=True,
+        options={"SKIP_SAVE"},
+        description="Draw the strongest paths of the target that is chosen in Results",
+    )
     checked: bpy.props.StringProperty(
         name="Checked", options={"SKIP_SAVE"}, description="Findings of the last check, as JSON"
     )

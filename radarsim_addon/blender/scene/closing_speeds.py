@@ -199,6 +199,27 @@ def keyed_world(item: Any, frame: float) -> Real | None:
 _CHANNELS = ("location", "rotation_euler", "rotation_quaternion", "scale")
 
 
+def keyed_step(item: Any, frame: float) -> Real | None:
+    """Return how far F-curves move the origin of an object in a frame.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Object; nothing is evaluated.
+    frame
+        Blender frame.
+
+    Returns
+    -------
+    ndarray or None
+        World space, (3,) [Blender units]; None where no F-curve moves it, or not these alone.
+    """
+    worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
+    if worlds[0] is None or worlds[1] is None:
+        return None
+    return np.asarray((worlds[1] - worlds[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
+
+
 def keyed_speeds(
     found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
 ) -> dict[str, float]:

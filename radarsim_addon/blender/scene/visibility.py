@@ -19,7 +19,7 @@ from .isolation import action_curves, animation_curves
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
-    """Make all rendered objects visible in the viewport.
+    """Make all rendered objects visible in the viewport, and those that only instances show.
 
     Parameters
     ----------
@@ -42,6 +42,16 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
                 f"{item.name}: hidden",
                 lambda item=item: item.hide_set(True, view_layer=view_layer),
             )
+
+    # Others are there by what instances them; what is in the view layer follows its own rules.
+    present = {layer.collection for layer in _present_collections(view_layer.layer_collection)}
+    for collection in bpy.data.collections:
+        if collection in present or collection.hide_render:
+            continue
+        recorder.set(collection, "hide_viewport", False)
+        for item in collection.objects:
+            if not item.hide_render and item not in rendered:
+                recorder.set(item, "hide_viewport", False)
 
 
 def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
@@ -90,7 +100,7 @@ def hiding_is_animated() -> bool:
 
 
 def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
-    """Give modifiers, curves and metaballs of the viewport their settings for renders.
+    """Give modifiers, particles, curves and metaballs of the viewport their settings for renders.
 
     Parameters
     ----------
@@ -104,12 +114,24 @@ def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
             recorder.set(modifier, "show_viewport", modifier.show_render)
             if hasattr(modifier, "render_levels"):
                 recorder.set(modifier, "levels", modifier.render_levels)
+    for particles in bpy.data.particles:
+        recorder.set(particles, "display_percentage", 100)
+        recorder.set(particles, "child_percent", particles.rendered_child_count)
+        recorder.set(particles, "display_method", "RENDER")
     for curve in bpy.data.curves:
         for name in ("resolution_u", "resolution_v"):
             # 0: that of the viewport
             recorder.set(curve, name, getattr(curve, f"render_{name}") or getattr(curve, name))
     for ball in bpy.data.metaballs:
         recorder.set(ball, "resolution", ball.render_resolution)
+
+
+def _present_collections(layer: Any) -> Iterator[Any]:
+    """Yield this layer collection and those below it that are not excluded."""
+    if not layer.exclude:
+        yield layer
+        for child in layer.children:
+            yield from _present_collections(child)
 
 
 def _rendered_collections(layer: Any) -> Iterator[Any]:

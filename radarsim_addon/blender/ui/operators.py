@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import bpy
 
-from ...errors import OutputError, RadarSimError, RenderError
+from ...errors import OutputError, RenderError
 from ...findings import Finding
 from ...progress import ProgressLine, progress_text
 from ..headless import make_job, quiet_blender
@@ -28,16 +29,14 @@ from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
 from .placement import radar_pose
 from .preset_menu import preset_choice
+from .result_settings import chosen_processing
 from .results import ProcessingJob, show_images
-from .scene_reading import redraw_panels
 from .shown_findings import findings_text, report_findings, reported
+from .shown_results import show_run
+from .timed_operator import TimedOperator
 
-#: Seconds between two looks at a running job.
-_TICK_S = 0.01
 #: Rays of a run whose time says what a ray costs.
 _MANY_RAYS = 100_000
-#: Events that pass through while a job runs: looking around. Others could change what is measured.
-_HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD", "NDOF", "TIMER")
 
 
 class RADARSIM_OT_setup_rig(bpy.types.Operator):
@@ -90,99 +89,6 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-class _TimedOperator(bpy.types.Operator):
-    """Common part of the two long operators: timer, progress in the panel, Esc, clean end."""
-
-    bl_options = {"REGISTER"}
-    _timer: Any = None
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
-
-    def invoke(self, context: Any, event: Any) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
-        with reported(self):
-            progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-            progress.findings = findings_text(self._start(context))
-            try:
-                window = context.window
-                self._timer = context.window_manager.event_timer_add(_TICK_S, window=window)
-                progress.running = True
-                context.window_manager.modal_handler_add(self)
-            except BaseException:
-                self._end(context, "Failed")
-                raise
-            return {"RUNNING_MODAL"}
-        return {"CANCELLED"}
-
-    def modal(self, context: Any, event: Any) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
-            return self._escape(context)
-        if event.type != "TIMER":  # looking around passes; what could change the scene does not
-            return {"PASS_THROUGH" if event.type.startswith(_HARMLESS_EVENTS) else "RUNNING_MODAL"}
-        try:
-            ended = self._tick()
-        except RadarSimError as error:
-            self._end(context, f"Failed: {error}")
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except BaseException:
-            self._end(context, "Failed")
-            raise
-        if ended:
-            return self._conclude(context)
-        self._show(context, *self._state())
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context: Any) -> None:
-        """Blender closes the window or loads another file."""
-        self._end(context, "Stopped; start again to go on")
-
-    def execute(self, context: Any) -> set[str]:
-        """Do all of it at once."""
-        raise NotImplementedError
-
-    def _start(self, context: Any) -> list[Finding]:
-        """Begin; return the findings before."""
-        raise NotImplementedError
-
-    def _tick(self) -> bool:
-        """Do the next step; return whether it was the last one."""
-        raise NotImplementedError
-
-    def _state(self) -> tuple[float, str]:
-        """Fraction that is done, and its text."""
-        raise NotImplementedError
-
-    def _escape(self, context: Any) -> set[str]:
-        """The user pressed Esc."""
-        raise NotImplementedError
-
-    def _conclude(self, context: Any) -> set[str]:
-        """The last step is done."""
-        raise NotImplementedError
-
-    def _show(self, context: Any, fraction: float, text: str) -> None:
-        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-        if progress.text != text:
-            progress.fraction, progress.text = fraction, text
-            context.workspace.status_text_set(f"{text}  (Esc stops)")
-            redraw_panels(context)
-
-    def _end(self, context: Any, text: str) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-        progress.running = False
-        progress.text = text
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        redraw_panels(context)
-
-
 class RADARSIM_OT_watch_escape(bpy.types.Operator):
     """Hear Esc while Blender's own render job runs"""
 
@@ -213,7 +119,7 @@ class RADARSIM_OT_watch_escape(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
 
-class RADARSIM_OT_render_frames(_TimedOperator):
+class RADARSIM_OT_render_frames(TimedOperator):
     """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
 
     bl_idname = "radarsim.render_frames"
@@ -300,21 +206,31 @@ class RADARSIM_OT_render_frames(_TimedOperator):
         return {"CANCELLED"}
 
 
-class RADARSIM_OT_process_last_run(_TimedOperator):
-    """Process the run in the output folder; show range-Doppler map and range profile as images"""
+class RADARSIM_OT_process_last_run(TimedOperator):
+    """Process the run in the output folder as set in Results; show its pictures as images"""
 
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
 
     _job: ProcessingJob
+    _images: list[Any]
+    _drawing: Iterator[list[Any]] | None = None
 
     def _start(self, context: Any) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
-        self._job = ProcessingJob(folder, apart=not bpy.app.background)
+        apart = not bpy.app.background
+        self._job = ProcessingJob(folder, apart, chosen_processing(context))
+        self._images = []
         return []
 
     def _tick(self) -> bool:
-        return self._job.step()
+        if self._drawing is None:
+            if self._job.step():
+                self._drawing = show_run(bpy.context, self._job.result)
+            return False
+        drawn = next(self._drawing, None)  # a picture takes some hundredths of a second
+        self._images += drawn or []
+        return drawn is None
 
     def _state(self) -> tuple[float, str]:
         return self._job.fraction, self._job.text
@@ -330,7 +246,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
     def _conclude(self, context: Any) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
-        show_images(context, self._job.images)
+        show_images(context, self._images)
         return {"FINISHED"}
 
     def execute(self, context: Any) -> set[str]:
@@ -338,7 +254,7 @@ class RADARSIM_OT_process_last_run(_TimedOperator):
         with reported(self):
             self._start(context)
             with contextlib.closing(self._job):
-                while not self._job.step():
+                while not self._tick():
                     pass
             self._report_end()
             return {"FINISHED"}

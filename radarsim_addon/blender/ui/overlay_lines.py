@@ -89,6 +89,36 @@ def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
     return segments(range_m * _tilted(axis, around, high), closed=True)
 
 
+def arrow(place: Real, along: Real) -> Real:
+    """Return an arrow from a place, with a head of a seventh of its length, as line ends."""
+    tip = place + along
+    aside = np.cross(along, [0.0, 0.0, 1.0] if np.hypot(*along[:2]) > 0 else [1.0, 0.0, 0.0])
+    aside *= np.linalg.norm(along) / np.linalg.norm(aside) / 14
+    back = tip - along / 7
+    return np.array([place, tip, tip, back + aside, tip, back - aside])
+
+
+def range_cell(place: Real, thick_m: float, half_angle: float) -> Real:
+    """Return the arcs at half a range cell before and behind a place, and what joins them.
+
+    place: in the receiver's axes [m]. The arcs have its elevation and end with the field of view.
+    """
+    range_m = float(np.linalg.norm(place))
+    up = math.asin(place[1] / range_m) if range_m > 0 else 0.0
+    angle = np.linspace(-half_angle, half_angle, _POINTS)
+    unit = np.stack(
+        [
+            math.cos(up) * np.sin(angle),
+            np.full(_POINTS, math.sin(up)),
+            -math.cos(up) * np.cos(angle),
+        ],
+        axis=1,
+    )
+    near, far = max(range_m - thick_m / 2, 0.0) * unit, (range_m + thick_m / 2) * unit
+    joins = np.stack([near[[0, -1]], far[[0, -1]]], axis=1).reshape(-1, 3)
+    return np.concatenate([segments(near), segments(far), joins])
+
+
 def _tilted(axis: Real, around: Real, angle: Real | float) -> Real:
     """Directions at angles from the axis, (n, 3)."""
     angle = np.broadcast_to(angle, len(around))[:, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Overlays of the 3D view: field of view, beams, range rings. Drawn, not part of the scene."""
+"""Overlays of the 3D view: field of view, beams, range rings, paths. No part of the scene."""
 
 from __future__ import annotations
 
@@ -23,8 +23,18 @@ from ..rig_settings import PROGRESS_PROPERTY
 from ..scene import active_radar, frame_edges
 from .fields import RadarPanel, active_group, split
 from .link_budget_panel import scene_system
-from .overlay_lines import Label, arc, beam, pyramid, ring_ranges, segments
+from .overlay_lines import (
+    Label,
+    arc,
+    arrow,
+    beam,
+    pyramid,
+    range_cell,
+    ring_ranges,
+    segments,
+)
 from .scene_reading import current_measurement, rig_of, scene_record
+from .shown_results import chosen_target
 
 #: Colours that are readable on light and dark themes (Okabe and Ito), with their opacity.
 _COLOURS = {
@@ -33,10 +43,15 @@ _COLOURS = {
     "receiver": (0.0, 0.62, 0.45, 0.9),
     "rings": (0.65, 0.65, 0.65, 0.8),
     "unambiguous": (0.84, 0.37, 0.0, 0.9),
+    "paths": (0.94, 0.89, 0.26, 0.9),
+    "velocities": (0.80, 0.47, 0.65, 0.9),
+    "cell": (1.0, 1.0, 1.0, 0.9),
 }
 _WIDTH_PX = 1.5
 _FONT_PX = 11
 _MOST_BEAMS = 16
+#: Overlays in the order of the panel: the ends of their properties' names.
+_NAMES = ("view", "beams", "rings", "unambiguous", "velocities", "cell", "paths")
 _handles: list[Any] = []
 
 
@@ -83,11 +98,34 @@ def overlay_lines(context: Any) -> tuple[list[Lines], list[tuple[Label, Any]]]:
         found.append(Lines("unambiguous", ends, receiver))
         text = f"{length_text(float(f'{limit_m:.3g}'))} unambiguous"
         labels.append((Label((0.0, 0.0, -limit_m), text), receiver))
+    if shown.overlay_velocities and record is not None:
+        world = Matrix.Scale(1 / metres, 4)
+        for place, velocity in record.moving.values():
+            found.append(Lines("velocities", arrow(place, velocity), world))
+            speed = f"{np.linalg.norm(velocity):.3g} m/s"
+            labels.append((Label(tuple(place + velocity), speed), world))
+    if shown.overlay_cell:
+        cursor = receiver.inverted() @ scene.cursor.location
+        ends, label = _cell_at(np.array(cursor, dtype=np.float64), measurement.radar, half_angle)
+        found.append(Lines("cell", ends, receiver))
+        labels.append((label, receiver))
+    target = chosen_target() if shown.overlay_paths else None
+    if target is not None and target["lines_m"]:
+        ends = np.concatenate([segments(np.array(line)) for line in target["lines_m"]])
+        found.append(Lines("paths", ends, Matrix.Scale(1 / metres, 4)))
     system = scene_system(scene) if shown.overlay_beams else None
     for kind, matrix in (("transmitter", transmitter), ("receiver", receiver)):
         if system is not None and getattr(system.record, kind).kind not in ("isotropic", "table"):
             found.append(Lines(kind, _beam(system, kind, longest_m), matrix))
     return found, labels
+
+
+def _cell_at(place: Real, radar: Any, half_angle: float) -> tuple[Real, Label]:
+    """Outline of the range cell around a place in the receiver's axes, and what it measures [m]."""
+    thick_m = radar.waveform.range_resolution_m
+    text = f"{length_text(float(f'{np.linalg.norm(place):.4g}'))}: cell "
+    text += f"{length_text(float(f'{thick_m:.3g}'))} x {radar.velocity_resolution_mps:.3g} m/s"
+    return range_cell(place, thick_m, half_angle), Label(tuple(place), text)
 
 
 def _longest_m(measurement: Any, record: Any) -> float:
@@ -185,7 +223,7 @@ class RADARSIM_PT_overlays(RadarPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = split(self.layout).column(heading="Show")
         shown = getattr(context.window_manager, PROGRESS_PROPERTY)
-        for name in ("view", "beams", "rings", "unambiguous"):
+        for name in _NAMES:
             column.prop(shown, f"overlay_{name}")
 
 

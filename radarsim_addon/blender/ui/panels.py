@@ -32,6 +32,7 @@ from .fields import (
     wrapped,
 )
 from .preset_menu import RADARSIM_PT_presets
+from .results_panel import RADARSIM_PT_results
 from .scene_panel import draw_rows
 from .scene_reading import current_measurement, rig_of, scene_record
 from .shown_findings import read_findings
@@ -245,17 +246,6 @@ def _draw_progress(context: Any, layout: Any, measurement: Measurement | None) -
     elif progress.text:
         wrapped(context, layout, progress.text, "INFO")
     draw_rows(layout, read_findings(progress.findings), measurement)
-
-
-class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
-    bl_label = "Results"
-    bl_idname = "RADARSIM_PT_results"
-
-    def draw(self, context: Any) -> None:
-        layout = self.layout
-        layout.operator("radarsim.process_last_run", icon="GRAPH")
-        layout.operator("radarsim.open_output", icon="FILE_FOLDER")
-        layout.operator("radarsim.coverage", icon="IPO_SINE")
 
 
 class RADARSIM_PT_advanced(ActiveRadarPanel, bpy.types.Panel):

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +23,13 @@ WIDTH, HEIGHT = 1200, 800
 LEFT, RIGHT, TOP, BOTTOM = 110, 190, 95, 80
 #: Decibels from the strongest value to the bottom of a plot.
 SPAN_DB = 80.0
-#: Strongest level of a coverage diagram, and what is below it in the picture [dB].
-COVERAGE_TOP_DB, COVERAGE_SPAN_DB = 12.5, 52.5
 _INK = (0.1, 0.1, 0.1)
 _GRID = (0.85, 0.85, 0.85)
 _LINE = (0.12, 0.33, 0.62)
+_MARK = (0.90, 0.45, 0.0)
+_CHOSEN = (1.0, 1.0, 1.0)
+#: Levels up to this one stand for a power of 0 [dB].
+_NOTHING_DB = -299.0
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,15 @@ def _atlas() -> _Atlas:
         }
         height = int(data["glyphs"].shape[1])
         return _Atlas(letters, data["viridis"].astype(np.float32) / 255, height)
+
+
+def picture_palette() -> Single:
+    """Return at most 256 colours that pictures consist of, (colours, 3), from 0 to 1."""
+    greys = np.repeat(np.linspace(_INK[0], 1, 24)[:, None], 3, axis=1)
+    lines = [colour + t * (1 - np.array(colour)) for colour in (_LINE, _MARK) for t in (0, 0.5)]
+    return np.concatenate(
+        [_atlas().viridis[np.linspace(0, 255, 224).round().astype(np.intp)], greys, lines]
+    )
 
 
 # -- elements --------------------------------------------------------------------------------------
@@ -126,7 +139,7 @@ def _number(value: float) -> str:
 
 
 @dataclass(frozen=True)
-class _Axes:
+class Axes:
     """Limits of the plotting area."""
 
     x_low: float
@@ -150,7 +163,7 @@ def _blank() -> Single:
 
 
 def _frame(
-    canvas: Single, axes: _Axes, x_label: str, y_label: str, title: str, x_ticks: bool = True
+    canvas: Single, axes: Axes, x_label: str, y_label: str, title: str, x_ticks: bool = True
 ) -> None:
     """Draw the frame, ticks with numbers, labels and title around the plotting area."""
     right, bottom = WIDTH - RIGHT - 1, HEIGHT - BOTTOM - 1
@@ -183,10 +196,18 @@ def resample_max(values: Real, size: int, axis: int) -> Real:
 # -- pictures --------------------------------------------------------------------------------------
 
 
-def _limits(axis: Real) -> tuple[float, float]:
+def cell_edges(axis: Real) -> tuple[float, float]:
     """Return the outer edges of evenly spaced cells with these centres."""
     half = 0.5 * abs(float(axis[-1] - axis[0])) / max(axis.size - 1, 1) or 0.5
     return float(axis.min()) - half, float(axis.max()) + half
+
+
+class Mark(NamedTuple):
+    """A place in a picture's axes that gets a ring."""
+
+    x: float
+    y: float
+    chosen: bool = False
 
 
 def draw_map(
@@ -196,6 +217,8 @@ def draw_map(
     wavelength_m: float,
     title: str,
     unit: str = "dBW",
+    span_db: float = SPAN_DB,
+    marks: Sequence[Mark] = (),
 ) -> Single:
     """Draw a range-Doppler map with axes in metres, hertz and metres per second, and a colour bar.
 
@@ -213,31 +236,73 @@ def draw_map(
         First line.
     unit
         Unit of `power_db`; "dB" if powers are not in watts.
+    span_db
+        Decibels from the strongest cell to the lowest colour.
+    marks
+        Rings at (Doppler, range).
+    """
+    axes = Axes(*cell_edges(doppler_hz), *cell_edges(range_m))
+    resolved = doppler_hz.size > 1
+    label = (
+        "Doppler [Hz] (receding: negative)" if resolved else "One pulse: Doppler is not resolved"
+    )
+    texts = (label, "Range [m]", title)
+    canvas = draw_levels(axes, power_db.T, texts, f"Power [{unit}]", span_db, resolved)
+    if resolved:
+        _velocity_axis(canvas, axes, wavelength_m)
+    draw_marks(canvas, axes, marks)
+    return canvas
+
+
+def draw_levels(
+    axes: Axes,
+    level_db: Real,
+    texts: tuple[str, str, str],
+    label: str,
+    span_db: float = SPAN_DB,
+    x_ticks: bool = True,
+    highest_db: float | None = None,
+) -> Single:
+    """Draw levels as colours, with axes and a colour bar; the strongest of joined cells counts.
+
+    level_db: (y, x), both ascending; NaN is grey. texts: of the x axis, the y axis and the title.
+    label: of the colour bar. highest_db: level of the brightest colour; None: the strongest cell.
     """
     canvas = _blank()
-    axes = _Axes(*_limits(doppler_hz), *_limits(range_m))
-    top_db = float(power_db.max()) if power_db.size else 0.0
-    empty = not np.isfinite(top_db) or top_db <= -299
-    level = (
-        np.zeros_like(power_db) if empty else np.clip((power_db - top_db) / SPAN_DB + 1, 0.0, 1.0)
-    )
+    known = level_db[np.isfinite(level_db)]
+    top_db = float(known.max(initial=-np.inf)) if highest_db is None else highest_db
+    empty = not known.size or top_db <= _NOTHING_DB
     rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
-    cells = resample_max(resample_max(level.T[::-1], rows, 0), columns, 1)
-    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = _atlas().viridis[
-        np.round(cells * 255).astype(np.intp)
-    ]
-    if doppler_hz.size > 1:
-        _frame(canvas, axes, "Doppler [Hz] (receding: negative)", "Range [m]", title)
-        _velocity_axis(canvas, axes, wavelength_m)
-    else:
-        _frame(canvas, axes, "One pulse: Doppler is not resolved", "Range [m]", title, False)
-    _colour_bar(canvas, 0.0 if empty else top_db, f"Power [{unit}]")
+    cells = resample_max(resample_max(level_db[::-1], rows, 0), columns, 1)
+    colours = np.zeros(cells.shape)
+    if not empty:
+        colours = np.clip((np.nan_to_num(cells, nan=top_db) - top_db) / span_db + 1, 0.0, 1.0)
+    area = _atlas().viridis[np.round(colours * 255).astype(np.intp)]
+    area[np.isnan(cells)] = _GRID
+    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = area
+    _frame(canvas, axes, *texts, x_ticks)
+    _colour_bar(canvas, 0.0 if empty else top_db, label, span_db)
     if empty:
         _put_text(canvas, "no echo", WIDTH - RIGHT / 2, HEIGHT - BOTTOM + 19)
     return canvas
 
 
-def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
+def draw_marks(canvas: Single, axes: Axes, marks: Sequence[Mark]) -> None:
+    """Draw rings with smooth edges at places within the axes; the chosen one is larger."""
+    for mark in sorted(marks, key=lambda one: one.chosen):
+        if not (axes.x_low <= mark.x <= axes.x_high and axes.y_low <= mark.y <= axes.y_high):
+            continue
+        x, y = axes.column(mark.x), axes.row(mark.y)
+        radius, colour = (13.0, _CHOSEN) if mark.chosen else (8.0, _MARK)
+        top, left = max(round(y - radius) - 3, 0), max(round(x - radius) - 3, 0)
+        part = canvas[top : round(y + radius) + 4, left : round(x + radius) + 4]
+        down, across = np.indices(part.shape[:2])
+        away = np.abs(np.hypot(across + left - x, down + top - y) - radius)
+        cover = np.clip(2.0 - away, 0.0, 1.0)[..., None]
+        part[...] = part * (1 - cover) + np.array(colour, dtype=np.float32) * cover
+
+
+def _velocity_axis(canvas: Single, axes: Axes, wavelength_m: float) -> None:
     """Draw the range rate along the upper edge; it decreases from left to right."""
     low, high = -axes.x_high * wavelength_m / 2, -axes.x_low * wavelength_m / 2
     for value in nice_ticks(low, high, 8):
@@ -249,7 +314,7 @@ def _velocity_axis(canvas: Single, axes: _Axes, wavelength_m: float) -> None:
     _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 
 
-def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float = SPAN_DB) -> None:
+def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float) -> None:
     left, width = WIDTH - RIGHT + 30, 28
     rows = HEIGHT - TOP - BOTTOM
     table = _atlas().viridis[np.linspace(255, 0, rows).round().astype(np.intp)]
@@ -261,34 +326,14 @@ def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float = SPAN
     _put_text(canvas, label, WIDTH - 22, TOP + rows / 2, vertical=True)
 
 
-def draw_coverage(range_m: Real, height_m: Real, level_db: Real, title: str) -> Single:
-    """Draw a coverage diagram: height against range, grey below the horizon.
-
-    Parameters
-    ----------
-    range_m, height_m
-        Ranges along the ground and heights, ascending, shapes (r,) and (h,) [m].
-    level_db
-        Pattern-propagation factor F^4, NaN below the horizon, shape (h, r) [dB].
-    title
-        First line.
-    """
-    canvas = _blank()
-    rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
-    row = np.linspace(height_m.size - 1, 0, rows).round().astype(np.intp)
-    column = np.linspace(0, range_m.size - 1, columns).round().astype(np.intp)
-    cells = level_db[np.ix_(row, column)]
-    shown = np.clip((np.nan_to_num(cells) - COVERAGE_TOP_DB) / COVERAGE_SPAN_DB + 1, 0.0, 1.0)
-    pixels = _atlas().viridis[np.round(shown * 255).astype(np.intp)]
-    pixels[np.isnan(cells)] = _GRID
-    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = pixels
-    axes = _Axes(*_limits(range_m), *_limits(height_m))
-    _frame(canvas, axes, "Range along the ground [m]", "Height over the ground [m]", title)
-    _colour_bar(canvas, COVERAGE_TOP_DB, "F^4 [dB over free space]", COVERAGE_SPAN_DB)
-    return canvas
-
-
-def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> Single:
+def draw_profile(
+    range_m: Real,
+    power: Real,
+    title: str,
+    unit: str = "dBW",
+    span_db: float = SPAN_DB,
+    marked_m: float | None = None,
+) -> Single:
     """Draw the expected power over range, in decibels.
 
     Parameters
@@ -301,16 +346,23 @@ def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> S
         First line.
     unit
         Unit of the decibels; "dB" if powers are not in watts.
+    span_db
+        Decibels from the top of the plot to its bottom.
+    marked_m
+        Range of a vertical line; None: none.
     """
     canvas = _blank()
     peak = float(power.max()) if power.size else 0.0
     top_db = 5 * math.ceil((10 * math.log10(peak) + 1) / 5) if peak > 0 else 0.0
-    bottom_db = top_db - SPAN_DB
-    axes = _Axes(*_limits(range_m), bottom_db, top_db)
+    bottom_db = top_db - span_db
+    axes = Axes(*cell_edges(range_m), bottom_db, top_db)
     for value in nice_ticks(bottom_db, top_db, 8):
         canvas[round(axes.row(value)), LEFT : WIDTH - RIGHT] = _GRID
     for value in nice_ticks(axes.x_low, axes.x_high, 8):
         canvas[TOP : HEIGHT - BOTTOM, round(axes.column(value))] = _GRID
+    if marked_m is not None and axes.x_low <= marked_m <= axes.x_high:
+        column = round(axes.column(marked_m))
+        canvas[TOP : HEIGHT - BOTTOM, column : column + 2] = _MARK
     level_db = np.full(range_m.shape, bottom_db)
     np.log10(power, out=level_db, where=power > 0)
     level_db = np.where(power > 0, 10 * level_db, bottom_db)
@@ -321,7 +373,7 @@ def draw_profile(range_m: Real, power: Real, title: str, unit: str = "dBW") -> S
     return canvas
 
 
-def _curve(canvas: Single, axes: _Axes, level_db: Real) -> None:
+def _curve(canvas: Single, axes: Axes, level_db: Real) -> None:
     """Draw a line through evenly spaced values: in each column from the minimum to the maximum."""
     columns = WIDTH - LEFT - RIGHT
     fine = np.interp(
@@ -336,4 +388,4 @@ def _curve(canvas: Single, axes: _Axes, level_db: Real) -> None:
     low = np.minimum(groups.min(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
     for column in range(columns):
         top, bottom = round(axes.row(high[column])), round(axes.row(low[column]))
-        canvas[top : bottom + 2, LEFT + column] = _LINE
+        canvas[top - 1 : bottom + 2, LEFT + column : LEFT + column + 2] = _LINE

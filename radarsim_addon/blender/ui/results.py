@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import queue
@@ -10,7 +11,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,47 +24,72 @@ from ...array_types import Single
 from ...errors import OutputError
 from ...findings import Finding, from_json
 from ...processes import own_folder
-from .processing_worker import MAP_FILE, PROFILE_FILE, processing_records
+from .frame_views import FrameView, read_view
+from .processing_worker import processing_records
+from .result_pictures import KINDS, FrameProfile, profile_of
 
-MAP_IMAGE = "Radar range-Doppler map"
-PROFILE_IMAGE = "Radar range profile"
 COVERAGE_IMAGE = "Radar coverage"
+#: Names of the images of all kinds of pictures.
+_IMAGES = {COVERAGE_IMAGE, *(kind.image for kind in KINDS.values())}
 #: Maximum number of attempts to fit the view of a new editor.
 _MAX_FITS = 30
 _FIT_INTERVAL_S = 0.3
 
 
+@dataclass
+class ProcessedRun:
+    """A run as the window shows it: files of its frames in a folder of the session."""
+
+    folder: tempfile.TemporaryDirectory[str]
+    frames: list[int] = field(default_factory=list)
+    profiles: list[FrameProfile] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.view = functools.lru_cache(maxsize=4)(self._read)
+
+    def _read(self, frame: int) -> FrameView:
+        return read_view(Path(self.folder.name), frame)
+
+    def close(self) -> None:
+        """Remove its files."""
+        self.folder.cleanup()
+
+
 class ProcessingJob:
     """Processing of a run folder in steps; `close` ends it before its end.
 
-    With `apart` a process of its own does it, so that no step takes long. Raises OutputError for a
-    folder without a run.
+    With `apart` a process of its own does it, so that no step takes long. `words`: options of
+    `radarsim process`. Raises OutputError for a folder without a run.
     """
 
-    def __init__(self, folder: Path, apart: bool = False) -> None:
+    def __init__(self, folder: Path, apart: bool = False, words: Sequence[str] = ()) -> None:
         if not (folder / contract.RUN_FILE).is_file():
             raise OutputError(
                 f"{folder} contains no run ({contract.RUN_FILE} is missing). "
                 "Press Render Radar Frames first, or choose the folder of a run."
             )
-        self._pictures = tempfile.TemporaryDirectory(prefix="radarsim_")
-        own_folder(Path(self._pictures.name))
+        #: What there is to show; belongs to the caller once the last step is done.
+        self.result = ProcessedRun(tempfile.TemporaryDirectory(prefix="radarsim_"))
+        views = Path(self.result.folder.name)
+        own_folder(views)
         self._worker: subprocess.Popen[str] | None = None
-        pictures = Path(self._pictures.name)
         self._waiting: Iterator[dict[str, Any] | None]
         if apart and _python() is not None:
-            self._waiting = self._records_of_worker(folder, pictures)
+            self._waiting = self._records_of_worker(folder, views, words)
         else:
-            self._waiting = processing_records(folder, pictures)
-        self._to_show = [(MAP_IMAGE, MAP_FILE), (PROFILE_IMAGE, PROFILE_FILE)]
+            self._waiting = processing_records(folder, views, words)
+        self._done = False
         self.fraction = 0.0
         self.text = "Processing"
         self.findings: list[Finding] = []
-        self.frames: list[int] = []
-        self.images: list[Any] = []
+
+    @property
+    def frames(self) -> list[int]:
+        """Frames that are processed."""
+        return self.result.frames
 
     def step(self) -> bool:
-        """Do one step; return whether it was the last one, and `images` are complete.
+        """Do one step; return whether it was the last one, and `result` is complete.
 
         Raises a `RadarSimError` where the run is incomplete or damaged.
         """
@@ -70,19 +97,16 @@ class ProcessingJob:
             if record is not None:
                 self._take(record)
             return False
-        if self._to_show:
-            name, file = self._to_show.pop(0)
-            self.images.append(as_image(name, np.load(Path(self._pictures.name) / file)))
-            return False
-        self.close()
+        self._done = True
         return True
 
     def close(self) -> None:
-        """End the process, if it still runs, and remove its files."""
+        """End the process, if it still runs, and remove the files of an unfinished one."""
         if self._worker is not None:
             self._worker.kill()
             self._worker.wait()
-        self._pictures.cleanup()
+        if not self._done:
+            self.result.close()
 
     def _take(self, record: dict[str, Any]) -> None:
         if "error" in record:
@@ -91,16 +115,19 @@ class ProcessingJob:
         self.fraction = record.get("fraction", self.fraction)
         if "frame" in record:
             self.findings += [from_json(item, "Findings") for item in record["findings"]]
-            self.frames.append(record["frame"])
+            self.result.frames.append(record["frame"])
+            self.result.profiles.append(profile_of(self.result.view(record["frame"])))
 
-    def _records_of_worker(self, folder: Path, pictures: Path) -> Iterator[dict[str, Any] | None]:
+    def _records_of_worker(
+        self, folder: Path, views: Path, words: Sequence[str]
+    ) -> Iterator[dict[str, Any] | None]:
         """Records as they come; None while there is none."""
         root = Path(errors.__file__).parent
         name = f"{root.name}.blender.ui.processing_worker"
-        complaints = Path(pictures, "errors.txt")
+        complaints = Path(views, "errors.txt")
         with open(complaints, "w", encoding="utf-8") as stderr:
             self._worker = subprocess.Popen(
-                [str(_python()), "-m", name, str(folder), str(pictures)],
+                [str(_python()), "-m", name, str(folder), str(views), *words],
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 encoding="utf-8",
@@ -198,7 +225,7 @@ def _fit_images() -> bool:
         for area in window.screen.areas:
             space = area.spaces.active
             image = space.image if area.type == "IMAGE_EDITOR" else None
-            if image is None or image.name not in (PROFILE_IMAGE, MAP_IMAGE, COVERAGE_IMAGE):
+            if image is None or image.name not in _IMAGES:
                 continue
             region = next(item for item in area.regions if item.type == "WINDOW")
             room = min(region.width / image.size[0], region.height / image.size[1])

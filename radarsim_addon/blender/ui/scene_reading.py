@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 import bpy
 import numpy as np
 
+from ...array_types import Real
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
 from ..materials import media_beyond_their_band
@@ -36,6 +37,7 @@ from ..scene import (
     echoing_boxes,
     find_rig,
     keyed_speeds,
+    keyed_step,
     scene_extent,
 )
 from ..state import Snapshot, take_snapshot
@@ -54,6 +56,8 @@ class SceneRecord:
         How far the scene reaches.
     speeds_mps
         Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s].
+    moving
+        Place and velocity of these objects, by name, each (2, 3) [m, m/s].
     surfaces
         Number of objects and instances with a surface that renders.
     echoing
@@ -64,6 +68,7 @@ class SceneRecord:
 
     extent: Extent
     speeds_mps: Mapping[str, float]
+    moving: Mapping[str, Real]
     surfaces: int
     echoing: int
     bare: tuple[str, ...]
@@ -160,10 +165,27 @@ def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
     return SceneRecord(
         extent,
         {name: scale * speed for name, speed in speeds.items()},
+        _moving(scene, speeds, frame, fps, scale),
         len(surfaces.rows),
         len(echoing.rows),
         tuple(sorted(names)),
     )
+
+
+def _moving(
+    scene: Any, names: Iterable[str], frame: float, fps: float, metres: float
+) -> dict[str, Real]:
+    """Place and velocity of objects that F-curves move, by name, (2, 3) [m, m/s]."""
+    found: dict[str, Real] = {}
+    for name in names:
+        item = scene.objects.get(name)
+        if item is None:
+            continue
+        step = keyed_step(item, frame)
+        if step is not None and step.any():
+            place = np.array(item.matrix_world.translation, dtype=np.float64)
+            found[name] = metres * np.stack([place, step * fps])
+    return found
 
 
 def quick_findings(

@@ -8,11 +8,12 @@ from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, detect_targets, target_count
 from .doppler_folds import DopplerFolds, velocity_before_folding_mps
 from .moving_targets import SLOWEST_CELLS, find_moving_targets, received_recording
-from .objects import matching_objects, object_echoes
+from .objects import matching_objects, object_echoes, paths_of_objects
 from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
 from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_findings
 from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_findings
 from .summary_peaks import find_edges
+from .target_paths import PathFinder, TargetPaths
 
 __all__ = [
     "SLOWEST_CELLS",
@@ -26,8 +27,10 @@ __all__ = [
     "FrameBudget",
     "FrameStatistics",
     "LeadingEdge",
+    "PathFinder",
     "Peak",
     "StatisticsSum",
+    "TargetPaths",
     "cfar_threshold",
     "detect_targets",
     "find_edges",
@@ -37,6 +40,7 @@ __all__ = [
     "leading_edges",
     "matching_objects",
     "object_echoes",
+    "paths_of_objects",
     "peak_to_background_db",
     "predicted_snr",
     "projection_findings",

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
@@ -26,7 +26,7 @@ from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, edge_variances, has_images, lone_variances, usable
+from ..paths import PathRows, Paths, edge_variances, has_images, lone_variances, usable
 from ..runs import RadarFrame
 from ..scattering import Link, interference_factors
 
@@ -305,3 +305,31 @@ def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
             f"{known}. Give one of these names; it may contain * and ?."
         )
     return found
+
+
+def paths_of_objects(frame_input: FrameInput, paths: Paths, names: Collection[str]) -> Paths:
+    """Return the paths whose first or last scatterer is on one of some objects.
+
+    Parameters
+    ----------
+    frame_input
+        The frame of the paths, with the sampling mode "paths".
+    paths
+        Some paths of its table, numbered by `row`.
+    names
+        Names of objects; others than those of the frame are ignored.
+
+    Returns
+    -------
+    Paths
+        Maybe none.
+
+    Raises
+    ------
+    ConfigError
+        The frame was measured by rings, whose paths have no objects.
+    """
+    table = frame_input.table
+    chosen = [n for n, name in enumerate(table.record.objects, start=1) if name in names]
+    rows = table.rows[paths.row]
+    return paths[np.isin(rows["first_object"], chosen) | np.isin(rows["last_object"], chosen)]

@@ -18,6 +18,7 @@ from .range_compression import (
 )
 from .range_doppler_map import RangeDopplerMap, level_unit, power_to_db, power_unit, range_doppler
 from .single_echo import PointResponse, Recording, cut_range_m, fit_point, point_response
+from .time_frequency import Spectrogram, SpectrogramOptions, spectrogram
 
 __all__ = [
     "ExpectedPower",
@@ -27,6 +28,8 @@ __all__ = [
     "RangeDopplerMap",
     "RangeProfiles",
     "Recording",
+    "Spectrogram",
+    "SpectrogramOptions",
     "coherent_samples",
     "cut_range_m",
     "dynamics_db",
@@ -44,4 +47,5 @@ __all__ = [
     "range_doppler",
     "range_noise_gain",
     "range_process",
+    "spectrogram",
 ]

@@ -14,7 +14,7 @@ from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import MAX_SAMPLES, Echoes, check_window, one_channel, only_channel
-from ..paths import Paths
+from ..paths import Paths, path_power_w
 from ..radar import (
     LineWaveform,
     Radar,
@@ -221,11 +221,14 @@ class ProfileAccumulator:
 
     def add(self, paths: Paths) -> None:
         """Add the power of these paths, where they are at t."""
-        power = path_amplitude(
-            paths, self._radar.waveform.wavelength_m, self._weighting, self._gain
-        )
+        wavelength_m = self._radar.waveform.wavelength_m
+        if self._weighting == "radar-equation":
+            # Not the square of an amplitude: with interference a path's own power can be negative.
+            power = path_power_w(paths, wavelength_m, self._gain)
+        else:
+            power = path_amplitude(paths, wavelength_m, self._weighting, self._gain) ** 2
         if self._lines is not None:
-            self._lines.add(paths.range_m, power**2)
+            self._lines.add(paths.range_m, power)
             return
         offset_m = paths.range_m - self._range_m[0]
         span_m = self._range_m[-1] - self._range_m[0]
@@ -240,7 +243,7 @@ class ProfileAccumulator:
         points = offset_m * (2 * np.pi / (step_m * self._size))
         cell_m = self._radar.waveform.range_resolution_m
         beyond = (offset_m < -cell_m) | (offset_m > span_m + cell_m)
-        power = power[near] ** 2
+        power = power[near]
         for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
             own = slice(None) if rows.all() else rows
             if rows.any():

@@ -119,5 +119,5 @@ def _smear(grid: Real, response: Real) -> Real:
 
 def _smear_doppler(grid: Real, response: Real) -> Real:
     """Circular convolution over Doppler."""
-    spectrum = np.fft.fft(grid, axis=0) * np.fft.fft(response)[:, None]
-    return np.maximum(np.fft.ifft(spectrum, axis=0).real, 0.0)
+    spectrum = np.fft.rfft(grid, axis=0) * np.fft.rfft(response)[:, None]
+    return np.maximum(np.fft.irfft(spectrum, len(grid), axis=0), 0.0)

@@ -202,6 +202,11 @@ class BodyMotion:
         """Whether the body moves."""
         return bool(self.segments)
 
+    @property
+    def turning(self) -> bool:
+        """Whether the body turns or is stretched."""
+        return any(np.any(part.rotation) or part.linear is not None for part in self.segments)
+
     def _segment_at(self, times_s: Real | float) -> Indices:
         """Return the index of the segment that contains each time."""
         starts = [segment.start_s for segment in self.segments[1:]]

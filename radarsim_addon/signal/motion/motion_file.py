@@ -118,6 +118,8 @@ class FrameMotion:
         Names of object and instance of each body, the same in all frames.
     images
         Images of the antennas that the table numbers, from 1; they do not move.
+    boxes
+        Box of the mesh of each body that turns, (2, 3) in its own axes [m at scale 1], or None.
     """
 
     span_s: float
@@ -129,6 +131,7 @@ class FrameMotion:
     epoch_offset_s: float = 0.0
     body_keys: Sequence[str] = ()
     images: Sequence[ImageRecord] = ()
+    boxes: Sequence[Real | None] = ()
 
     @property
     def moving(self) -> bool:
@@ -137,7 +140,9 @@ class FrameMotion:
         return self.tracks is not None or any(body.moving for body in bodies)
 
 
-def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> BodyRecord:
+def body_record(
+    name: str, instance: str, motion: BodyMotion, deforms: bool, box: Real | None = None
+) -> BodyRecord:
     """Return the record of a body in the motion file.
 
     Parameters
@@ -148,6 +153,9 @@ def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> 
         Its motion.
     deforms
         Whether its mesh deforms.
+    box
+        Low and high corner of its mesh in its own axes, (2, 3) [m at scale 1]; None: not known. The
+        record keeps the box of a body that turns.
 
     Returns
     -------
@@ -173,6 +181,7 @@ def body_record(name: str, instance: str, motion: BodyMotion, deforms: bool) -> 
         ],
         noise_m=motion.noise_m,
         displacement_error_bound_m=motion.displacement_error_bound_m,
+        box=[] if box is None or not motion.turning else box.tolist(),
     )
 
 
@@ -222,6 +231,18 @@ def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
     return BodyMotion(
         pose, tuple(segments), record.noise_m, record.displacement_error_bound_m, epoch_offset_s
     )
+
+
+def _box(record: BodyRecord, where: str) -> Real | None:
+    if not record.box:
+        return None
+    box = _array(record.box, (2, 3), f"{where}, box")
+    if not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
+        raise FrameFileError(
+            f"{where} has the box {record.box!r:.80}; expected a low and a high corner. Render the "
+            "frame again."
+        )
+    return box
 
 
 def write_tracks(folder: Path, tracks: Tracks) -> Path:
@@ -376,5 +397,6 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
         tracks=tracks,
         epoch_offset_s=at_s,
+        boxes=[_box(body, f"{path}: {body.object}") for body in record.bodies],
         body_keys=[f"{body.object}\0{body.instance}" for body in record.bodies],
     )

@@ -145,7 +145,10 @@ class PathColumns:
     def __init__(
         self, table: PathRows, rows: Indices, changed: Mapping[str, NDArray[Any]] | None = None
     ) -> None:
-        self._table, self._rows, self._columns = np.asarray(table), rows, dict(changed or {})
+        # a column that is taken from is copied whole first
+        first, stop = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
+        self._table, self._rows = np.asarray(table)[first:stop], rows - first
+        self._columns = dict(changed or {})
         self.dtype, self.size = table.dtype, rows.size
 
     @overload

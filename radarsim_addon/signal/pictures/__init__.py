@@ -14,6 +14,7 @@ from .map import plot_range_doppler
 from .numbers import cell_width, decimals_for, fixed
 from .profile import plot_range_profile
 from .rings import plot_rings
+from .spectrogram import plot_spectrogram
 
 __all__ = [
     "ANTENNA_PICTURE",
@@ -34,5 +35,6 @@ __all__ = [
     "plot_range_doppler",
     "plot_range_profile",
     "plot_rings",
+    "plot_spectrogram",
     "save_figure",
 ]

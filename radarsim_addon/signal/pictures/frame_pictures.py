@@ -14,16 +14,12 @@ from .map import draw_range_doppler
 from .profile import draw_range_profile
 from .rings import plot_rings
 from .sheet import save_picture
+from .spectrogram import plot_spectrogram
+
+_NAMES = ("rings", "echo", "range_profile", "range_doppler", "clutter", "spectrogram")
 
 
-@result_writer(
-    "png",
-    "_rings.png",
-    "_echo.png",
-    "_range_profile.png",
-    "_range_doppler.png",
-    "_clutter.png",
-)
+@result_writer("png", *(f"_{name}.png" for name in _NAMES))
 def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     """Draw the pictures of a frame.
 
@@ -38,7 +34,7 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     -------
     list of Path
         ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``, with
-        clutter ``_clutter.png``, too.
+        clutter ``_clutter.png``, where there is a spectrogram ``_spectrogram.png``, too.
     """
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     unit = power_unit(result.echoes.amplitude_model)
@@ -77,6 +73,12 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
         unit=unit,
     )
     files.append(save_picture(pixels, file("range_doppler")))
+    if result.spectrogram is not None:
+        name = result.spectrogram.options.object_name
+        figure = plot_spectrogram(
+            result.spectrogram, f"Spectrogram{f' of {name}' if name else ''}, {title}", unit
+        )
+        files.append(save_figure(figure, file("spectrogram")))
     expected = result.expected
     if expected is not None and expected.clutter_map is not None:
         noise_power = result.noise_of_budget or 0.0

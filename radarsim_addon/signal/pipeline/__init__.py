@@ -13,7 +13,7 @@ from .kept_frames import KeptFrame
 from .measured_findings import frame_findings
 from .options import ProcessOptions, ResolvedOptions
 from .process import Progress, process_run
-from .process_arguments import parse_process_arguments
+from .process_arguments import parse_process_arguments, process_options
 
 __all__ = [
     "FrameProcessor",
@@ -26,6 +26,7 @@ __all__ = [
     "main",
     "parse_process_arguments",
     "process_frame",
+    "process_options",
     "process_run",
     "write_coverage",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 
 from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
@@ -22,6 +22,8 @@ from ..detection import (
     detect_targets,
     find_edges,
     find_moving_targets,
+    matching_objects,
+    paths_of_objects,
     received_recording,
     statistics_findings,
 )
@@ -40,12 +42,14 @@ from ..maps import (
     RangeDopplerMap,
     RangeProfiles,
     Recording,
+    Spectrogram,
     dynamics_db,
     expected_power,
     map_noise_gain,
     mti_cancel,
     range_doppler,
     range_process,
+    spectrogram,
 )
 from ..paths import PathRows, Paths, TableFootprints
 from ..radar import Weather, find_suspicious_parameters
@@ -167,6 +171,7 @@ def frame_steps(
         expected=expected,
         speckle=speckle.report(),
         detections=_detections(options, first_map, recording, folds),
+        spectrogram=_spectrogram(frame_input, options, compressed),
     )
     yield f"frame {number}: echoes, map"
     return result
@@ -233,14 +238,38 @@ def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
     return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
 
 
-def _echoes_of(frame_input: FrameInput, number: int, options: ResolvedOptions) -> Echoes:
-    """Echoes of one of the later visibility updates."""
+def _echoes_of(
+    frame_input: FrameInput,
+    number: int,
+    options: ResolvedOptions,
+    objects: Collection[str] | None = None,
+) -> Echoes:
+    """Echoes of one visibility update; `objects`: of paths alone that end at one of these."""
     update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
     echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
     for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
-        echo_sum.add(paths)
-    echo_sum.add_rain(_rain(update, options))
+        echo_sum.add(paths if objects is None else paths_of_objects(update, paths, objects))
+    if objects is None:
+        echo_sum.add_rain(_rain(update, options))
     return echo_sum.result()
+
+
+def _spectrogram(
+    frame_input: FrameInput, options: ResolvedOptions, compressed: RangeProfiles
+) -> Spectrogram | None:
+    """The spectrogram that was asked for: of all echoes, or of those of some objects."""
+    wanted = options.spectrogram
+    if wanted is None:
+        return None
+    if wanted.object_name is not None:
+        objects = frozenset(matching_objects(frame_input, wanted.object_name))
+        updates = range(len(frame_input.tables))
+        parts = [_echoes_of(frame_input, number, options, objects) for number in updates]
+        times_s = render_times_s(frame_input)
+        echoes = interpolate_renders(parts, times_s) if len(parts) > 1 else parts[0]
+        received = apply_receiver(echoes, options.receiver).echoes
+        compressed = range_process(received, options.range_taper)
+    return spectrogram(compressed.channel(0), wanted, options.doppler_taper)
 
 
 def _rain(frame_input: FrameInput, options: ResolvedOptions) -> PathRows | None:

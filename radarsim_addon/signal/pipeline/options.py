@@ -13,6 +13,7 @@ from ...options import check_settings, choices_from, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
 from ..echoes import EchoOptions, Receiver, check_window
+from ..maps import SpectrogramOptions
 from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
@@ -44,6 +45,9 @@ class ProcessOptions:
         Rain, fog and gases, see :class:`.radar.Weather`; None: the run's own.
     cfar
         Detector, see :class:`.detection.Cfar`; None: no detections.
+    spectrogram
+        Windows, ranges or object of a spectrogram, see :class:`.maps.SpectrogramOptions`; None: no
+        spectrogram.
     """
 
     amplitude_model: AmplitudeModel | None = setting(
@@ -111,6 +115,7 @@ class ProcessOptions:
         choices=(("0", "None", ""), ("2", "Two Pulses", ""), ("3", "Three Pulses", "")),
     )  # fmt: skip
     cfar: Cfar | None = None
+    spectrogram: SpectrogramOptions | None = None
     hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
     sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
 
@@ -183,7 +188,7 @@ class ResolvedOptions(ProcessOptions):
         As in `ProcessOptions`, never None.
     limits_m
         One-way ranges (start, stop) of all frames [m].
-    receiver, cfar
+    receiver, cfar, spectrogram
         As in `ProcessOptions`.
     """
 

@@ -11,6 +11,7 @@ from ...option_arguments import add_arguments, add_share_arguments, given, share
 from ...options import declared
 from ..detection import Cfar
 from ..echoes import Receiver
+from ..maps import SpectrogramOptions
 from ..radar import Weather, load_radar
 from ..runs import open_run
 from .console import Subcommands
@@ -62,6 +63,10 @@ def add_process_parser(commands: Subcommands) -> None:
     add_arguments(group, options, *detection, defaults=True)
     add_arguments(group, cfar, "kind")
     add_arguments(group, cfar, *list(cfar)[1:], defaults=True)
+    group = process.add_argument_group("spectrogram (docs/signal.md)")
+    windows = declared(SpectrogramOptions)
+    add_arguments(group, windows, "window_pulses")
+    add_arguments(group, windows, *list(windows)[1:], defaults=True)
     group = process.add_argument_group("files")
     add_arguments(group, options, *files, defaults=True)
     group.add_argument("--again", action="store_true", help="Process frames that are done too")
@@ -71,7 +76,23 @@ def add_process_parser(commands: Subcommands) -> None:
 
 
 def process_options(chosen: argparse.Namespace) -> ProcessOptions:
-    """Return options from parsed arguments."""
+    """Return options from parsed arguments.
+
+    Parameters
+    ----------
+    chosen
+        From `parse_process_arguments`.
+
+    Returns
+    -------
+    ProcessOptions
+        How the run is to be processed.
+
+    Raises
+    ------
+    ConfigError, FrameFileError
+        Options that do not fit together, or a file that cannot be read.
+    """
     radar = None
     if chosen.waveform is not None:
         # a waveform file may hold no burst: then the run's own
@@ -82,6 +103,12 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
         flags = ", ".join(detector[name].flag for name in cfar)
         raise ConfigError(
             f"{flags} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
+        )
+    windows = given(chosen, declared(SpectrogramOptions))
+    if windows and "window_pulses" not in windows:
+        raise ConfigError(
+            "There are options of a spectrogram, and none is asked for. Add --spectrogram N, the "
+            "pulses of a window."
         )
     options, air = given(chosen, declared(ProcessOptions)), given(chosen, declared(Weather))
     if chosen.shard is not None and options.setdefault("animate", False):
@@ -94,6 +121,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
         receiver=Receiver(**given(chosen, declared(Receiver))),
         weather=dataclasses.replace(open_run(chosen.folder).weather, **air) if air else None,
         cfar=Cfar(**cfar) if "kind" in cfar else None,
+        spectrogram=SpectrogramOptions(**windows) if windows else None,
         **options,
     )
 

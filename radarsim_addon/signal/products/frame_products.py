@@ -18,13 +18,14 @@ from ..results import FrameResult, frame_file, result_writer
 from ..spectrum import SynthesisReport
 
 
-@result_writer("npz", "_profile.npz", "_map.npz", "_expected.npz")
+@result_writer("npz", "_profile.npz", "_map.npz", "_expected.npz", "_spectrogram.npz")
 def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
     """Write range profile and range-Doppler map, and the expected powers where they are known.
 
     ``_profile.npz`` (range_m, expected_power, coherent_range_m, coherent_power), ``_map.npz``
-    (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), and ``_expected.npz`` with
-    the fields of :class:`.maps.ExpectedPower`, and clutter_to_noise in the cells of its map.
+    (doppler_hz, velocity_mps, range_m, power [channel, Doppler, range]), ``_expected.npz`` with the
+    fields of :class:`.maps.ExpectedPower` and clutter_to_noise in the cells of its map, and
+    ``_spectrogram.npz`` (time_s, doppler_hz, velocity_mps, power [window, Doppler]).
     """
     profile, rd_map = result.profile, result.rd_map
     arrays = {
@@ -45,6 +46,11 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
         known = {**vars(result.expected), "clutter_to_noise": result.clutter_to_noise}
         arrays["_expected.npz"] = {
             name: values for name, values in known.items() if values is not None
+        }
+    shown = result.spectrogram
+    if shown is not None:
+        arrays["_spectrogram.npz"] = {
+            name: getattr(shown, name) for name in ("time_s", "doppler_hz", "velocity_mps", "power")
         }
     files = []
     for ending, content in arrays.items():

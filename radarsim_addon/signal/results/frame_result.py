@@ -18,6 +18,7 @@ from ..maps import (
     PowerProfile,
     RangeDopplerMap,
     RangeProfiles,
+    Spectrogram,
     map_noise_gain,
     range_noise_gain,
 )
@@ -60,6 +61,8 @@ class FrameResult:
         Scatterers of the surfaces; None without any.
     detections
         Targets that CFAR found; None without CFAR.
+    spectrogram
+        Spectrogram of the first channel; None where none was asked for.
     files
         Files that hold the result, once they are written.
     fingerprint
@@ -81,6 +84,7 @@ class FrameResult:
     expected: ExpectedPower | None = None
     speckle: SpeckleReport | None = None
     detections: Detections | None = None
+    spectrogram: Spectrogram | None = None
     files: tuple[Path, ...] = ()
     fingerprint: str = ""
 

@@ -40,6 +40,9 @@ from ..radar import (
 _BLOCK = 1 << 19
 #: Pulses over which a mean gain is taken, at most.
 _MEAN_PULSES = 64
+#: Of these, so many tell the mean of gains whose polynomial through them has last two coefficients
+#: below these fractions of the gain: the next one is then below 1e-9.
+_MEAN_NODES, _MEAN_TAIL = 5, (1e-5, 1e-8)
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,36 @@ class PathEnds:
         return points_m if self.images is None else self.images.unfolded(end, points_m)
 
 
+@dataclass(frozen=True)
+class _MeanNodes:
+    """A few of many times [s] whose values tell the mean over all where they change smoothly.
+
+    `weights` (nodes,) are those of the mean, `tail` (2, nodes) those of the last two coefficients
+    of the Chebyshev polynomials through the nodes.
+    """
+
+    times_s: Real
+    weights: Real
+    tail: Real
+
+    @classmethod
+    def of(cls, times_s: Real) -> _MeanNodes | None:
+        """Of times in rising order; None: they are too few."""
+        if times_s.size < 2 * _MEAN_NODES:
+            return None
+        chosen = np.rint(np.linspace(0, times_s.size - 1, _MEAN_NODES)).astype(np.intp)
+        place = 2 * (times_s - times_s[0]) / (times_s[-1] - times_s[0]) - 1
+        basis = np.polynomial.chebyshev.chebvander(place, _MEAN_NODES - 1)
+        inverse = np.linalg.inv(basis[chosen])
+        return cls(times_s[chosen], basis.mean(axis=0) @ inverse, inverse[-2:])
+
+    def mean(self, values: Real) -> tuple[Real, Mask]:
+        """Means of values (n, nodes), and which change smoothly, (n,) each."""
+        tail = np.abs(np.einsum("nk,ck->cn", values, self.tail))
+        smooth = tail <= np.multiply.outer(_MEAN_TAIL, np.abs(values).max(axis=1))
+        return np.einsum("nk,k->n", values, self.weights), smooth.all(axis=0)
+
+
 class Link:
     """What a radar system makes of paths between one receiver and one transmitter.
 
@@ -150,6 +183,7 @@ class Link:
         if times_s is not None and times_s.size > 1:
             places = np.linspace(0, times_s.size - 1, min(times_s.size, _MEAN_PULSES))
             self._mean_times_s = times_s[np.rint(places).astype(np.intp)]
+        self._nodes = _MeanNodes.of(self._mean_times_s)
         self._patterns: dict[int, PeakedAntenna] = {}
         #: Paths given to `apply` whose last vertex was taken as that of a single reflection, their
         #: power, and that of all [W].
@@ -282,12 +316,16 @@ class Link:
         return self._patterns[key]
 
     def mean_factor(self, ends: PathEnds) -> Real:
-        """Mean of `factors` over at most 64 pulses, (n,); where nothing changes gains it is
-        `factor`, to the last bit.
+        """Mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it; where nothing changes
+        gains it is `factor`, to the last bit.
         """
         gain = self.ends_factor(ends)
         if self._mean_times_s.size:
             rows = np.flatnonzero(self.varies(ends))
+            if self._nodes is not None and rows.size:
+                found = self.factors(ends.select(rows), self._nodes.times_s)
+                gain[rows], smooth = self._nodes.mean(found)
+                rows = rows[~smooth]
             if rows.size:
                 gain[rows] = self.factors(ends.select(rows), self._mean_times_s).mean(axis=1)
         return gain

@@ -221,10 +221,17 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
     if motion is None:
         bodies = {n: Body(name, np.eye(4)) for n, name in enumerate(names, start=1)}
         return bodies, ("first_object", "last_object")
+    deforming = {} if motion.tracks is None else motion.tracks.series
     bodies = {
-        number: Body(key, body.pose)
-        for number, (key, body) in enumerate(
-            zip(motion.body_keys, motion.bodies, strict=True), start=1
+        number: Body(key, body.pose, box, body.turning or number in deforming)
+        for number, (key, body, box) in enumerate(
+            zip(
+                motion.body_keys,
+                motion.bodies,
+                motion.boxes or [None] * len(motion.bodies),
+                strict=True,
+            ),
+            start=1,
         )
     }
     return bodies, ("first_body", "last_body")

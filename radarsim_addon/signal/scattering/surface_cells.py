@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -23,10 +24,25 @@ _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 
 @dataclass(frozen=True)
 class Body:
-    """What cells are fixed to: a name that nothing else has, and its pose (4, 4) [m]."""
+    """What cells are fixed to: a name that nothing else has, and its pose (4, 4) [m].
+
+    `box` holds the corners of its mesh in its own axes (2, 3) [m at scale 1]; None: scatterers may
+    lie anywhere in their cells. `turns`: its parts have velocities of their own.
+    """
 
     name: str
     pose: Real
+    box: Real | None = None
+    turns: bool = False
+
+    @property
+    def extent_m(self) -> Real:
+        """Lowest and highest coordinate along the axes of `rotation`, (2, 3) [m]."""
+        if self.box is None:
+            return np.array([[-np.inf] * 3, [np.inf] * 3])
+        corners = np.array(list(itertools.product(*self.box.T)))
+        corners_m = corners @ self.pose[:3, :3].T @ self.rotation
+        return np.array([corners_m.min(axis=0), corners_m.max(axis=0)])
 
     @property
     def rotation(self) -> Real:
@@ -37,16 +53,20 @@ class Body:
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of n vertices: hashes, poses and edges [m], (n,), numbers along the axes, (3, n)."""
+    """Cells of n vertices: hashes, bodies, poses and edges [m], (n,), numbers along the axes,
+    (3, n).
+    """
 
     state: Hash
     corner: Real
+    body: Integers
     pose: Integers
     edge_m: Real
 
 
 class SurfaceCells:
-    """Cells of an edge [m], or of their object's where that is larger (`lengths_m` by its number).
+    """Cells of an edge [m], or of their object's where that is larger (`lengths_m` by its number),
+    and at least of `coarse_m` on bodies that do not turn.
 
     `bodies` go by the numbers in the table's columns `columns`, of first and last vertex.
     """
@@ -58,18 +78,23 @@ class SurfaceCells:
         lengths_m: Real,
         seed: int,
         edge_m: float,
+        coarse_m: float = 0.0,
     ) -> None:
-        self._columns = columns
-        self._edges_m = np.maximum(edge_m, lengths_m)
+        self._columns, self._lengths_m = columns, lengths_m
         # numbers of no body are in world space, at 0 and at the end
         self._most = max(bodies, default=0) + 1
         self._starts = np.full(self._most + 1, np.uint64(seed % 2**64))
         self._pose = np.zeros(self._most + 1, dtype=np.intp)
         self._poses = [(np.eye(3), np.zeros(3))]
+        self._edges_m = np.full(self._most + 1, max(edge_m, coarse_m))
+        self._extents_m = np.tile(np.array([-np.inf, np.inf])[:, None, None], (3, self._most + 1))
         known = {self._poses[0][0].tobytes() + self._poses[0][1].tobytes(): 0}
         for number, body in bodies.items():
             name = hashlib.sha256(body.name.encode()).digest()[:8]
             self._starts[number] ^= np.uint64(int.from_bytes(name))
+            self._extents_m[:, :, number] = body.extent_m
+            if body.turns:
+                self._edges_m[number] = edge_m
             pose = body.rotation, np.ascontiguousarray(body.pose[:3, 3])
             key = pose[0].tobytes() + pose[1].tobytes()
             if key not in known:
@@ -82,7 +107,8 @@ class SurfaceCells:
     def of(self, rows: AnyRows, first: bool) -> Cells:
         """Cells of a vertex of rows whose vertices are all known."""
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
-        edge_m = self._edges_m[rows["first_object" if first else "last_object"]]
+        length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
+        edge_m = np.maximum(self._edges_m[body], length_m)
         pose, state = self._pose[body], self._starts[body]
         corner = np.array(rows["first_scatterer_m" if first else "last_scatterer_m"].T, order="C")
         for mine, rotation, origin_m in self._by_pose(pose):
@@ -96,7 +122,7 @@ class SurfaceCells:
         np.floor(corner, out=corner)
         for place in corner:
             state = hash_step(state ^ place.astype(np.int64).view(np.uint64))
-        return Cells(state, corner, pose, edge_m)
+        return Cells(state, corner, body, pose, edge_m)
 
     def _by_pose(self, pose: Integers) -> Iterator[tuple[Integers | slice, Real, Real]]:
         """Rows, rotation and origin of each pose."""
@@ -106,11 +132,17 @@ class SurfaceCells:
             yield mine, *self._poses[number]
 
     def local_m(self, cells: Cells) -> Real:
-        """Scatterers of cells in the axes of their bodies, (n, 3) [m]."""
+        """Scatterers of cells in the axes of their bodies, within those, (n, 3) [m]."""
         draw, points_m = cells.state, np.empty((cells.state.size, 3))
+        held = np.flatnonzero(np.isfinite(self._extents_m[0, 0, cells.body]))
         for axis, corner in enumerate(cells.corner):
             draw = hash_step(draw)
-            points_m[:, axis] = cells.edge_m * (uniform(draw) + (corner - _OFFSET[axis]))
+            starts_m = corner - _OFFSET[axis]
+            points_m[:, axis] = cells.edge_m * (uniform(draw) + starts_m)
+            if held.size:
+                within_m = np.stack([starts_m[held], starts_m[held] + 1]) * cells.edge_m[held]
+                low_m, high_m = np.clip(within_m, *self._extents_m[:, axis, cells.body[held]])
+                points_m[held, axis] = low_m + uniform(draw[held]) * (high_m - low_m)
         return points_m
 
     def scatterers(self, cells: Cells) -> tuple[Real, Real]:

@@ -18,6 +18,9 @@ A surface of small height also has a coherent part, m^2 = exp(-(2 k h cos)^2) of
 1953). It is left out: as a sum over pixel centres its level grows with the number of pixels in a
 Fresnel zone, by 6 dB for each doubling of the resolution.
 
+On a body that turns a scatterer lies within the box of its mesh: beyond the end of a rotor blade it
+would be faster than all of the blade.
+
 Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
 be hit or missed by chance.
 """
@@ -53,8 +56,11 @@ from .surface_fluctuations import SurfaceFluctuations
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
 _FOOTPRINTS = 1.5
-#: Cells in the range resolution, at most: finer ones gain nothing.
+#: Cells in the range resolution, at most, where the parts of a body do not move on their own: finer
+#: ones gain nothing. Doppler resolves the parts of a body that turns.
 _CELLS_IN_RESOLUTION = 8
+#: Cells are at least as large as this, those of what is nearer than all scenes too [m].
+_LEAST_CELL_M = 1e-12
 #: Larger cells than this are a slip of the unit [m].
 _LARGEST_CELL_M = 1e6
 #: Smaller exponents of m leave too few digits of exp(j kappa h) - m: phases are then even.
@@ -126,8 +132,12 @@ class SurfaceSpeckle:
                 f"Edge of a speckle cell is {cell_m!r} m; expected more than 0 and at most "
                 f"{_LARGEST_CELL_M:g} m, or none for one that fits the pixels."
             )
-        self.cell_m = self._automatic_cell_m() if cell_m is None else cell_m
-        self._cells = SurfaceCells(bodies, body_columns, lengths_m, seed, self.cell_m)
+        coarse_m = 0.0
+        if cell_m is None:
+            cell_m = self._automatic_cell_m()
+            coarse_m = _power_of_two(resolution_m / _CELLS_IN_RESOLUTION)
+        self.cell_m = max(cell_m, coarse_m)
+        self._cells = SurfaceCells(bodies, body_columns, lengths_m, seed, cell_m, coarse_m)
         self._fluctuations = SurfaceFluctuations(
             self._cells, fluctuations or {}, seed, SPEED_OF_LIGHT_MPS / carrier_hz
         )
@@ -148,7 +158,6 @@ class SurfaceSpeckle:
 
     def _automatic_cell_m(self) -> float:
         """Power of two above the footprint that half of the power has at most."""
-        least_m = self._resolution_m / _CELLS_IN_RESOLUTION
         # power by the power of two that is at least 1.5 footprints, from 2^-1074 on
         powers = np.zeros(_EXPONENTS)
         for rows in iter_rows(self._table):
@@ -156,14 +165,14 @@ class SurfaceSpeckle:
             if not self._orthographic:  # whose pixels have areas
                 wanted_m *= distances(rows["first_scatterer_m"], self._receiver_m)
             known = np.flatnonzero(np.isfinite(wanted_m))
-            half, exponent = np.frexp(np.maximum(wanted_m[known], least_m))
+            half, exponent = np.frexp(np.maximum(wanted_m[known], _LEAST_CELL_M))
             exponent -= half == 0.5
             powers += np.bincount(
                 exponent + _EXPONENTS // 2, rows["power_w"][known], minlength=_EXPONENTS
             )
         reached = np.cumsum(powers)
         if not reached[-1] > 0:
-            return float(2.0 ** math.ceil(math.log2(least_m)))
+            return _power_of_two(self._resolution_m / _CELLS_IN_RESOLUTION)
         middle = int(np.searchsorted(reached, reached[-1] / 2))
         return float(2.0 ** (middle - _EXPONENTS // 2))
 
@@ -233,7 +242,7 @@ class SurfaceSpeckle:
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
             leaders, places_m = number[place], point_m[place]
-        if found.size == every.size:
+        if start and found.size == every.size:
             self._placed = rows, back
         return keys, powers, ranges, leaders, places_m
 
@@ -366,6 +375,11 @@ class SurfaceSpeckle:
         heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
         turns = np.stack(self._turns(rows))
         return np.where(turns > 0, self._wavenumber * turns * heights_m, 0.0)
+
+
+def _power_of_two(least: float) -> float:
+    """Return the power of two from `least` up."""
+    return float(2.0 ** math.ceil(math.log2(least)))
 
 
 def _unit(vectors: Real) -> Real:

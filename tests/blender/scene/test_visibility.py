@@ -95,3 +95,51 @@ def test_labels_are_what_is_rendered(how: str, tmp_path: Path) -> None:
     assert np.all(mine["last_object"] == run.record().objects.index("Far") + 1)
     radial = 3 * mine["direction"][:, 1]
     np.testing.assert_allclose(mine["range_rate_mps"], radial, rtol=1e-3)
+
+
+def plate_that_recedes() -> Any:
+    rs.new_scene()
+    ph.field_of_view(4.0)
+    plate = rs.add_plate(20.0, 1.0)
+    rs.move_steadily(plate, (0, 5, 0))
+    return plate
+
+
+@pytest.mark.parametrize("how", ["screen", "collection screen"])
+def test_members_of_instances_move_whatever_the_viewport_shows(tmp_path: Path, how: str) -> None:
+    """A collection that is nowhere in the scene, shown by an instance alone."""
+    plate = plate_that_recedes()
+    outer, inner = (bpy.data.collections.new(name) for name in ("Outer", "Inner"))
+    outer.children.link(inner)
+    inner.objects.link(plate)
+    bpy.context.scene.collection.objects.unlink(plate)
+    shown = bpy.data.objects.new("Shown", None)
+    shown.instance_type, shown.instance_collection = "COLLECTION", outer
+    bpy.context.scene.collection.objects.link(shown)
+    hidden = plate if how == "screen" else inner
+    hidden.hide_viewport = True
+    rows = ph.run_paths(tmp_path / "run", width_px=16, height_px=16).table()
+    assert rows.size > 100
+    np.testing.assert_allclose(rows["range_rate_mps"], 5.0, rtol=1e-3)
+    assert hidden.hide_viewport
+
+
+@pytest.mark.parametrize("display", [{"display_percentage": 5}, {"display_method": "NONE"}])
+def test_particles_that_the_viewport_leaves_out_move(
+    tmp_path: Path, display: dict[str, Any]
+) -> None:
+    """Leaves on a plate that recedes, most of which Blender shows in renders alone."""
+    plate = plate_that_recedes()
+    leaf = rs.add_plate(-5.0, 0.05)
+    settings = plate.modifiers.new("Leaves", "PARTICLE_SYSTEM").particle_system.settings
+    settings.type, settings.count, settings.hair_length = "HAIR", 40, 1.0
+    settings.use_advanced_hair, settings.particle_size = True, 1.0
+    settings.render_type, settings.instance_object = "OBJECT", leaf
+    for name, value in display.items():
+        setattr(settings, name, value)
+    plate.show_instancer_for_render = False
+    rows = ph.run_paths(tmp_path / "run", width_px=16, height_px=16).table()
+    assert rows.size > 10
+    np.testing.assert_allclose(rows["range_rate_mps"], 5.0, rtol=1e-3)
+    for name, value in display.items():
+        assert getattr(settings, name) == value

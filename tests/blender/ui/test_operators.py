@@ -12,7 +12,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.addon import CLASSES
-from radarsim_addon.blender.ui import pictures, results, scene_panel
+from radarsim_addon.blender.ui import pictures, scene_panel
+from radarsim_addon.blender.ui.result_pictures import KINDS
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
@@ -61,6 +62,7 @@ def test_every_class_has_a_description_and_every_setting_a_tooltip(addon: Any) -
     groups = (
         bpy.types.Object.bl_rna.properties["radarsim"].fixed_type,
         bpy.types.WindowManager.bl_rna.properties["radarsim"].fixed_type,
+        bpy.types.WindowManager.bl_rna.properties["radarsim_results"].fixed_type,
         bpy.types.Object.bl_rna.properties["radarsim"].fixed_type.properties["receiver"].fixed_type,
     )
     for group in groups:
@@ -77,8 +79,8 @@ def test_render_and_process_operators(
     assert "6/6 renders, 100 %" in capfd.readouterr().out
     assert len(list(tmp_path.rglob("ring_*.exr"))) == 6
     assert bpy.ops.radarsim.process_last_run() == {"FINISHED"}
-    for name in (results.MAP_IMAGE, results.PROFILE_IMAGE):
-        image = bpy.data.images[name]
+    for kind in (KINDS["MAP"], KINDS["PROFILE"]):
+        image = bpy.data.images[kind.image]
         assert tuple(image.size) == (pictures.WIDTH, pictures.HEIGHT)
         assert image.packed_file is not None
         pixels = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)

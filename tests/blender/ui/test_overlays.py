@@ -21,7 +21,7 @@ from radarsim_addon.physics.arrays import PlanarArray
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
-NAMES = ("view", "beams", "rings", "unambiguous")
+NAMES = ("view", "beams", "rings", "unambiguous", "velocities", "cell", "paths")
 AHEAD = np.array([0.0, 0.0, -1.0])
 
 
@@ -30,7 +30,7 @@ def shown(addon: Any) -> Iterator[Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     state = bpy.context.window_manager.radarsim
     before = [getattr(state, f"overlay_{name}") for name in NAMES]
-    assert before == [True, False, False, False]
+    assert before == [True, False, False, False, False, False, True]
     yield state
     for name, value in zip(NAMES, before, strict=True):
         setattr(state, f"overlay_{name}", value)
@@ -115,7 +115,7 @@ def test_all_overlays_of_every_radar(shown: Any, preset: str) -> None:
     rs.add_plate(50.0)
     lines, _ = found()
     beams = set() if preset == "paper" else {"transmitter", "receiver"}
-    assert set(lines) == {"view", "rings", "unambiguous"} | beams
+    assert set(lines) == {"view", "rings", "unambiguous", "cell"} | beams
     for item in lines.values():
         assert np.isfinite(item.ends).all()
         assert item.ends.shape[1] == 3 and len(item.ends) % 2 == 0
@@ -127,3 +127,44 @@ def test_orthographic_and_panoramic_receivers_have_no_pyramid(shown: Any) -> Non
     for kind in ("ORTHO", "PANO"):
         bpy.context.scene.camera.data.type = kind
         assert "view" not in found()[0]
+
+
+def test_what_moves_has_an_arrow_as_long_as_its_way_in_a_second(shown: Any) -> None:
+    """A car with 8 m/s and a child of it, in units of 10 m; a wall that is stationary."""
+    shown.overlay_velocities = True
+    bpy.context.scene.unit_settings.scale_length = 10.0
+    radarsim.add_radar()
+    wall, car = rs.add_plate(9.0), rs.add_plate(3.0)
+    car.name, wall.name = "Car", "Wall"
+    mast = rs.add_plate(0.0, 0.1)
+    mast.name, mast.parent = "Mast", car
+    rs.move_steadily(car, (0.48, 0.64, 0.0))  # 0.8 units a second
+    lines, labels = overlays.overlay_lines(recording.context())
+    arrows = [item for item in lines if item.kind == "velocities"]
+    assert len(arrows) == 2 and sorted(label.text for label, _ in labels) == ["8 m/s", "8 m/s"]
+    for item in arrows:
+        start, tip = (np.array(item.matrix @ Vector(end)) for end in item.ends[:2])
+        np.testing.assert_allclose(start, [0.0, 3.0, 0.0], atol=1e-5)
+        np.testing.assert_allclose(tip - start, [0.48, 0.64, 0.0], atol=1e-4)
+
+
+def test_the_cell_at_the_cursor_is_a_range_resolution_thick(shown: Any) -> None:
+    """The cursor 40 m away, 10 m up, in a view of 90 degrees: two arcs of one elevation."""
+    shown.overlay_view, shown.overlay_cell = False, True
+    radar = radarsim.add_radar((1.0, 2.0, 3.0), look_at=(5.0, 2.0, 3.0))
+    bpy.context.scene.cursor.location = (41.0, 2.0, 13.0)
+    lines, labels = found()
+    assert set(lines) == {"cell"}
+    distance = np.linalg.norm(lines["cell"].ends, axis=1)
+    range_m = math.hypot(40.0, 10.0)
+    resolution_m = 299_792_458.0 / 2 / 300e6
+    edges_m = np.array([range_m - resolution_m / 2, range_m + resolution_m / 2])
+    assert np.abs(distance[:, None] - edges_m).min(axis=1).max() < 1e-4
+    assert {int(np.abs(edges_m - one).argmin()) for one in distance} == {0, 1}
+    np.testing.assert_allclose(lines["cell"].ends[:, 1] / distance, 10.0 / range_m, atol=1e-5)
+    azimuth = np.degrees(np.arctan2(lines["cell"].ends[:, 0], -lines["cell"].ends[:, 2]))
+    assert azimuth.max() == pytest.approx(45.0, abs=1e-3) == -azimuth.min()
+    ((label, matrix),) = labels
+    assert label.text.startswith("41.23 m: cell 0.5 m x ") and label.text.endswith("m/s")
+    np.testing.assert_allclose(matrix @ Vector(label.place), (41.0, 2.0, 13.0), atol=1e-4)
+    assert radar is not None

@@ -15,6 +15,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.ui import results
+from radarsim_addon.blender.ui.result_pictures import KINDS, Shown
 from radarsim_addon.blender.ui.results import ProcessingJob
 from radarsim_addon.errors import FrameFileError, OutputError
 from tests.blender import radar_scenes as rs
@@ -27,13 +28,10 @@ def scene(addon: Any) -> Any:
     return rs.ring_scene()
 
 
-def pixels(job: ProcessingJob) -> list[np.ndarray]:
-    found = []
-    for image in job.images:
-        values = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
-        image.pixels.foreach_get(values)
-        found.append(values)
-    return found
+def pictures(job: ProcessingJob) -> list[np.ndarray]:
+    shown = Shown(job.result.view(job.frames[-1]), job.result.profiles)
+    job.result.close()
+    return [kind.draw(shown) for kind in KINDS.values() if kind.needs in shown.view.arrays]
 
 
 def test_steps_are_short_and_the_pictures_the_same(scene: Any, tmp_path: Path) -> None:
@@ -47,7 +45,7 @@ def test_steps_are_short_and_the_pictures_the_same(scene: Any, tmp_path: Path) -
             longest_s = max(longest_s, time.thread_time() - start_s)
             fractions.add(apart.fraction)
             time.sleep(0.005)
-        shown = pixels(apart)
+        shown = pictures(apart)
     assert longest_s < 0.2
     assert len(fractions) > 3 and max(fractions) == 1.0
     assert apart.frames == [1]
@@ -56,7 +54,8 @@ def test_steps_are_short_and_the_pictures_the_same(scene: Any, tmp_path: Path) -
             pass
         assert here.text == apart.text
         assert here.findings == apart.findings
-        for one, other in zip(shown, pixels(here), strict=True):
+        assert len(shown) == len(KINDS) - 1  # no spectrogram was asked for
+        for one, other in zip(shown, pictures(here), strict=True):
             np.testing.assert_array_equal(one, other)
 
 
@@ -73,11 +72,11 @@ def test_a_stop_ends_the_process(scene: Any, tmp_path: Path) -> None:
     rs.run(tmp_path)
     job = ProcessingJob(tmp_path, apart=True)
     assert not job.step()
-    worker, pictures = job._worker, Path(job._pictures.name)
-    assert worker is not None and worker.poll() is None and pictures.is_dir()
+    worker, views = job._worker, Path(job.result.folder.name)
+    assert worker is not None and worker.poll() is None and views.is_dir()
     job.close()
     assert worker.poll() is not None
-    assert not pictures.exists()
+    assert not views.exists()
     job.close()
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,27 @@ def main(archive: str, out: str) -> dict[str, Any]:
     bpy.ops.preferences.addon_disable(module=MODULE)
     found["after_again"] = traces()
     found["checkout_imported"] = "radarsim_addon" in sys.modules
+
+    repositories = bpy.context.preferences.extensions.repos
+    number = next(n for n, item in enumerate(repositories) if item.module == "user_default")
+    found["files_before"] = len(own_files())
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    said = bpy.ops.extensions.package_uninstall(repo_index=number, pkg_id="radarsim")
+    found["uninstalled"] = sorted(said)
+    found["after_uninstall"] = traces() | {"files": own_files()}
+    found["addons"] = [name for name in bpy.context.preferences.addons.keys() if "radar" in name]
     return found
+
+
+def own_files() -> list[str]:
+    """Files of the user's folder that name the extension, in their path or inside."""
+    user = Path(os.environ["BLENDER_USER_RESOURCES"])
+    return sorted(
+        str(path.relative_to(user))
+        for path in user.rglob("*")
+        if "radarsim" in str(path.relative_to(user))
+        or (path.is_file() and b"radarsim" in path.read_bytes())
+    )
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ snapshot_module = load("snapshot")
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 RINGS = 12
 OPERATOR = "RADARSIM_OT_render_frames"
+PROCESS = "RADARSIM_OT_process_last_run"
 
 
 def add_objects() -> list[Any]:
@@ -69,6 +71,13 @@ def select(items: list[Any]) -> None:
     for item in bpy.context.view_layer.objects:
         item.select_set(item in items)
     bpy.context.view_layer.objects.active = items[0]
+
+
+def thread_time_of(state: Any, name: str, value: Any) -> float:
+    """Processor time of this thread for what a setting of the panel does [s]."""
+    start_s = time.thread_time()
+    setattr(state, name, value)
+    return time.thread_time() - start_s
 
 
 def script(robot: Any) -> Any:
@@ -349,6 +358,64 @@ def script(robot: Any) -> Any:
         robot.shot(f"09_image_{number}")
         yield 1.5
     result["products"] = files(second)
+
+    # 9. Results of paths: a target of the list, its paths; settings that process again.
+    # An Image Editor to the left of the view, in place of the window that covers all.
+    for window in list(bpy.context.window_manager.windows)[1:]:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    yield 1.0
+    region = next(region for region in robot.view.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.45)
+    yield 1.0
+    views = [area for area in robot.window.screen.areas if area.type == "VIEW_3D"]
+    min(views, key=lambda area: area.width).type = "IMAGE_EDITOR"
+    settings.sampling_mode, settings.output_folder = "paths", str(third)
+    shown = bpy.context.window_manager.radarsim_results
+    yield 1.0
+    region = next(region for region in robot.view.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+        bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
+    yield from robot.wait(lambda: len(shown.rows) > 0, "the list of targets", 120)
+    yield 2.0
+    for region in robot.view.regions:  # to the panel at the end of the tab
+        if region.type == "UI":
+            with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+                for _ in range(6):
+                    bpy.ops.view2d.scroll_down(page=True)
+    region_3d = robot.view.spaces.active.region_3d
+    region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
+    result["steps_s"] = [thread_time_of(shown, "row", 0)]
+    yield 1.0
+    target = shown.rows[0].name
+    result["target"] = [target, bpy.context.view_layer.objects.active.name]
+    select(objects[2:3])  # the sphere: Blender tells of the new active object
+    yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
+    yield 1.5
+    robot.shot("10_targets")
+    yield 1.5
+    for name in ("ECHO", "RANGE_TIME", "MAP"):
+        result["steps_s"].append(thread_time_of(shown, "picture", name))
+        yield 1.0
+    shown.cfar = "os"
+    yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
+    yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
+    yield 2.0
+    robot.shot("11_detector")
+    yield 1.5
+    shown.picture = "SPECTROGRAM"
+    name = "Radar spectrogram"
+    yield from robot.wait(lambda: name in bpy.data.images, "the spectrogram", 120)
+    yield 1.5
+    robot.shot("12_spectrogram")
+    yield 1.5
+    result["pictures"] = [
+        area.spaces.active.image.name
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR" and area.spaces.active.image is not None
+    ]
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 """Matched filter against closed forms and an independent table of windows."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,14 @@ def test_expected_power_adds_up_powers_not_amplitudes() -> None:
     assert profile.power.max() == pytest.approx(2, rel=1e-3)
     coherent = range_process(synthesize(paths, RADAR, range_limits_m=WINDOW_M), oversample=16)
     assert np.abs(coherent.plane).max() < 0.02
+
+
+def test_expected_power_takes_negative_parts_of_a_pair() -> None:
+    """Of paths that interfere each carries half of the pair, which can be below zero."""
+    pair = replace(unit_paths(RADAR, [1000.0, 1000.0]), gain=np.array([2.5, -1.0]))
+    found = expected_power_profile(pair, RADAR, range_limits_m=WINDOW_M)
+    one = expected_power_profile(unit_paths(RADAR, [1000.0]), RADAR, range_limits_m=WINDOW_M)
+    np.testing.assert_allclose(found.power, 1.5 * one.power, atol=1e-12 * one.power.max())
 
 
 def test_expected_power_is_the_mean_over_speckle() -> None:

@@ -23,6 +23,8 @@ from radarsim_addon.signal import (
     ProcessOptions,
     Radar,
     Receiver,
+    Spectrogram,
+    SpectrogramOptions,
     Waveform,
     open_frame,
     open_run,
@@ -132,6 +134,35 @@ def test_bits_do_not_depend_on_the_number_of_synthesis_threads(
         monkeypatch.setattr(accumulator, "available_threads", lambda count=threads: count)
         digests.add(digest(process_frame(opened, options)))
     assert len(digests) == 1
+
+
+def test_a_spectrogram_of_an_object_is_that_of_its_ranges(tmp_path: Path) -> None:
+    """Two plates 150 m apart: that of one, from its paths, is that of the ranges around it."""
+    here = pr.pose((0, 0, 0))
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    plates = [pr.plate("Near", (-60, 300, 0), 25.0), pr.plate("Far", (120, 430, 0), 60.0)]
+    rows = pr.trace(plates, receiver, transmitter, 48, 1)
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Near", "Far"], receiver, transmitter, range_limits_m=600.0
+    )
+
+    def shown(**given: object) -> Spectrogram:
+        wanted = SpectrogramOptions(16, 0.5, **given)
+        options = ProcessOptions(spectrogram=wanted).for_run(open_run(folder))
+        found = process_frame(options.open(open_run(folder).frame(1)), options).spectrogram
+        assert found is not None
+        return found
+
+    whole, near, far = shown(), shown(object_name="Near"), shown(object_name="F*")
+    assert near.power.shape == (7, 16)
+    assert near.power.max() > 0 and far.power.max() > 0
+    for alone, limits_m in ((near, (250.0, 370.0)), (far, (380.0, 520.0))):
+        cut = shown(limits_m=limits_m)
+        assert cut.power.max() < 0.99 * whole.power.max()
+        # paired echoes of the other plate, 38 dB down, add up to 2 x 1.3 % of the amplitude
+        np.testing.assert_allclose(alone.power, cut.power, atol=0.026 * cut.power.max())
+    with pytest.raises(ConfigError, match="No object or collection"):
+        shown(object_name="Nowhere")
 
 
 def test_a_table_is_hashed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -275,6 +275,24 @@ def test_a_detectors_options_without_a_detector_are_refused(
     assert main(["process", str(folder), "--no-plots", "--cfar", "ca", "--pfa", "1e-3"]) == 0
 
 
+def test_a_spectrogram_is_written_where_one_is_asked_for(
+    folder: Path, capsys: pytest.CaptureFixture
+) -> None:
+    assert main(["process", str(folder), "--spectrogram-overlap", "0.5"]) == 2
+    assert "Add --spectrogram N" in capsys.readouterr().err
+    words = ["--spectrogram", "8", "--spectrogram-overlap", "0.5", "--frames", "1"]
+    assert main(["process", str(folder), *words]) == 0
+    files = folder / "products"
+    with np.load(files / "frame_0001_spectrogram.npz") as found:
+        prf_hz = SETUP.radar.burst.prf_hz
+        assert found["power"].shape == (found["time_s"].size, 8) and found["power"].max() > 0
+        np.testing.assert_allclose(np.diff(found["time_s"]), 4 / prf_hz)
+        np.testing.assert_allclose(np.diff(found["doppler_hz"]), prf_hz / 8)
+    assert (files / "frame_0001_spectrogram.png").stat().st_size > 1000
+    assert main(["process", str(folder), "--no-plots"]) == 0  # without one: none is left
+    assert not list(files.glob("*spectrogram*"))
+
+
 def test_help_tells_defaults_in_words(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit):
         main(["process", "--help"])

@@ -33,6 +33,7 @@ from radarsim_addon.signal.radar import (
     make_system,
 )
 from radarsim_addon.signal.scattering import Link, amplitude
+from radarsim_addon.signal.scattering.antenna_gains import PathEnds
 from radarsim_addon.signal.spectrum import TOLERANCE
 from tests.signal import path_runs as pr
 
@@ -72,8 +73,11 @@ def two_way_gain(system: object, times_s: np.ndarray) -> np.ndarray:
     return system.transmitter.gain(direction) * system.receiver.gain(direction)  # type: ignore[attr-defined,no-any-return]
 
 
-def swept(name: str, count: int = 1, range_rate_mps: float = 0.0) -> tuple:
-    """Paths of stationary point targets about 300 m along +Y, and the link of a turning radar."""
+def swept(name: str, count: int = 1, slower: float = 1.0) -> tuple:
+    """Paths of stationary point targets about 300 m along +Y, and the link of a turning radar.
+
+    Its pulses follow one another in so much less time, in which it turns less.
+    """
     record = contract.LinkBudget(1.0, ANTENNAS[name], WIDE)
     system = make_system(record, WAVEFORM.wavelength_m)
     body = turning()
@@ -91,8 +95,8 @@ def swept(name: str, count: int = 1, range_rate_mps: float = 0.0) -> tuple:
     )
     receiver = pr.camera(body.pose.tolist())
     emitter = contract.TransmitterRecord(body.pose.tolist(), EIRP_W)
-    link = Link(system, receiver, emitter, scene, pulse_times_s(Radar(WAVEFORM, BURST)))
-    return paths, link, system
+    times_s = pulse_times_s(Radar(WAVEFORM, BURST)) / slower
+    return paths, Link(system, receiver, emitter, scene, times_s), system
 
 
 @pytest.mark.parametrize("name", ANTENNAS)
@@ -109,6 +113,24 @@ def test_a_turning_radar_draws_its_pattern(name: str) -> None:
     assert link.apply(paths).gain[0] == pytest.approx(
         np.mean(two_way_gain(system, times_s)) / EIRP_W, rel=1e-12
     )
+
+
+@pytest.mark.parametrize("slower", [1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("name", ANTENNAS)
+def test_few_pulses_tell_the_mean_of_gains_that_change_slowly(name: str, slower: float) -> None:
+    paths, link, system = swept(name, slower=slower)
+    asked: list[int] = []
+    factors = link.factors
+
+    def counted(ends: PathEnds, times_s: np.ndarray) -> np.ndarray:
+        asked.append(times_s.size)
+        return factors(ends, times_s)
+
+    link.factors = counted
+    times_s = pulse_times_s(Radar(WAVEFORM, BURST)) / slower
+    mean = np.mean(two_way_gain(system, times_s)) / EIRP_W
+    assert link.apply(paths).gain[0] == pytest.approx(mean, rel=1e-8)
+    assert asked == ([5] if slower > 500 else [5, 64])
 
 
 @pytest.mark.parametrize("waveform", [WAVEFORM, FMCW], ids=["pulse", "fmcw"])

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that write the pictures of a run into files: one picture, or all frames as a GIF."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ExportHelper
+
+from ...atomic_files import replaced
+from ...errors import OutputError
+from .gif_file import GifWriter
+from .pictures import HEIGHT, WIDTH, picture_palette
+from .result_pictures import KINDS
+from .results import as_image
+from .shown_findings import reported
+from .shown_results import RESULTS_PROPERTY, picture_of, shown_run, shown_view
+
+#: Time between two steps of a file that is being written [s].
+_TICK_S = 0.01
+#: Pictures of all frames: they do not change from frame to frame.
+_OF_ALL_FRAMES = ("RANGE_TIME", "PPI")
+
+
+class _PictureFile(ExportHelper):
+    """A file of the chosen picture; its name in the dialog is that of the picture."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return shown_view() is not None
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
+        self.filepath = f"{picture.lower()}{self.filename_ext}"
+        return super().invoke(context, event)  # type: ignore[no-any-return]
+
+    def path(self) -> Path:
+        """The file to write; an `OutputError` where its folder is missing."""
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.parent.is_dir():
+            raise OutputError(f"The folder {path.parent} does not exist. Choose an existing one.")
+        return path
+
+
+class RADARSIM_OT_save_picture(_PictureFile, bpy.types.Operator):
+    """Save the chosen picture of the results as PNG, 1200 x 800 pixels"""
+
+    bl_idname = "radarsim.save_picture"
+    bl_label = "Save Radar Picture"
+    bl_options = {"REGISTER"}
+    filename_ext = ".png"
+
+    def execute(self, context: Any) -> set[str]:
+        with reported(self):
+            kind = KINDS[getattr(context.window_manager, RESULTS_PROPERTY).picture]
+            pixels = picture_of(context, kind)
+            if pixels is None:
+                raise OutputError(
+                    f"There is no {kind.label.lower()} of this frame yet. Press Process Last Run."
+                )
+            image, path = as_image(kind.image, pixels), self.path()
+            image.file_format = "PNG"
+            try:
+                image.save(filepath=str(path), save_copy=True)
+            except RuntimeError as error:
+                raise OutputError(f"{path} cannot be written: {error}") from error
+            self.report({"INFO"}, f"Saved {path}")
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
+    """Save the chosen picture of all frames as an animated GIF, each for the time set here [s]"""
+
+    bl_idname = "radarsim.save_animation"
+    bl_label = "Save Radar Animation"
+    bl_options = {"REGISTER"}
+    filename_ext = ".gif"
+
+    seconds: bpy.props.FloatProperty(
+        name="Time per Frame [s]",
+        default=0.2,
+        min=0.02,
+        max=10.0,
+        description="Set how long each frame is shown [s]",
+    )
+
+    _timer: Any = None
+    _steps: Generator[float, None, None]
+
+    def execute(self, context: Any) -> set[str]:
+        with reported(self):
+            self._steps = self._written(context, self.path())
+            if bpy.app.background:
+                for _ in self._steps:
+                    pass
+                return {"FINISHED"}
+            manager = context.window_manager
+            manager.progress_begin(0.0, 1.0)
+            self._timer = manager.event_timer_add(_TICK_S, window=context.window)
+            manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
+        return {"CANCELLED"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            return self._ended(context, "CANCELLED")
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            context.window_manager.progress_update(next(self._steps))
+        except StopIteration:
+            return self._ended(context, "FINISHED")
+        except (OutputError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return self._ended(context, "CANCELLED")
+        return {"PASS_THROUGH"}
+
+    def _ended(self, context: Any, outcome: str) -> set[str]:
+        self._steps.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        return {outcome}
+
+    def _written(self, context: Any, path: Path) -> Generator[float, None, None]:
+        """Write the file in short steps; yield the fraction that is done."""
+        run, name = shown_run(), getattr(context.window_manager, RESULTS_PROPERTY).picture
+        assert run is not None
+        frames = sorted(run.frames)
+        if name in _OF_ALL_FRAMES:
+            frames = frames[:1]
+        with replaced(path) as temporary, open(temporary, "wb") as stream:
+            writer = GifWriter(stream, WIDTH, HEIGHT, picture_palette(), self.seconds)
+            for done, frame in enumerate(frames):
+                if shown_run() is not run:
+                    raise OutputError("The run was processed again meanwhile; save it again.")
+                picture = picture_of(context, KINDS[name], frame)
+                if picture is None:
+                    raise OutputError(
+                        f"Frame {frame} has no {KINDS[name].label.lower()}. Press Process Last Run."
+                    )
+                for _ in writer.add(picture):
+                    yield done / len(frames)
+            writer.close()
+        self.report({"INFO"}, f"Saved {path}: {len(frames)} frames")
+
+
+CLASSES: tuple[type, ...] = (RADARSIM_OT_save_picture, RADARSIM_OT_save_animation)

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The run that the window shows: its frame, its pictures, and the target that is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ...array_types import Single
+from .frame_views import FrameView, Target
+from .result_pictures import KINDS, Kind, Shown
+from .results import ProcessedRun, as_image, show_images
+from .scene_reading import redraw_panels
+
+#: Where the state of the tab's results hangs on the window manager.
+RESULTS_PROPERTY = "radarsim_results"
+
+
+@dataclass
+class _State:
+    run: ProcessedRun | None = None
+    frame: int = 0
+    chosen: Target | None = None
+    row: int = -1
+    owner: object = field(default_factory=object)
+
+
+_state = _State()
+
+
+def shown_run() -> ProcessedRun | None:
+    """Return the run that is shown; None before one was processed."""
+    return _state.run
+
+
+def shown_view() -> FrameView | None:
+    """Return the frame that is shown; None before a run was processed."""
+    return None if _state.run is None else _state.run.view(_state.frame)
+
+
+def chosen_target() -> Target | None:
+    """Return the target whose paths are drawn; None where none is chosen."""
+    return _state.chosen
+
+
+def chosen_row() -> int:
+    """Return the row of the chosen target in the list; -1 for none."""
+    return _state.row
+
+
+def show_run(context: Any, run: ProcessedRun) -> Iterator[list[Any]]:
+    """Show a run in place of the one before, the same frame if it has it; one picture a step.
+
+    Image Editors with pictures of ours keep their kinds, and one gets the chosen picture. Without
+    any the steps yield the images to be shown, the chosen picture first.
+    """
+    frame = _state.frame if _state.frame in run.frames else run.frames[-1]
+    forget_run()
+    _state.run, _state.frame = run, frame
+    _fill_rows(context)
+    follow_selection()
+    picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
+    seen = _seen_kinds(context)
+    for name in dict.fromkeys((picture, *(seen or ("MAP", "PROFILE")))):
+        if seen and name == picture:
+            show_picture(context, name)
+            yield []
+        else:
+            images = draw_pictures(context, {name})
+            yield [] if seen else images
+
+
+def forget_run() -> None:
+    """Show nothing; a second call changes nothing."""
+    if _state.run is not None:
+        _state.run.close()
+    _state.run, _state.chosen, _state.row, _state.frame = None, None, -1, 0
+
+
+def show_frame(context: Any, frame: int) -> None:
+    """Show the processed frame next to a number; the chosen object stays chosen."""
+    if _state.run is None:
+        return
+    name = _state.chosen["name"] if _state.chosen else ""
+    _state.frame = min(_state.run.frames, key=lambda one: abs(one - frame))
+    _fill_rows(context)
+    _choose(context, None if not name else _of_object(name))
+
+
+def draw_pictures(context: Any, kinds: set[str] | None = None) -> list[Any]:
+    """Draw kinds of pictures; None: all that an Image Editor shows. Return their images."""
+    view = shown_view()
+    if _state.run is None or view is None:
+        return []
+    if kinds is None:
+        kinds = set(_seen_kinds(context))
+        if bpy.app.background:
+            kinds.add(getattr(context.window_manager, RESULTS_PROPERTY).picture)
+    drawn = {kind.image: picture_of(context, kind) for name, kind in KINDS.items() if name in kinds}
+    images = [as_image(name, pixels) for name, pixels in drawn.items() if pixels is not None]
+    for area in _editors(context):
+        area.tag_redraw()
+    return images
+
+
+def picture_of(context: Any, kind: Kind, frame: int | None = None) -> Single | None:
+    """Draw a picture of a frame (None: the one that is shown); None where it lacks what it needs.
+
+    The chosen target is marked where it is in the frame that is shown.
+    """
+    run = _state.run
+    if run is None:
+        return None
+    view = run.view(_state.frame if frame is None else frame)
+    if kind.needs not in view.arrays:
+        return None
+    span_db = getattr(context.window_manager, RESULTS_PROPERTY).span_db
+    chosen = _state.chosen if frame in (None, _state.frame) else None
+    return kind.draw(Shown(view, run.profiles, span_db, chosen))
+
+
+def _editors(context: Any) -> list[Any]:
+    """Image Editors that show one of our pictures."""
+    ours = {kind.image for kind in KINDS.values()}
+    return [
+        area
+        for window in context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "IMAGE_EDITOR"
+        and area.spaces.active.image is not None
+        and area.spaces.active.image.name in ours
+    ]
+
+
+def _seen_kinds(context: Any) -> list[str]:
+    """Kinds of pictures that Image Editors show."""
+    seen = {area.spaces.active.image.name for area in _editors(context)}
+    return [name for name, kind in KINDS.items() if kind.image in seen]
+
+
+def show_picture(context: Any, name: str) -> None:
+    """Show a kind of picture in the first editor with one of ours; without any in a new window."""
+    images = draw_pictures(context, {name})
+    editors = _editors(context)
+    if not images or bpy.app.background:
+        return
+    if not editors:
+        show_images(context, images)
+    elif not any(area.spaces.active.image == images[0] for area in editors):
+        editors[0].spaces.active.image = images[0]
+
+
+def choose_row(context: Any, row: int) -> Target | None:
+    """Choose the target of a row of the list; return it."""
+    view = shown_view()
+    if view is None or not 0 <= row < len(view.targets):
+        return None
+    _choose(context, view.targets[row], row)
+    return _state.chosen
+
+
+def _choose(context: Any, target: Target | None, row: int = -1) -> None:
+    view = shown_view()
+    if row < 0 and target is not None and view is not None and target in view.targets:
+        row = view.targets.index(target)
+    _state.chosen, _state.row = target, row
+    draw_pictures(context)
+    redraw_panels(context)
+
+
+def _of_object(name: str) -> Target | None:
+    """The object of the frame with a name, which for a part of an instance is "Instancer/Name"."""
+    view = shown_view()
+    if view is None:
+        return None
+    own = [item for key, item in view.objects.items() if name in (key, *key.split("/"))]
+    return max(own, key=lambda item: item["power_dbm"] or -1e9, default=None)
+
+
+def follow_selection() -> None:
+    """Choose the target of the scene's active object, if it has an echo."""
+    context = bpy.context
+    active = context.view_layer.objects.active if context.view_layer else None
+    if _state.run is None or active is None or not active.select_get():
+        return
+    chosen = _state.chosen
+    if chosen is not None and active.name in (chosen["name"], *chosen["name"].split("/")):
+        return  # it was chosen in the list
+    target = _of_object(active.name)
+    if target is not None:
+        _choose(context, target)
+
+
+def _fill_rows(context: Any) -> None:
+    """Fill the list of the panel."""
+    state, view = getattr(context.window_manager, RESULTS_PROPERTY), shown_view()
+    state.rows.clear()
+    for item in view.targets if view is not None else ():
+        row = state.rows.add()
+        row.name, row.text = item["name"] or "?", target_text(item)
+
+
+def target_text(item: Target) -> str:
+    """Return range, range rate, SNR and cross section of a target in one line."""
+    parts = [f"{item['range_m']:.4g} m", f"{item['velocity_mps']:+z.1f} m/s"]
+    if item["snr_db"] is not None:
+        parts.append(f"{item['snr_db']:.0f} dB")
+    if item["rcs_dbsm"] is not None:
+        parts.append(f"{item['rcs_dbsm']:.0f} dBsm")
+    return "  ".join(parts)
+
+
+@bpy.app.handlers.persistent
+def _forget_at_load(*_: Any) -> None:
+    forget_run()
+    _subscribe()
+
+
+def _subscribe() -> None:
+    """Follow the active object. A subscription ends with the file that was open."""
+    bpy.msgbus.clear_by_owner(_state.owner)
+    bpy.msgbus.subscribe_rna(
+        key=(bpy.types.LayerObjects, "active"),
+        owner=_state.owner,
+        args=(),
+        notify=follow_selection,
+    )
+
+
+def follow_objects() -> None:
+    """Follow the active object from now on; a second call changes nothing."""
+    if _forget_at_load not in bpy.app.handlers.load_post:
+        bpy.app.handlers.load_post.append(_forget_at_load)
+        _subscribe()
+
+
+def ignore_objects() -> None:
+    """Follow it no more, and forget the run; a second call changes nothing."""
+    forget_run()
+    if _forget_at_load in bpy.app.handlers.load_post:
+        bpy.app.handlers.load_post.remove(_forget_at_load)
+        bpy.msgbus.clear_by_owner(_state.owner)

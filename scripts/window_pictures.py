@@ -1,0 +1,38 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Copy screenshots of the window's tutorial into docs/images: smaller, with few colours.
+
+    make gui-test PYTEST_ARGS="-k tutorial" && python scripts/window_pictures.py
+
+tests/gui takes the screenshots in a real Blender window and leaves them in out/gui.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Width of the pictures; text of the window is readable at half of it.
+WIDTH_PX = 1100
+
+
+def main() -> int:
+    shots = sorted((ROOT / "out" / "gui").glob("tutorial_*.png"))
+    if not shots:
+        print("No screenshots in out/gui: run `make gui-test` first.", file=sys.stderr)
+        return 1
+    for shot in shots:
+        with Image.open(shot) as opened:
+            height_px = round(WIDTH_PX * opened.height / opened.width)
+            small = opened.convert("RGB").resize((WIDTH_PX, height_px), Image.Resampling.LANCZOS)
+        target = ROOT / "docs" / "images" / shot.name
+        small.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
+        print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1024:.0f} KiB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Results on a run of two frames: pictures, list of targets, and what they select."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from mathutils import Vector
+from matplotlib import image as matplotlib_image
+from PIL import Image as pillow
+
+from radarsim_addon.blender import addon as addon_module
+from radarsim_addon.blender.plan import radar_preset
+from radarsim_addon.blender.rig_settings import apply_preset, settings
+from radarsim_addon.blender.scene import active_radar
+from radarsim_addon.blender.ui import results_panel as rp
+from radarsim_addon.blender.ui import shown_results as sr
+from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, shrunk_axis
+from radarsim_addon.blender.ui.overlays import overlay_lines
+from radarsim_addon.blender.ui.pictures import HEIGHT, WIDTH, cell_edges
+from radarsim_addon.blender.ui.result_pictures import KINDS, FrameProfile, Shown
+from tests.blender import radar_scenes as rs
+from tests.blender import recording
+
+pytestmark = pytest.mark.blender
+
+#: Frame 1: a wall 60 m away, a car 30 m away that recedes with 8 m/s.
+WALL_M, CAR_M, CAR_MPS = 60.0, 30.0, 8.0
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A .blend with its run: 77 GHz FMCW, two frames."""
+    addon_module.register()
+    rs.new_scene()
+    scene = bpy.context.scene
+    apply_preset(scene, active_radar(scene), radar_preset("automotive_77ghz"))
+    wall, car = rs.add_plate(WALL_M, 6.0), rs.add_plate(CAR_M, 2.0)
+    wall.name, car.name = "Wall", "Car"
+    wall.location.x = 12.0
+    rs.move_steadily(car, (0.0, CAR_MPS, 0.0))
+    view = settings(active_radar(scene))
+    view.sampling_mode, view.pulses, view.replicates = "paths", 128, 2
+    view.width_px, view.height_px = 96, 24
+    view.frame_mode, view.frame_start, view.frame_end, view.frame_step = "range", 1, 7, 6
+    folder = tmp_path_factory.mktemp("results")
+    view.output_folder = str(folder / "run")
+    assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    yield folder / "scene.blend"
+    addon_module.unregister()
+
+
+@pytest.fixture
+def state(measured: Path) -> Iterator[Any]:
+    """The state of the tab, with the run's scene opened and nothing processed."""
+    bpy.ops.wm.open_mainfile(filepath=str(measured))
+    sr.follow_objects()
+    bpy.context.view_layer.objects.active = None
+    set_defaults()
+    yield bpy.context.window_manager.radarsim_results
+    set_defaults()  # of another group, where the test opened a file
+    sr.forget_run()
+
+
+def set_defaults() -> None:
+    found = bpy.context.window_manager.radarsim_results
+    for item in found.bl_rna.properties:
+        if not item.is_readonly and item.identifier not in ("name", "frame", "row"):
+            found.property_unset(item.identifier)
+
+
+def chosen() -> str:
+    target = sr.chosen_target()
+    return "" if target is None else target["name"]
+
+
+def process() -> Any:
+    assert bpy.ops.radarsim.process_last_run() == {"FINISHED"}
+    view = sr.shown_view()
+    assert view is not None
+    return view
+
+
+def pixels(name: str) -> np.ndarray:
+    image = bpy.data.images[KINDS[name].image]
+    values = np.empty(WIDTH * HEIGHT * 4, dtype=np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def texts() -> list[str]:
+    return recording.drawn(rp.RADARSIM_PT_results).texts
+
+
+def test_objects_have_their_range_rate_and_place_in_the_map(state: Any) -> None:
+    """Frame 7 is 0.25 s later: the car 2 m further; in the map half a burst later."""
+    view = process()
+    assert view.frame == 7 and set(view.objects) == {"Wall", "Car"}
+    car, wall = view.objects["Car"], view.objects["Wall"]
+    assert car["range_m"] == pytest.approx(CAR_M + CAR_MPS * 6 / 24, abs=0.02)
+    assert car["velocity_mps"] == pytest.approx(CAR_MPS, rel=1e-3)
+    later_s = 127 / 2 / settings(active_radar(bpy.context.scene)).prf_hz
+    assert car["map_range_m"] == pytest.approx(car["range_m"] + later_s * CAR_MPS, abs=1e-3)
+    assert wall["range_m"] == pytest.approx(np.hypot(WALL_M, 12.0), abs=0.2)
+    # the strongest cell of the map is within two cells of the strongest object: speckle glints
+    arrays, strongest = view.arrays, view.targets[0]
+    row, column = np.unravel_index(np.argmax(arrays["map_db"]), arrays["map_db"].shape)
+    assert abs(arrays["map_range_m"][column] - strongest["map_range_m"]) < 1.0
+    rate = -arrays["map_doppler_hz"][row] * view.wavelength_m / 2
+    assert abs(rate - strongest["map_velocity_mps"]) < 0.4
+
+
+def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
+    view = process()
+    names = [item["name"] for item in view.targets]
+    assert [row.name for row in state.rows] == names
+    before = pixels("MAP")
+    for row, name in enumerate(names):
+        assert bpy.ops.radarsim.select_target(row=row) == {"FINISHED"}
+        assert bpy.context.selected_objects == [bpy.data.objects[name]]
+        assert bpy.context.view_layer.objects.active.name == name
+        assert state.row == row and chosen() == name
+        shown = texts()
+        assert name in shown and any(text.endswith("dBsm") for text in shown)
+    assert not np.array_equal(pixels("MAP"), before)  # its ring
+    bpy.data.objects[names[1]].select_set(False)
+    bpy.data.objects[names[0]].select_set(True)
+    bpy.context.view_layer.objects.active = bpy.data.objects[names[0]]
+    sr.follow_selection()
+    assert chosen() == names[0] and state.row == 0
+    state.row = 1  # a click on the list
+    assert bpy.context.view_layer.objects.active.name == names[1]
+    with pytest.raises(RuntimeError, match="no row 99"):
+        bpy.ops.radarsim.select_target(row=99)
+
+
+def test_paths_of_a_target_go_from_the_radar_to_its_object_and_back(state: Any) -> None:
+    view = process()
+    for item in view.targets:
+        assert 1 <= len(item["lines_m"]) <= 12
+        for line in np.array(item["lines_m"]):
+            np.testing.assert_allclose(line[[0, -1]], 0.0, atol=1e-3)
+            assert abs(np.linalg.norm(line[1]) - item["range_m"]) < 1.0
+    bpy.context.scene.unit_settings.scale_length = 10.0  # the overlay stands in the scene's units
+    shown = bpy.context.window_manager.radarsim
+    for row, item in enumerate(view.targets):
+        sr.choose_row(bpy.context, row)
+        (lines,) = (one for one in overlay_lines(recording.context())[0] if one.kind == "paths")
+        assert len(lines.ends) == sum(2 * (len(line) - 1) for line in item["lines_m"])
+        far = max((lines.matrix @ Vector(end)).length for end in lines.ends)
+        assert far == pytest.approx(item["range_m"] / 10, abs=0.1)
+    shown.overlay_paths = False
+    assert "paths" not in {one.kind for one in overlay_lines(recording.context())[0]}
+    shown.overlay_paths = True
+
+
+def test_detections_come_with_their_objects(state: Any) -> None:
+    state.cfar, state.pfa = "ca", "1e-4"
+    assert state.thermal_noise  # switched on with the detector
+    view = process()
+    assert view.detections is not None
+    found = {item["name"]: item for item in reversed(view.targets) if item["name"]}
+    assert set(found) == {"Wall", "Car"}
+    assert found["Car"]["velocity_mps"] == pytest.approx(CAR_MPS, abs=0.2)
+    assert found["Car"]["snr_db"] > 10
+    assert len(state.rows) == len(view.targets)
+    names = [item["name"] for item in view.targets]
+    bpy.ops.radarsim.select_target(row=names.index("Car"))
+    assert bpy.context.view_layer.objects.active.name == "Car"
+    sr.follow_selection()  # keeps the detection, which is not the object's mean
+    assert sr.chosen_row() == names.index("Car")
+
+
+def test_every_picture_of_every_frame_is_drawn_in_time(state: Any) -> None:
+    """At most 0.2 s of this thread for a change of frame or picture; the least of three."""
+    state.picture = "SPECTROGRAM"
+    state.source, state.object_name, state.window_pulses = "OBJECT", "Car", 32
+    view = process()
+    assert view.arrays["spectrogram_db"].shape == (13, 32)
+    rates = view.arrays["spectrogram_mps"]
+    at = rates[view.arrays["spectrogram_db"].max(axis=0).argmax()]
+    assert abs(at - CAR_MPS) < np.diff(rates)[0]
+    for name, kind in KINDS.items():
+        state.picture = name
+        seen = []
+        took_s = []
+        for frame in (1, 7, 1):
+            start_s = time.thread_time()
+            state.frame = frame
+            took_s.append(time.thread_time() - start_s)
+            assert state.frame == frame
+            seen.append(pixels(name))
+        assert min(took_s) < 0.2, name
+        assert np.array_equal(seen[0], seen[2])
+        assert seen[0].min() < 0.2 and seen[0].max() > 0.9
+        if name not in ("RANGE_TIME", "PPI"):  # which show all frames
+            assert not np.array_equal(seen[0], seen[1]), name
+        assert kind.image in bpy.data.images
+
+
+def test_the_dynamic_range_changes_the_picture_without_processing(state: Any) -> None:
+    process()
+    wide = pixels("MAP")
+    state.span_db = 30.0
+    assert not np.array_equal(pixels("MAP"), wide)
+    state.span_db = 80.0
+    np.testing.assert_array_equal(pixels("MAP"), wide)
+
+
+def test_frames_are_stepped_and_snapped_and_the_panel_says_where_it_is(state: Any) -> None:
+    assert bpy.ops.radarsim.step_frame.poll() is False
+    process()
+    layout = recording.drawn(rp.RADARSIM_PT_results)
+    assert "frame 7, 2 targets" in layout.texts
+    assert {"picture", "frame", "span_db", "thermal_noise", "cfar"} <= set(layout.fields)
+    bpy.ops.radarsim.step_frame(step=-1)
+    assert state.frame == 1
+    bpy.ops.radarsim.step_frame(step=-1)
+    assert state.frame == 1
+    state.frame = 5
+    assert state.frame == 7
+    state.cfar, state.picture = "os", "SPECTROGRAM"
+    assert {"pfa", "window_pulses", "overlap", "source"} <= set(
+        recording.drawn(rp.RADARSIM_PT_results).fields
+    )
+
+
+def test_pictures_and_animations_are_saved(state: Any, tmp_path: Path) -> None:
+    """Both pictures of the GIF are those of the window, to the colours of its palette."""
+    process()
+    path = tmp_path / "map.png"
+    assert bpy.ops.radarsim.save_picture(filepath=str(path)) == {"FINISHED"}
+    saved = matplotlib_image.imread(path)
+    window = pixels("MAP").reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
+    np.testing.assert_allclose(saved[..., :3], window, atol=1 / 255)
+    path = tmp_path / "map.gif"
+    assert bpy.ops.radarsim.save_animation(filepath=str(path), seconds=0.5) == {"FINISHED"}
+    with pillow.open(path) as animation:
+        assert getattr(animation, "n_frames", 1) == 2 and animation.info["duration"] == 500
+        animation.seek(1)  # frame 7, which the window shows
+        found = np.asarray(animation.convert("RGB")) / 255
+    assert np.abs(found - window).max() < 0.06
+    for name in ("save_picture", "save_animation"):
+        with pytest.raises(RuntimeError, match="does not exist"):
+            getattr(bpy.ops.radarsim, name)(filepath=str(tmp_path / "none" / "x"))
+    state.picture = "SPECTROGRAM"
+    with pytest.raises(RuntimeError, match="no spectrogram of this frame"):
+        bpy.ops.radarsim.save_picture(filepath=str(path))
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["map.gif", "map.png"]
+
+
+def test_a_run_is_forgotten_with_its_files(state: Any) -> None:
+    process()
+    folder = Path(sr.shown_run().folder.name)
+    process()  # another one in its place
+    assert not folder.exists()
+    folder = Path(sr.shown_run().folder.name)
+    assert folder.is_dir()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert sr.shown_run() is None and not folder.exists()
+
+
+def test_shrunk_axes_keep_their_edges() -> None:
+    centres = np.arange(1000.0) * 0.5 + 3.0
+    small = shrunk_axis(centres, 300)
+    assert small.size == 300
+    assert cell_edges(small) == pytest.approx(cell_edges(centres))
+
+
+def test_plan_position_shows_a_target_where_the_radar_looked() -> None:
+    """A scan of 36 directions; the echo at 40 m in the direction of 90 degrees: east, +X."""
+    range_m = np.arange(100) + 0.5
+    profiles = [
+        FrameProfile(n * 0.1, range_m, np.where((n == 9) & (abs(range_m - 40.5) < 0.1), 1.0, 1e-9),
+                     (10.0 * n + 180) % 360 - 180, 30.0)
+        for n in range(36)
+    ]  # fmt: skip
+    view = sr.FrameView(1, 0.0, "dBW", 0.004, 0.0, 30.0, {}, None, {})
+    for name in ("PPI", "RANGE_TIME"):
+        picture = KINDS[name].draw(Shown(view, profiles))
+        area = picture[95 + 1 : 95 + ROWS - 1, 110 + 1 : 110 + COLUMNS - 1]
+        places = np.argwhere(np.abs(area - [0.993, 0.906, 0.144]).max(axis=2) < 0.02)
+        y, x = places.mean(axis=0) / area.shape[:2]
+        if name == "PPI":
+            half_m = COLUMNS / ROWS * 100.0
+            assert (2 * x - 1) * half_m == pytest.approx(40.5, abs=1.0)
+            assert (1 - 2 * y) * 100.0 == pytest.approx(0.0, abs=1.0)
+            spread_m = np.ptp(places[:, 0]) / ROWS * 200.0
+            assert spread_m == pytest.approx(2 * 40.5 * np.tan(np.radians(5.0)), abs=1.0)
+        else:
+            assert x == pytest.approx(9.5 / 36, abs=0.01)
+            assert 1 - y == pytest.approx(0.405, abs=0.01)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The steps of docs/tutorials/first-map-window.md in a real window, with a screenshot of each.
+
+blender --python tutorial.py -- FOLDER
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from robot import Robot
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+OPERATOR = "RADARSIM_OT_render_frames"
+
+
+def move_the_cube(cube: Any) -> None:
+    """Insert the tutorial's two keyframes, and linear interpolation: 10 m/s along Y."""
+    cube.keyframe_insert("location", frame=1)
+    cube.location.y = 10.0
+    cube.keyframe_insert("location", frame=25)
+    for curve in cube.animation_data.action.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    bpy.context.scene.frame_set(1)
+
+
+def script(robot: Any) -> Any:
+    result, scene = robot.result, bpy.context.scene
+    cube = bpy.data.objects["Cube"]
+    move_the_cube(cube)
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "first.blend"))
+    yield 1.0
+    yield from robot.open_tab("Radar")
+    robot.shot("tutorial_1_tab")
+    yield 1.5
+    yield from robot.click("radarsim.setup_rig")
+    yield from robot.wait(lambda: "Radar" in bpy.data.objects, "the radar", 20)
+    yield 0.5
+    robot.shot("tutorial_2_radar")
+    yield 1.5
+    for item in bpy.context.view_layer.objects:
+        item.select_set(item == cube)
+    bpy.context.view_layer.objects.active = cube
+    yield 0.3
+    yield from robot.click("radarsim.assign_material")
+    yield from robot.wait(lambda: "Radar" in cube.active_material.name, "the material", 20)
+    yield 1.0
+    robot.shot("tutorial_3_material")
+    yield 1.5
+    radar = bpy.data.objects["Radar"]
+    result["radar_m"] = list(radar.matrix_world.translation)
+    result["output_folder"] = radar.radarsim.output_folder
+    yield from robot.click_until(
+        "radarsim.render_frames", lambda: (FOLDER / "radar_run/run.json").exists(), "the run"
+    )
+    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
+    yield 1.0
+    robot.shot("tutorial_4_rendered")
+    yield 1.5
+    images = {image.name for image in bpy.data.images}
+    yield from robot.click("radarsim.process_last_run")
+    yield from robot.wait(
+        lambda: len({image.name for image in bpy.data.images} - images) >= 2, "the images", 300
+    )
+    yield 5.0  # the editors fit their images once they were drawn
+    robot.shot("tutorial_5_map")
+    yield 1.5
+    result["frame"] = scene.frame_current
+
+
+if __name__ == "__main__":
+    # Before the window is drawn for the first time: the splash screen would catch all clicks.
+    bpy.context.preferences.view.show_splash = False
+    Robot(FOLDER).run(script)
