@@ -145,27 +145,66 @@ MIRRORS = {
         "{subjects} are mirrors with an RMS height and no slope: paths over them have the coherent "
         "part that it leaves of the amplitude.",
         "The rest of the reflected power, which scatters around, is not in the paths over them. "
-        "What is seen in these mirrors alone has the reflectance of a smooth one.",
+        "A second mirror in a row on the way from the receiver has the reflectance of a smooth "
+        "one.",
         "Give the surface a correlation length too if its scattering matters more than its "
         "mirroring.",
     ),
     "mirror-curved": Kind(
         "caution",
-        "{subjects} are smooth and curved.",
-        "No single image of the transmitter exists in a curved mirror, so paths to the "
-        "transmitter over it are missing.",
-        "Give these surfaces a roughness above 0, or shade flat faces flat.",
+        "{subjects} are smooth and curved, and radarsim computes no reflection to the transmitter "
+        "at {fraction:percent} of the area of their mirrors.",
+        "Paths that go from a scatterer via this area to the transmitter are missing. The material "
+        "is no Radar Material whose inputs are numbers, the mesh is too coarse for the wavelength, "
+        "or the radius of curvature is below 1.6 wavelengths.",
+        "Assign a Radar Material whose inputs are numbers and subdivide the mesh, give these "
+        "surfaces a roughness above 0, or shade flat faces flat.",
+    ),
+    "mirror-curved-off": Kind(
+        "caution",
+        "{subjects} are smooth and curved, and Mirror images is 0.",
+        "Paths that go from a scatterer via these mirrors to the transmitter are missing.",
+        "Set Mirror images above 0.",
+    ),
+    "mirror-curved-two-places": Kind(
+        "caution",
+        "The antennas are apart, or the camera is orthographic: radarsim computes no reflection to "
+        "the transmitter at the curved mirrors {subjects}.",
+        "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
+        "whose ray from the receiver meets the mirror first are included.",
+        "Put both antennas in one place, and use a perspective or panoramic camera.",
+    ),
+    "mirror-curved-target": Kind(
+        "caution",
+        "{subjects} scatter in a narrow lobe, or by a clutter model, and are near a curved mirror.",
+        "Paths that go from these objects via the curved mirror to the transmitter are missing. "
+        "Paths whose ray from the receiver meets the mirror first are included.",
+        "Give these objects a diffuse surface (Specularity 0), if paths via the mirror matter.",
+    ),
+    "mirror-focuses": Kind(
+        "caution",
+        "{subjects} have concave parts that focus waves.",
+        "Near a focus, rays do not give the power. Paths that go from a scatterer via these parts "
+        "to the transmitter are missing.",
+        "Give concave parts a roughness above 0.",
+    ),
+    "mirror-rounded": Kind(
+        "info",
+        "{subjects} are curved mirrors with a coarse mesh. radarsim takes their surface as round "
+        "as their shading says, up to {height_m:length} outside of the mesh.",
+        "Lengths of paths over these mirrors belong to the round surface. Rays of the receiver "
+        "that meet the mirror first belong to the mesh.",
+        "Subdivide the mesh if it should be exact for both.",
     ),
     "mirror-without-image": Kind(
         "caution",
         "{subjects} are smooth and planar, so they act as mirrors, but radarsim makes no image of "
-        "the transmitter for them: their material is a BSDF of Blender, a thin sheet, or has "
-        "inputs that nodes set.",
+        "the transmitter for them: their material is a BSDF of Blender, or has inputs that nodes "
+        "set.",
         "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
         "whose ray from the receiver meets the mirror first are included.",
         "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface "
-        "that is not a mirror. Thin sheets get no image with any setting. A Physical material "
-        "with no thickness gets one, with the reflectance of a single boundary, not of a sheet.",
+        "that is not a mirror.",
     ),
     "mirror-first-without-image": Kind(
         "caution",

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ..array_types import Complex, Real
 from ..vectors import crosses, dots, norms
 from .fresnel import reflection_coefficients, unpolarised_reflectance
+from .slab import amplitude_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
 _PARALLEL = 1e-9
@@ -36,12 +37,15 @@ class MirrorMaterial:
         Whether the power depends on the run's polarisation.
     rms_height_m
         Of a slightly rough surface [m]; 0: smooth.
+    sheet_wavelengths
+        Thickness of a thin sheet, in wavelengths in vacuum; 0: a half-space.
     """
 
     index: complex
     share: float
     polarised: bool
     rms_height_m: float = 0.0
+    sheet_wavelengths: float = 0.0
 
     def reflection(
         self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
@@ -62,11 +66,13 @@ class MirrorMaterial:
         power, phase_rad
             As there, (n,) each.
         """
-        power, phase_rad = mirror_reflection(self.index, incoming, normal, polarisation)
+        power, phase_rad = mirror_reflection(
+            self.index, incoming, normal, polarisation, self.sheet_wavelengths
+        )
         if not self.polarised:
-            power = unpolarised_reflectance(self.index, np.abs(incoming @ normal))
+            power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
         if self.rms_height_m > 0:
-            sine = np.abs(incoming @ normal)
+            sine = np.abs(dots(incoming, normal))
             power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
         return self.share * power, phase_rad
 
@@ -91,7 +97,11 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
 
 
 def mirror_reflection(
-    index: complex, incoming: Real, normal: Real, polarisation: str
+    index: complex,
+    incoming: Real,
+    normal: Real,
+    polarisation: str,
+    sheet_wavelengths: float = 0.0,
 ) -> tuple[Real, Real]:
     """Return what a smooth plane makes of a polarised wave.
 
@@ -102,10 +112,13 @@ def mirror_reflection(
     incoming
         Unit vectors along which waves travel to the mirror, (n, 3).
     normal
-        Unit vector across the mirror, (3,).
+        Unit vector across the mirror, (3,), or one for each wave, (n, 3).
     polarisation
         "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
         up); "average": power of half a wave each, phase of the horizontal one.
+    sheet_wavelengths
+        Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
+        half-space.
 
     Returns
     -------
@@ -118,7 +131,11 @@ def mirror_reflection(
     across[straight] = _level(incoming[straight])
     across /= norms(across)[:, None]
     turned = incoming - 2 * dots(incoming, normal)[:, None] * normal
-    r_s, r_p = reflection_coefficients(index, np.abs(dots(incoming, normal)))
+    cosine = np.abs(dots(incoming, normal))
+    if sheet_wavelengths > 0:
+        _, _, r_s, r_p = amplitude_coefficients(index, sheet_wavelengths, 1.0, cosine)
+    else:
+        r_s, r_p = reflection_coefficients(index, cosine)
     vertical = polarisation == "vertical"
     before, after = (_field(way, vertical) for way in (incoming, turned))
     s_in, s_out = dots(before, across), dots(after, across)
@@ -130,7 +147,7 @@ def mirror_reflection(
     return np.asarray(power, dtype=np.float64), np.angle(kept)
 
 
-def coherent_reflection(rms_height_m: float, sine: ArrayLike, wavelength_m: float) -> Real:
+def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: float) -> Real:
     """Return the factor of a slightly rough plane on the amplitude that it mirrors.
 
     Parameters
@@ -153,7 +170,8 @@ def coherent_reflection(rms_height_m: float, sine: ArrayLike, wavelength_m: floa
     and for the distribution of sea-wave elevations, IEE Proc. H 131 (1984) 114-116:
     exp(-x) I0(x) with x = 2 (k h sin psi)^2.
     """
-    x = 2 * (2 * np.pi * rms_height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
+    height_m = np.asarray(rms_height_m, dtype=np.float64)
+    x = 2 * (2 * np.pi * height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
     near = np.minimum(x, _LARGE)
     with np.errstate(divide="ignore"):
         far = (1 + 1 / (8 * x)) / np.sqrt(2 * np.pi * x)

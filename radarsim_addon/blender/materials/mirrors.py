@@ -15,6 +15,7 @@ from ..nodes.physical_material import KIND as PHYSICAL_KIND
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..nodes.sheet import KIND as SHEET_KIND
+from ..nodes.sheet import THICKNESS
 from .clutter import clutter_of
 from .physical_materials import inputs_at, surface_of
 
@@ -44,13 +45,17 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
     """
     node = group_node(material)
     kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
-    if kind not in (KIND, PHYSICAL_KIND):
+    if kind not in (KIND, PHYSICAL_KIND, SHEET_KIND):
         return None
-    sockets = (group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS))
+    third = THICKNESS if kind == SHEET_KIND else ROUGHNESS
+    sockets = (group_input(material, name) for name in (INDEX, EXTINCTION, third))
     values = [float(socket.default_value) for socket in sockets if socket is not None]
     if len(values) < 3:
         return None
     n, kappa, roughness = values
+    if kind == SHEET_KIND:
+        sheet = MirrorMaterial(complex(n, kappa), 1.0, True, sheet_wavelengths=values[2])
+        return sheet if sheet.sheet_wavelengths > 0 else None
     surface = surface_of(material)
     height_m = 0.0 if surface is None else surface.rms_height_m
     if kind == PHYSICAL_KIND:
@@ -106,7 +111,7 @@ def ground_mirror(
                 )
         return MirrorMaterial(complex(values[INDEX], values[EXTINCTION]), 1.0, True, height_m)
     found = mirror_of(material)
-    if found is None:
+    if found is None or found.sheet_wavelengths > 0:
         raise SceneError(
             f"The ground's material is {name}, which is no mirror with numbers of its own: "
             "expected a physical Radar Material, or a simple one with roughness 0 and Specularity "

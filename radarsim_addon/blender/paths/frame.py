@@ -16,7 +16,7 @@ from ... import contract
 from ...array_types import Mask
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows, column_groups, write_table
+from ...signal.paths import PATH_DTYPE, PathRows, column_groups, write_table
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
@@ -83,7 +83,7 @@ class FrameWork:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
         self._hits, self._clutter, self._mirrors = hits, clutter, mirrors
-        self._dtype = IMAGE_DTYPE if mirrors.mirrors else PATH_DTYPE
+        self._dtype = mirrors.dtype
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
@@ -274,7 +274,7 @@ class FrameWork:
                 self._motion.label(rows)
                 self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
                 self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
-                if self._mirrors.mirrors:
+                if self._dtype != PATH_DTYPE:  # there are mirrors
                     views = MirrorViews(
                         self._tracer, self._motion, self._hits, self._clutter, self._mirrors
                     )
@@ -332,7 +332,7 @@ class FrameWork:
             table_sha256=file_sha256(table),
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
-            column_groups=column_groups(bool(self._mirrors.mirrors)),
+            column_groups=column_groups(self._dtype.names or ()),
             images=list(self._motion.images),
             findings=self._findings(quality),
         )

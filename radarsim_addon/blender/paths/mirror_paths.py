@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths whose last reflections are those of planar mirrors: kept where the mirror is on the way.
+"""Paths whose last reflections are those of mirrors: kept where the mirror is on the way.
 
 A render with the transmitter in the place of its image gives all surfaces that see the image as if
 nothing were in between. A path is one if the way from its last scatterer to the image meets the
@@ -9,7 +9,9 @@ mirror, and nothing else lies on the way to that point and on from there to the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,14 +19,17 @@ import numpy as np
 from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding
+from ...physics.mirrors import coherent_reflection
 from ...signal.motion import PathImages
-from ...signal.paths import IMAGE_DTYPE, PathFlag, PathRows
+from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
 from ...vectors import are_finite, crosses, distances, dots, norms
-from ..materials import lobe_width
+from ..materials import clutter_of, lobe_width, mirror_of
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
 from ..views import TracedReplicate, pixel_numbers
+from .curved_mirrors import CurvedMirrors, find_curved_mirrors
+from .curved_paths import CurvedPaths
 from .hit_points import HitPoints
 from .image_chains import (
     ImageChain,
@@ -82,32 +87,37 @@ class MirrorPaths:
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
-        width = cache(lobe_width)
-        widths = [
-            min(map(width, shape.materials), default=math.inf) for shape in bodies.snapshot.shapes
-        ]
-        #: Width of the narrowest lobe by the body's number, from 1.
-        self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
+        self._read_materials(bodies)
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
         self.mirrors, self._findings = find_mirrors(
             self._obstacles, transmitter_m, self._wavelength_m, most
         )
+        curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
+        self._findings += said
         if self._reflections == 1:
             names = [name for item in self._findings for name in item.subjects]
+            names += () if curved is None else curved.objects
             self._findings = [finding("mirrors-need-reflections", *names)] if names else []
-        elif self._reflections == 2 and self.mirrors:
+        elif self._reflections == 2 and (self.mirrors or curved is not None):
             names = [name for mirror in self.mirrors for name in mirror.objects]
+            names += () if curved is None else curved.objects
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
         rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
+        rough += () if curved is None else curved.rough_objects
         if rough:
             self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
-        #: Bodies that scatter otherwise towards an image.
+        #: Paths over curved mirrors; None without any.
+        self._curved: CurvedPaths | None = None
+        if curved is not None and self._reflections > 1:
+            self._curved = self._over_mirrors(curved, most)
+        #: Bodies that scatter otherwise towards an image, and towards a curved mirror.
         self._narrow: set[int] = set()
+        self._narrow_curved: set[int] = set()
         self.images = first_images(self.mirrors, transmitter_m)
         if self._reflections > 2:
             self._add_second_images(most)
@@ -120,6 +130,33 @@ class MirrorPaths:
             self._find_ways_back(most)
         #: Places of the images, (n, 3) [m].
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
+
+    def _read_materials(self, bodies: Bodies) -> None:
+        """Find the lobes and the RMS heights of all bodies."""
+        materials = [shape.materials for shape in bodies.snapshot.shapes]
+        width, clutter = cache(lobe_width), cache(lambda one: clutter_of(one) is not None)
+        height_m = cache(_rms_height_m)
+        widths = [min(map(width, every), default=math.inf) for every in materials]
+        #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
+        #: clutter model, 0 for others.
+        self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
+        weighted = np.array([any(map(clutter, every)) for every in materials], dtype=bool)
+        self._plain_lobes = np.append(0.0, np.where(weighted, 0.0, widths)[bodies.shape])
+        #: RMS height of slightly rough mirrors by the body's number, from 1; 0: none [m].
+        heights_m = np.array([height_m(tuple(every)) for every in materials], dtype=np.float64)
+        self._heights_m = np.append(0.0, heights_m[bodies.shape])
+
+    def _over_mirrors(self, curved: CurvedMirrors, most: int) -> CurvedPaths | None:
+        """Paths over curved mirrors; None where they are off, or the antennas are apart."""
+        if most and self._one_place:
+            self._findings += curved.rounded(self._wavelength_m)
+            place_m, obstacles = self._transmitter_m, self._obstacles
+            return CurvedPaths(curved, obstacles, place_m, self._polarisation, self._wavelength_m)
+        if most:
+            self._findings.append(finding("mirror-curved-two-places", *curved.objects))
+        else:
+            self._findings.append(finding("mirror-curved-off", *curved.objects))
+        return None
 
     def _add_second_images(self, most: int) -> None:
         """Add the images over two mirrors in a row, as far as there may be more images."""
@@ -159,10 +196,25 @@ class MirrorPaths:
     @property
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
-        names = [self._name(body) for body in sorted(self._narrow)]
-        if not names or self._receiver.kind == "orthographic":
-            return self._findings
-        return [*self._findings, finding("mirror-lobe-narrow", *dict.fromkeys(names))]
+        found = list(self._findings)
+        if self._narrow and self._receiver.kind != "orthographic":
+            found.append(finding("mirror-lobe-narrow", *self._names(self._narrow)))
+        if self._narrow_curved:
+            found.append(finding("mirror-curved-target", *self._names(self._narrow_curved)))
+        if self._curved is not None and self._curved.focusing:
+            found.append(finding("mirror-focuses", *self._names(self._curved.focusing)))
+        return found
+
+    def _names(self, bodies: set[int]) -> dict[str, None]:
+        """Names of the objects of bodies, each once."""
+        return dict.fromkeys(map(self._name, sorted(bodies)))
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """Type of the table's rows."""
+        if self._curved is not None:
+            return CURVED_IMAGE_DTYPE
+        return IMAGE_DTYPE if self.mirrors else PATH_DTYPE
 
     def _name(self, body: int) -> str:
         """Name of the object of a body, from 1."""
@@ -173,6 +225,7 @@ class MirrorPaths:
     def bodies(self) -> dict[int, str]:
         """Names of the objects of all mirrors by the numbers of their bodies."""
         numbers = {int(n) for mirror in self.mirrors for n in np.unique(mirror.body)}
+        numbers |= set() if self._curved is None else set(self._curved.mirrors.names)
         return {number: self._name(number) for number in sorted(numbers)}
 
     @property
@@ -213,7 +266,9 @@ class MirrorPaths:
         """Return rows with the columns of images, and with the point of each path that scatters
         once: its pixel.
         """
-        wide = with_image_columns(rows)
+        wide = np.zeros(rows.shape, dtype=self.dtype)
+        for name in rows.dtype.names or ():
+            wide[name] = rows[name]
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
         if image:
@@ -225,19 +280,25 @@ class MirrorPaths:
         return wide
 
     def with_both_ways(self, rows: PathRows) -> tuple[PathRows, float]:
-        """Return rows of a tile replicate with those that come back over mirrors, as `same_point`
-        or `ways_back` has them, and the power of those left out because open objects lie on the way
-        [W].
+        """Return rows of a tile replicate with those over curved mirrors, and those that come back
+        over mirrors, as `same_point` or `ways_back` has them; and the power of those left out
+        because open objects lie on the way [W].
         """
         if self._receiver.kind == "orthographic":
+            self._roughen(rows)
             return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
+        self._roughen(rows)
         images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
         if self._back is None:
+            through_w = 0.0
+            if self._curved is not None:
+                over, through_w = self._over_curved(self._curved, rows)
+                rows = np.concatenate([rows, over])
             every = add_reverse_paths(
                 rows, images, self._receiver_m, self._transmitter_m, self._reflections
             )
-            return every, 0.0
+            return every, through_w
         every, through_w = self._back.added(rows, images)
         for image in range(1, len(self.images) + 1):
             of_image = np.flatnonzero((every["transmitter_image"] == image) & (every["point"] > 0))
@@ -246,11 +307,43 @@ class MirrorPaths:
         every["point"][paths[place] == 1] = 0
         return every, through_w
 
+    def _roughen(self, rows: PathRows) -> None:
+        """Leave the coherent part of what the receiver sees in slightly rough mirrors."""
+        seen = self._heights_m[rows["first_body"]] > 0
+        seen &= (rows["order"] - rows["mirrors"] > 1) & are_finite(rows["first_scatterer_m"])
+        chosen = np.flatnonzero(seen)
+        bodies, first_m = rows["first_body"][chosen], rows["first_scatterer_m"][chosen]
+        receiver_m = np.broadcast_to(self._receiver_m, first_m.shape)
+        normals = self._hits.normals(bodies, receiver_m, first_m)
+        sine = np.abs(dots(normals, rows["direction"][chosen]))
+        height_m = self._heights_m[bodies]
+        factor = coherent_reflection(height_m, sine, self._wavelength_m) ** 2
+        rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
+
+    def _over_curved(self, curved: CurvedPaths, rows: PathRows) -> tuple[PathRows, float]:
+        """Paths to the transmitter over curved mirrors, from the scatterers of direct paths, and
+        the power of those that open objects block [W].
+        """
+        direct = rows[(rows["point"] > 0) & (rows["transmitter_image"] == 0)]
+        places_m = direct["last_scatterer_m"]
+        normals = self._hits.normals(direct["last_body"], self._receiver_m, places_m)
+        away = dots(normals, self._receiver_m - places_m) < 0
+        normals[away] *= -1
+        made, points_m, through_w = curved.over(direct, normals)
+        alike = self._alike_over_curved(made, points_m)
+        self._narrow_curved.update(np.unique(made["last_body"][~alike]).tolist())
+        return made[alike], through_w
+
     def _alike(self, rows: PathRows, image: int) -> Mask:
         """Whether surfaces scatter nearly alike towards the transmitter and its image, (n,)."""
         lobe = self._lobes[rows["last_body"]]
         image_m = self.images_m[image - 1]
         return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, image_m, lobe)
+
+    def _alike_over_curved(self, rows: PathRows, points_m: Real) -> Mask:
+        """Whether surfaces scatter nearly alike towards the transmitter and points (n, 3), (n,)."""
+        lobe = self._plain_lobes[rows["last_body"]]
+        return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, points_m, lobe)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
         """Rows that come over mirrors to a vertex that another pixel sees."""
@@ -275,27 +368,39 @@ class MirrorPaths:
             mine = mine[close]
             alike = self._alike if self._back is None else self._back.alike
             mine = mine[alike(rows[mine], image)]
-            mine = mine[in_view(rows["last_scatterer_m"][mine], self._receiver)]
             place_m = over.places(0, self._receiver_m)[0]
-            gone[mine[self._visible(rows[mine], place_m)]] = True
+            gone[mine[self._as_direct(rows[mine], place_m)]] = True
+        if self._curved is not None:
+            scatterers = rows["order"] - rows["mirrors"] == 2
+            over_curved = np.isin(rows["first_body"], list(self._curved.mirrors.names))
+            mine = np.flatnonzero(once & scatterers & over_curved)
+            met, points_m = self._curved.met(rows[mine])
+            mine, points_m = mine[met], points_m[met]
+            wide = self._alike_over_curved(rows[mine], points_m)
+            gone[mine[wide & self._as_direct(rows[mine], points_m)]] = True
         return gone
 
-    def _visible(self, rows: PathRows, image_m: Real) -> Mask:
-        """Whether the receiver sees last vertices from the side from which its image does."""
+    def _as_direct(self, rows: PathRows, from_m: Real) -> Mask:
+        """Whether another pixel sees last vertices, on the side from which `from_m` does."""
         last_m = rows["last_scatterer_m"]
-        places_m = (
-            np.broadcast_to(place_m, last_m.shape) for place_m in (image_m, self._receiver_m)
-        )
-        from_m, ends_m = places_m
+        found = in_view(last_m, self._receiver)
+        chosen = np.flatnonzero(found)
+        from_m = np.broadcast_to(from_m, last_m.shape)
+        found[chosen] = self._visible(rows[chosen], from_m[chosen])
+        return found
+
+    def _visible(self, rows: PathRows, from_m: Real) -> Mask:
+        """Whether the receiver sees last vertices from the side from which `from_m` (n, 3) does."""
+        last_m = rows["last_scatterer_m"]
+        ends_m = np.broadcast_to(self._receiver_m, last_m.shape)
         normals = self._hits.normals(rows["last_body"], from_m, last_m)
         seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
         blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
         return np.asarray(seen & ~blocked & ~through)
 
 
-def with_image_columns(rows: PathRows) -> PathRows:
-    """Return rows with the columns of images, 0 where they are new."""
-    wide = np.zeros(rows.shape, dtype=IMAGE_DTYPE)
-    for name in rows.dtype.names or ():
-        wide[name] = rows[name]
-    return wide
+def _rms_height_m(materials: Sequence[Any]) -> float:
+    """RMS height that all of a body's materials have as mirrors without another lobe; else 0."""
+    mirrors = [None if clutter_of(one) else mirror_of(one) for one in materials]
+    known = {0.0 if one is None or one.share < 1 else one.rms_height_m for one in mirrors}
+    return known.pop() if len(known) == 1 else 0.0

@@ -13,8 +13,9 @@ import numpy as np
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ...physics.mirrors import MirrorMaterial, mirror_matrix
-from ...vectors import crosses, dots, norms
-from ..materials import is_mirror_like, mirror_choice, mirror_of
+from ...vectors import dots, norms
+from ..materials import mirror_choice
+from .mirror_meshes import mirroring_meshes
 from .obstacles import Obstacles
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.
@@ -98,8 +99,8 @@ def find_mirrors(
     Returns at most `most` of them, and what there is to say of those left out.
     """
     found: list[Mirror] = []
-    curved: list[str] = []
     without: list[str] = []
+    curved: list[str] = []
     parts = _faces(obstacles, transmitter_m, curved, without)
     left = np.ones(len(parts.sight_sr), dtype=bool)
     while left.any() and len(found) < max(_MOST_PLANES, most):
@@ -125,14 +126,12 @@ def find_mirrors(
         )
     found.sort(key=lambda mirror: -mirror.sight_sr)
     findings = []
-    if curved:
-        findings.append(finding("mirror-curved", *dict.fromkeys(curved)))
     if without:
         findings.append(finding("mirror-without-image", *dict.fromkeys(without)))
     wanted = [
         one.name for one in obstacles.bodies.originals.values() if mirror_choice(one) == "first"
     ]
-    if in_vain := set(wanted).difference(parts.names):
+    if in_vain := set(wanted).difference(parts.names, curved):
         findings.append(finding("mirror-first-without-image", *sorted(in_vain)))
     beyond = found[most:]
     if beyond:
@@ -164,58 +163,37 @@ def _faces(
     obstacles: Obstacles, transmitter_m: Real, curved: list[str], without: list[str]
 ) -> _Faces:
     """Find the faces; add objects that are curved, and whose material has no image."""
-    bodies = obstacles.bodies
     columns = defaultdict(list)
     names: list[str] = []
+    bodies: list[int] = []
     materials: list[MirrorMaterial] = []
-    every = {one for shape in bodies.snapshot.shapes for one in shape.materials}
-    mirrors = {one: mirror_of(one) for one in every}
-    like = {one: mirrors[one] is not None or is_mirror_like(one) for one in every}
-    shapes = bodies.snapshot.shapes
-    smooth_slots = [np.array([like[one] for one in shape.materials], bool) for shape in shapes]
-    mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
-    for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
-        number = int(bodies.shape[index])
-        choice = mirror_choice(bodies.originals[int(bodies.number[index])])
-        if choice == "never":
-            continue
-        slots = [mirrors[one] for one in shapes[number].materials]
-        mesh = obstacles.mesh(index)
-        if mesh is None:
-            continue
-        slot = np.minimum(mesh.slots, len(slots) - 1)
-        mirrored = np.array([one is not None for one in slots])[slot]
-        smooth = smooth_slots[number][slot]
-        name = bodies.originals[int(bodies.number[index])].name_full
+    for one in mirroring_meshes(obstacles):
+        mesh, corners, across, smooth = one.mesh, one.corners_m, one.across_m2, one.smooth
         if np.any(smooth & mesh.curved):
-            curved.append(name)
-        pose = bodies.pose[index]
-        corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]
-        across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        across *= np.sign(np.linalg.det(pose[:3, :3]))
+            curved.append(one.name)
         double_m2 = norms(across)
         away_m = transmitter_m - corners.mean(axis=1)
         facing = dots(across, away_m)
         if not mesh.closed:  # a sheet has two sides
             across, facing = across * np.sign(facing)[:, None], np.abs(facing)
-        smooth &= ~mesh.curved & (facing > 0) & (double_m2 > 0)
-        if np.any(smooth & ~mirrored):
-            without.append(name)
-        kept = np.flatnonzero(smooth & mirrored)
-        chosen = [one for one in (slots[own] for own in slot[kept].tolist()) if one is not None]
+        smooth = smooth & ~mesh.curved & (facing > 0) & (double_m2 > 0)
+        if np.any(smooth & ~one.mirrored):
+            without.append(one.name)
+        kept = np.flatnonzero(smooth & one.mirrored)
+        chosen = one.materials_of(kept)
         bright = np.array([_brightness(one) for one in chosen])
         columns["triangles"].append(corners[kept])
         columns["normals"].append(across[kept] / double_m2[kept, None])
         sight_sr = bright * facing[kept] / 2 / norms(away_m[kept]) ** 3
-        columns["sight"].append(sight_sr + (_FIRST_SR if choice == "first" else 0.0))
-        columns["body"].append(np.full(kept.size, index + 1))
+        columns["sight"].append(sight_sr + (_FIRST_SR if one.choice == "first" else 0.0))
+        bodies += [one.body] * kept.size
         materials += chosen
-        names += [name] * kept.size
+        names += [one.name] * kept.size
     if not names:
         return _Faces(np.empty((0, 3, 3)), np.empty((0, 3)), np.empty(0), np.zeros(0, int), [], [])
     joined = {key: np.concatenate(parts) for key, parts in columns.items()}
     return _Faces(
-        joined["triangles"], joined["normals"], joined["sight"], joined["body"], materials, names
+        joined["triangles"], joined["normals"], joined["sight"], np.array(bodies), materials, names
     )
 
 

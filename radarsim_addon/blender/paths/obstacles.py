@@ -41,6 +41,8 @@ class BodyMesh:
             self.normals, self.areas_m2 = across / size[:, None], size / 2
             turned = np.einsum("tci,ti->tc", normals, self.normals)
             self.curved = ~(np.abs(turned).min(axis=1, initial=1.0) > 1 - 1e-6)
+        #: Normals at the corners of triangles, (k, 3, 3); None where nothing is curved.
+        self.corner_normals = normals if self.curved.any() else None
         edges = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
         self.closed = bool(np.all(np.bincount(edges, minlength=len(mesh.edges)) == 2))
         self._tree: Any = None

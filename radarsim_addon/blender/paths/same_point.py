@@ -19,7 +19,7 @@ import numpy as np
 from ...array_types import Mask, Real
 from ...contract import ReceiverRecord
 from ...signal.motion import PathImages
-from ...signal.paths import PathRows
+from ...signal.paths import PathRows, has_curved_images, planes_of
 from ...vectors import distances, dots, norms
 
 #: Distance of the antennas over that of a scatterer up to which both ways are one.
@@ -29,7 +29,11 @@ _LOBE_ERROR = 0.05
 
 
 def add_reverse_paths(
-    rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real, reflections: int
+    rows: PathRows,
+    images: PathImages,
+    receiver_m: Real,
+    transmitter_m: Real,
+    reflections: int,
 ) -> PathRows:
     """Return rows of a tile replicate with the paths that come back over mirrors.
 
@@ -38,7 +42,7 @@ def add_reverse_paths(
     out.
     """
     direct = np.flatnonzero((rows["point"] > 0) & (rows["transmitter_image"] == 0))
-    over = np.flatnonzero((rows["point"] > 0) & (rows["transmitter_image"] > 0))
+    over = np.flatnonzero((rows["point"] > 0) & (rows["transmitter_image"] != 0))
     order = np.argsort(rows["point"][direct], kind="stable")
     direct = direct[order]
     points = rows["point"][direct]
@@ -52,7 +56,8 @@ def add_reverse_paths(
     both = [rows]
     if reflections >= 2:
         back = rows[over]
-        back["transmitter_image"], back["receiver_image"] = 0, rows["transmitter_image"][over]
+        _come_back(back, rows[over])
+        back["transmitter_image"] = 0
         both.append(measured(back, images, receiver_m, transmitter_m))
     for image in np.unique(rows["transmitter_image"][over]).tolist() if reflections >= 3 else []:
         # All paths to this image, with every mirror on the way back.
@@ -63,7 +68,7 @@ def add_reverse_paths(
         known = np.flatnonzero(to >= 0)
         back, there = rows[over[known]], rows[to[known]]
         there["power_w"] *= back["power_w"] / rows["power_w"][base[known]]
-        there["receiver_image"] = back["transmitter_image"]
+        _come_back(there, back)
         for name in ("mirror_phase_rad", "mirrors"):
             there[name] += back[name]
         there["order"] += back["mirrors"]
@@ -74,10 +79,17 @@ def add_reverse_paths(
     return np.concatenate(both)
 
 
+def _come_back(rows: PathRows, over: PathRows) -> None:
+    """Let paths come back to the receiver over the mirrors that others take to the transmitter."""
+    rows["receiver_image"] = over["transmitter_image"]
+    if has_curved_images(rows):
+        rows["receiver_plane"] = over["transmitter_plane"]
+
+
 def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real) -> PathRows:
     """Put lengths and directions of paths with one scattering into rows that are images' own."""
     numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
-    over = PathImages(images.linear, images.offset_m, numbers.astype(np.int32))
+    over = images.of_paths(numbers, planes_of(rows))
     point_m = rows["last_scatterer_m"]
     rows["length_m"] = distances(point_m, over.places(0, receiver_m))
     rows["length_m"] += distances(point_m, over.places(1, transmitter_m))

@@ -3,6 +3,9 @@
 
 A path over a mirror is as long as the straight one from the antenna's image. Seen from the antenna
 itself, it goes to the scatterer's image: the scatterer, unfolded.
+
+A curved mirror reflects one path like the plane that touches it at the point of reflection: length
+and direction are those of the plane's image, and so is how both change as the ends begin to move.
 """
 
 from __future__ import annotations
@@ -19,6 +22,9 @@ from ...physics.mirrors import mirror_matrix
 from .body_motion import BodyMotion
 from .path_motion import Rows
 
+#: Images that are kept whichever of them some paths need.
+_FEW = 65
+
 
 @dataclass(frozen=True)
 class PathImages:
@@ -28,7 +34,7 @@ class PathImages:
     ----------
     linear, offset_m
         Image x -> A x + b of a point, by the image's number: (images, 3, 3), (images, 3) [m].
-        Number 0 is the antenna itself.
+        Number 0 is the antenna itself; those of single paths over curved mirrors are at the end.
     numbers
         Numbers of the receiver's and of the transmitter's image, (n, 2).
     records
@@ -41,8 +47,15 @@ class PathImages:
     records: tuple[ImageRecord, ...] = ()
 
     @classmethod
-    def of(cls, records: Sequence[ImageRecord], numbers: NDArray[np.integer]) -> PathImages:
-        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`."""
+    def of(
+        cls,
+        records: Sequence[ImageRecord],
+        numbers: NDArray[np.integer],
+        planes: Real | None = None,
+    ) -> PathImages:
+        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`; one below 0 is
+        the image in its plane of `planes`, normals and offsets (n, 2, 4) [m].
+        """
         linear, offset_m = [np.eye(3)], [np.zeros(3)]
         for record in records:
             turned, shift = np.eye(3), np.zeros(3)
@@ -51,20 +64,58 @@ class PathImages:
                 turned, shift = mirror @ turned, mirror @ shift + back
             linear.append(turned)
             offset_m.append(shift)
-        ends = np.asarray(numbers, dtype=np.int32)
-        return cls(np.array(linear), np.array(offset_m), ends, tuple(records))
+        return cls(
+            np.array(linear), np.array(offset_m), np.zeros((0, 2), np.int32), tuple(records)
+        ).of_paths(numbers, planes)
+
+    def of_paths(self, numbers: NDArray[np.integer], planes: Real | None = None) -> PathImages:
+        """Return the same images for other paths, with `numbers` and `planes` as for `of`."""
+        matrices, shifts_m = self.linear, self.offset_m
+        own_numbers: Int32 = np.array(numbers, dtype=np.int32)
+        if planes is not None:
+            own = own_numbers < 0
+            normals, at = planes[own][:, :3], planes[own][:, 3:]
+            own_numbers[own] = len(matrices) + np.arange(len(normals))
+            mirrors = np.eye(3) - 2 * normals[:, :, None] * normals[:, None, :]
+            matrices = np.concatenate([matrices, mirrors])
+            shifts_m = np.concatenate([shifts_m, 2 * at * normals])
+        return replace(self, linear=matrices, offset_m=shifts_m, numbers=own_numbers)
 
     def select(self, rows: Rows) -> PathImages:
         """Return the images of some paths."""
-        return replace(self, numbers=self.numbers[rows])
+        numbers = self.numbers[rows]
+        if len(self.linear) <= max(numbers.size, _FEW):
+            return replace(self, numbers=numbers)
+        used = np.union1d(np.arange(1 + len(self.records)), numbers)
+        return replace(
+            self,
+            linear=self.linear[used],
+            offset_m=self.offset_m[used],
+            numbers=np.searchsorted(used, numbers).astype(np.int32),
+        )
 
     def join(self, parts: Sequence[PathImages | None], counts: Sequence[int]) -> PathImages:
         """Return the images of parts of a table, with so many paths each; None: without any."""
-        numbers = [
-            np.zeros((count, 2), dtype=np.int32) if part is None else part.numbers
-            for part, count in zip(parts, counts, strict=True)
-        ]
-        return replace(self, numbers=np.concatenate(numbers))
+        common = 1 + len(self.records)
+        linear, offset_m = [self.linear], [self.offset_m]
+        numbers, last = [], len(self.linear)
+        for part, count in zip(parts, counts, strict=True):
+            if part is None:
+                numbers.append(np.zeros((count, 2), dtype=np.int32))
+            elif part.linear is self.linear:
+                numbers.append(part.numbers)
+            else:
+                later = np.int32(last - common)
+                numbers.append(part.numbers + later * (part.numbers >= common))
+                linear.append(part.linear[common:])
+                offset_m.append(part.offset_m[common:])
+                last += len(part.linear) - common
+        return replace(
+            self,
+            linear=np.concatenate(linear),
+            offset_m=np.concatenate(offset_m),
+            numbers=np.concatenate(numbers),
+        )
 
     def places(self, end: int, antenna_m: Real) -> Real:
         """Return where the image of an antenna is, (n, 3) [m]; `end` 0 receiver, 1 transmitter."""
@@ -88,7 +139,9 @@ class PathImages:
     def moving(self, bodies: Sequence[BodyMotion]) -> NDArray[np.bool_]:
         """Return which images have a mirror that moves, by their numbers."""
         found = [any(b > 0 and bodies[b - 1].moving for b in one.bodies) for one in self.records]
-        return np.array([False, *found])
+        moving = np.zeros(len(self.linear), dtype=bool)
+        moving[1 : 1 + len(found)] = found
+        return moving
 
     def moves_with_mirrors(
         self,

@@ -20,12 +20,14 @@ from .paths import PathCounts, Paths, make_paths, path_power_w
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .table import (
     COLUMN_GROUPS,
+    CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
     PATH_DTYPE,
     AnyRows,
     PathColumns,
     PathRows,
     column_groups,
+    has_curved_images,
     has_images,
     iter_rows,
     open_table,
@@ -38,6 +40,7 @@ from .table_files import (
     images_of,
     motion_of_rows,
     open_frame_table,
+    planes_of,
     radiance_of,
     read_paths_record,
     usable,
@@ -47,6 +50,7 @@ from .triangles import TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
+    "CURVED_IMAGE_DTYPE",
     "IMAGE_DTYPE",
     "PATH_DTYPE",
     "PATH_FLAGS",
@@ -67,6 +71,7 @@ __all__ = [
     "edge_variances",
     "frame_motion",
     "geometry_of",
+    "has_curved_images",
     "has_images",
     "images_of",
     "iter_rows",
@@ -76,6 +81,7 @@ __all__ = [
     "open_frame_table",
     "open_table",
     "path_power_w",
+    "planes_of",
     "radiance_of",
     "read_paths_record",
     "replicate_offset_px",

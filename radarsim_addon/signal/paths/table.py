@@ -68,14 +68,22 @@ COLUMN_GROUPS = {
 
 #: Columns of tables with paths over images of the antennas; others have none of them.
 IMAGE_GROUP = "scattering"
-IMAGE_COLUMNS = _group(
-    1,
+_IMAGE_COLUMNS = (
     ("transmitter_image", "<i2", "1", "image of the transmitter the path goes to, from 1; 0: none"),
     ("receiver_image", "<i2", "1", "image of the receiver it comes from, likewise"),
     ("mirrors", "<u2", "1", "reflections that are those of the images; order includes them"),
     ("mirror_phase_rad", "<f8", "rad", "phase of their reflection coefficients, as of echoes"),
     ("point", "<i4", "1", "paths of one tile, replicate and point share a scatterer; 0: none do"),
 )  # fmt: skip
+_PLANE = "unit normal and offset [m] of the plane that touches the curved mirror"
+IMAGE_COLUMNS = _group(1, *_IMAGE_COLUMNS)
+#: The same of tables with curved mirrors: images below 0 are those in the planes of their rows.
+CURVED_IMAGE_COLUMNS = _group(
+    2,
+    *_IMAGE_COLUMNS,
+    ("transmitter_plane", "<f8", "1", f"{_PLANE} of a transmitter_image below 0", [4]),
+    ("receiver_plane", "<f8", "1", f"{_PLANE} of a receiver_image below 0", [4]),
+)
 
 
 def _dtype(columns: Iterable[ColumnRecord]) -> np.dtype[np.void]:
@@ -88,6 +96,10 @@ PATH_DTYPE = _dtype(column for group in COLUMN_GROUPS.values() for column in gro
 IMAGE_DTYPE = _dtype(
     column for group in (*COLUMN_GROUPS.values(), IMAGE_COLUMNS) for column in group.columns
 )
+#: A row of a table with images in curved mirrors.
+CURVED_IMAGE_DTYPE = _dtype(
+    column for group in (*COLUMN_GROUPS.values(), CURVED_IMAGE_COLUMNS) for column in group.columns
+)
 #: Version of the geometry of a table with images: its end vertices are seen over mirrors.
 _GEOMETRY_WITH_IMAGES = 2
 
@@ -95,23 +107,24 @@ _GEOMETRY_WITH_IMAGES = 2
 MAX_ROWS = 5_000_000_000
 
 
-def column_groups(images: bool) -> dict[str, ColumnGroupRecord]:
+def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
     """Return the column groups of a table.
 
     Parameters
     ----------
-    images
-        Whether it has paths over images of the antennas.
+    columns
+        Names of its columns.
 
     Returns
     -------
     dict
         Group by name.
     """
-    if not images:
+    if "transmitter_image" not in columns:
         return COLUMN_GROUPS
     geometry = dataclasses.replace(COLUMN_GROUPS["geometry"], version=_GEOMETRY_WITH_IMAGES)
-    return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: IMAGE_COLUMNS}
+    images = CURVED_IMAGE_COLUMNS if "transmitter_plane" in columns else IMAGE_COLUMNS
+    return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: images}
 
 
 class PathColumns:
@@ -178,6 +191,21 @@ def has_images(rows: AnyRows) -> bool:
     return "transmitter_image" in (rows.dtype.names or ())
 
 
+def has_curved_images(rows: AnyRows) -> bool:
+    """Return whether rows have the columns of images in curved mirrors.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+
+    Returns
+    -------
+    bool
+    """
+    return "transmitter_plane" in (rows.dtype.names or ())
+
+
 def scatterer_rows(rows: AnyRows) -> AnyRows:
     """Return rows whose order leaves out the mirrors of images.
 
@@ -210,7 +238,7 @@ def write_table(
     parts
         Arrays of `dtype`; only one is in memory at a time.
     dtype
-        `PATH_DTYPE`, or `IMAGE_DTYPE` with images.
+        `PATH_DTYPE`; `IMAGE_DTYPE` or `CURVED_IMAGE_DTYPE` with images.
 
     Returns
     -------
@@ -332,9 +360,8 @@ def _known_columns(
     """Where the columns of the known groups are in a row of the file."""
     found: list[str] = []
     # Without the columns of images, the ends of their paths would be misread.
-    images = IMAGE_COLUMNS.columns[0].name in (dtype.names or ())
-    images &= not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
-    for name, group in column_groups(images).items():
+    images = not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
+    for name, group in column_groups(dtype.names or () if images else ()).items():
         fault = _fault(group, dtype, listed.get(name) if listed else group)
         if not fault:
             found += [column.name for column in group.columns]

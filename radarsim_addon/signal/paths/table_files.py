@@ -18,7 +18,7 @@ from ...sidecar import file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import AnyRows, PathRows, has_images, open_table
+from .table import AnyRows, PathRows, has_curved_images, has_images, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
@@ -173,16 +173,36 @@ def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None
     ConfigError
         The rows name an image that the sidecar does not have.
     """
-    if not images or not has_images(rows):
+    curved = has_curved_images(rows)
+    if not (curved or (images and has_images(rows))):
         return None
     ends = (rows["receiver_image"], rows["transmitter_image"])
     numbers = np.stack(ends, axis=-1)
-    if numbers.size and not 0 <= numbers.min() <= numbers.max() <= len(images):
+    negative = bool(numbers.size) and numbers.min() < 0 and not curved
+    if negative or numbers.max(initial=0) > len(images):
         raise ConfigError(
             f"The table names image {numbers.max()}, its sidecar has {len(images)}. They do not "
             "belong together: render the frame again."
         )
-    return PathImages.of(images, numbers)
+    return PathImages.of(images, numbers, planes_of(rows))
+
+
+def planes_of(rows: AnyRows) -> Real | None:
+    """Return the planes of images in curved mirrors.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+
+    Returns
+    -------
+    ndarray or None
+        Normals and offsets of receiver and transmitter, (n, 2, 4) [m]; None without the columns.
+    """
+    if not has_curved_images(rows):
+        return None
+    return np.stack([rows["receiver_plane"], rows["transmitter_plane"]], axis=1)
 
 
 def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:

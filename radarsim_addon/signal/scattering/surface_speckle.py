@@ -44,6 +44,7 @@ from ..paths import (
     PathColumns,
     PathRows,
     TableFootprints,
+    has_images,
     images_of,
     iter_rows,
     scatterer_rows,
@@ -273,9 +274,9 @@ class SurfaceSpeckle:
     def _keys_of(self, rows: AnyRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
         keys = self._cells.keys(rows)
-        if self._images:
-            over = rows["transmitter_image"].astype(np.uint64) << np.uint64(32)
-            over |= rows["receiver_image"].astype(np.uint64)
+        if has_images(rows):
+            over = rows["transmitter_image"].astype(np.uint16).astype(np.uint64) << np.uint64(32)
+            over |= rows["receiver_image"].astype(np.uint16).astype(np.uint64)
             keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
         return keys
 
@@ -303,7 +304,7 @@ class SurfaceSpeckle:
         receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
         if receiver_m.ndim > 1:
-            over = rows["receiver_image"] > 0
+            over = rows["receiver_image"] != 0
             straight = _unit(rows["first_scatterer_m"] - receiver_m)
             into_first = np.where(over[:, None], straight, into_first)
         out_last = _unit(emitter_m - rows["last_scatterer_m"])

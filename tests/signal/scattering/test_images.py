@@ -6,9 +6,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from radarsim_addon.contract import (
     AntennaRecord,
@@ -28,13 +30,17 @@ from radarsim_addon.signal.motion import (
 )
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import (
+    CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
     PATH_DTYPE,
     channel_lengths,
+    column_groups,
     geometry_of,
     images_of,
     make_paths,
     motion_of_rows,
+    open_table,
+    write_table,
 )
 from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.scattering import Link, interference_factors
@@ -183,6 +189,64 @@ def test_unknown_images_are_named() -> None:
     with pytest.raises(ConfigError, match="image 2, its sidecar has 1"):
         images_of(rows, [FLOOR])
     assert images_of(np.zeros(1, dtype=PATH_DTYPE), [FLOOR]) is None
+
+
+def over_ball(radar: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
+    """Length radar, ball of 2 m around the origin, target; and the plane at the reflection."""
+
+    def length(x: np.ndarray) -> float:
+        point = 2 * x / np.linalg.norm(x)
+        return float(np.linalg.norm(point - radar) + np.linalg.norm(point - target))
+
+    found = minimize(length, radar + target, method="BFGS", options={"gtol": 1e-12})
+    normal = found.x / np.linalg.norm(found.x)
+    return length(normal), np.array([*normal, 2.0])
+
+
+def test_rates_over_a_ball() -> None:
+    """Radar and target move: rates of the lengths are those over the exact ball."""
+    radar, radar_speed = np.array([9.0, 1.0, 0.5]), np.array([1.0, -4.0, 2.0])
+    target, speed = np.array([3.0, 8.0, -1.0]), np.array([-5.0, 2.0, 0.5])
+    rows = np.zeros(3, dtype=CURVED_IMAGE_DTYPE)
+    rows["first_scatterer_m"] = rows["last_scatterer_m"] = target
+    rows["transmitter_image"], rows["receiver_image"] = [-1, 0, -1], [0, -1, -1]
+    rows["order"] = rows["last_body"] = rows["first_body"] = 1
+    away, plane = over_ball(radar, target)
+    rows["transmitter_plane"] = rows["receiver_plane"] = plane
+    straight = float(np.linalg.norm(target - radar))
+    rows["length_m"] = [away + straight, away + straight, 2 * away]
+    antenna = moving(tuple(radar_speed), radar)
+    scene = FrameMotion(1.0, antenna, antenna, False, [moving(tuple(speed), target)])
+    motion = motion_of_rows(rows, scene)
+
+    def at(time_s: float) -> np.ndarray:
+        ends = radar + time_s * radar_speed, target + time_s * speed
+        over, direct = over_ball(*ends)[0], float(np.linalg.norm(ends[0] - ends[1]))
+        return np.array([over + direct, over + direct, 2 * over])
+
+    rates = (at(1e-3) - at(-1e-3)) / 4e-3
+    np.testing.assert_allclose(motion.range_rates_mps(), rates, atol=1e-5)
+    np.testing.assert_allclose(motion.select(np.array([2])).range_rates_mps(), rates[2:], atol=1e-5)
+    images = images_of(rows, [])
+    assert images is not None
+    other = images.select(np.array([1]))
+    joined = images.join([other, None, images], [1, 2, 3])
+    expected = np.concatenate([images.places(0, radar)[[1]], [radar] * 2, images.places(0, radar)])
+    np.testing.assert_allclose(joined.places(0, radar), expected, rtol=1e-14)
+    # the antenna's image is as far from the target as the way over the ball
+    assert np.linalg.norm(expected[0] - target) == pytest.approx(away, rel=1e-12)
+
+
+def test_curved_images_without_planes_are_named(tmp_path: Path) -> None:
+    rows = rows_over([(0, -1)], np.zeros(3))
+    with pytest.raises(ConfigError, match="belong together"):
+        images_of(rows, [FLOOR])
+    wide = np.zeros(3, dtype=CURVED_IMAGE_DTYPE)
+    wide["transmitter_plane"] = np.arange(12).reshape(3, 4)
+    write_table(tmp_path / "paths.npy", [wide], CURVED_IMAGE_DTYPE)
+    groups = column_groups(CURVED_IMAGE_DTYPE.names or ())
+    back = open_table(tmp_path / "paths.npy", groups)
+    np.testing.assert_array_equal(back["transmitter_plane"], wide["transmitter_plane"])
 
 
 def test_paths_of_one_point_interfere() -> None:

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths over curved mirrors to scatterers that one pixel sees: the point of reflection by Newton.
+
+A curved mirror has no image that all scatterers share, so nothing is rendered. Power over the
+mirror is that of the direct path, times the ratio of the irradiances at a Lambert surface:
+spreading by geometric optics, cosines, and what the mirror reflects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...array_types import Indices, Mask, Real
+from ...physics.curved_mirrors import reflected_widths
+from ...physics.specular_points import SpecularPoints, SpecularSearch
+from ...signal.paths import PathRows
+from ...vectors import crosses, distances, dots, norms
+from .curved_mirrors import CurvedMirrors
+from .obstacles import Obstacles
+
+#: Width of a beam, over that behind a plane, below which the mirror focuses: rays tell too little.
+_LEAST_WIDTH = 0.5
+#: Power over that of the direct path below which a path over a mirror is left out.
+_LEAST_POWER = 1e-6
+#: Length of a cross product of unit vectors below which they are parallel.
+_PARALLEL = 1e-9
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """Ways from places over mirrors to the transmitter: n of each.
+
+    `beams` is the ratio of areas of a beam, at the place and on the mirror.
+    """
+
+    found: SpecularPoints
+    incoming: Real
+    cosine: Real
+    before_m: Real
+    after_m: Real
+    beams: Real
+
+
+class CurvedPaths:
+    """Finds paths over the curved mirrors of a frame.
+
+    Parameters
+    ----------
+    mirrors, obstacles
+        Of the frame.
+    transmitter_m
+        Place of both antennas, (3,) [m].
+    polarisation, wavelength_m
+        Of the run.
+    """
+
+    def __init__(
+        self,
+        mirrors: CurvedMirrors,
+        obstacles: Obstacles,
+        transmitter_m: Real,
+        polarisation: str,
+        wavelength_m: float,
+    ) -> None:
+        self.mirrors, self._obstacles = mirrors, obstacles
+        self._transmitter_m, self._polarisation = transmitter_m, polarisation
+        self._wavelength_m = wavelength_m
+        self._search = SpecularSearch(mirrors.patches, transmitter_m)
+        #: Bodies that focus on the way to a scatterer.
+        self.focusing: set[int] = set()
+
+    def over(self, rows: PathRows, normals: Real) -> tuple[PathRows, Real, float]:
+        """Return the paths over mirrors to the scatterers of direct paths, where they are
+        reflected, (n, 3) [m], and the power of those left out because open objects lie on the way
+        [W].
+
+        `normals` (n, 3) are those at the scatterers, on the side that is seen; NaN: unknown.
+        """
+        places_m = rows["last_scatterer_m"]
+        ways = self._ways(places_m)
+        found = ways.found
+        place = found.place
+        onto = found.points_m - places_m[place]
+        straight_m = self._transmitter_m - places_m[place]
+        direct_m = norms(straight_m)
+        cosines = dots(normals[place], onto) / ways.after_m
+        cosines /= dots(normals[place], straight_m) / direct_m
+        power, phase_rad = self._reflection(ways)
+        power *= cosines * (direct_m / ways.before_m) ** 2 / ways.beams
+        seen = power > _LEAST_POWER  # NaN: not
+        blocked, through = self._blocked(ways, places_m, rows["last_body"], seen)
+        made = rows[place]
+        made["power_w"] *= power
+        made["mirror_phase_rad"] -= phase_rad  # echoes carry exp(+j w t)
+        made["length_m"] += ways.before_m + ways.after_m - direct_m
+        made["order"] += 1
+        made["mirrors"] = 1
+        offset_m = dots(found.normals, found.points_m)
+        made["transmitter_plane"] = np.column_stack([found.normals, offset_m])
+        through_w = float(made["power_w"][seen & through].sum())
+        kept = seen & ~blocked & ~through
+        made, place = made[kept], place[kept]
+        first = np.searchsorted(place, place)
+        made["transmitter_image"] = first - np.arange(place.size) - 1
+        return made, found.points_m[kept], through_w
+
+    def met(self, rows: PathRows) -> tuple[Mask, Real]:
+        """Return which rows come over a mirror to their last scatterer, (n,), and where their
+        reflection is, (n, 3) [m].
+        """
+        ways = self._ways(rows["last_scatterer_m"])
+        found = ways.found
+        away_m = distances(found.points_m, rows["first_scatterer_m"][found.place])
+        same = self.mirrors.body[found.patch] == rows["first_body"][found.place]
+        same &= away_m <= self.mirrors.size_m[found.patch]
+        met, points_m = np.zeros(rows.size, dtype=bool), np.full((rows.size, 3), np.nan)
+        met[found.place[same]] = True
+        points_m[found.place[same]] = found.points_m[same]
+        return met, points_m
+
+    def _ways(self, places_m: Real) -> _Ways:
+        """All ways from places (n, 3), except those with a focus."""
+        found = self._search.find(places_m)
+        ends_m = places_m[found.place]
+        before_m = distances(found.points_m, self._transmitter_m)
+        after_m = distances(found.points_m, ends_m)
+        incoming = (found.points_m - self._transmitter_m) / before_m[:, None]
+        cosine = -dots(incoming, found.normals)
+        across = crosses(incoming, found.normals)
+        straight = norms(across) < _PARALLEL
+        axes = np.eye(3)[np.abs(incoming[straight]).argmin(axis=1)]
+        across[straight] = crosses(incoming[straight], axes)
+        across /= norms(across)[:, None]
+        along = crosses(found.normals, across)
+        patches = self.mirrors.patches.select(found.patch)
+        curvature = patches.curvature(found.weights, found.normals, along, across)
+        widths = reflected_widths(curvature, cosine, before_m, after_m)
+        wide = widths[:, 0] >= _LEAST_WIDTH * (1 + after_m / before_m)
+        self.focusing.update(np.unique(self.mirrors.body[found.patch[~wide]]).tolist())
+        beams = np.prod(widths, axis=1)
+        kept = (one[wide] for one in (incoming, cosine, before_m, after_m, beams))
+        return _Ways(found.select(wide), *kept)
+
+    def _reflection(self, ways: _Ways) -> tuple[Real, Real]:
+        """Fraction of the power that mirrors reflect, and phase of the field, (n,) each."""
+        number = self.mirrors.material[ways.found.patch]
+        power, phase_rad = np.zeros(number.size), np.zeros(number.size)
+        for material, mirror in enumerate(self.mirrors.materials):
+            mine = np.flatnonzero(number == material)
+            power[mine], phase_rad[mine] = mirror.reflection(
+                ways.incoming[mine],
+                ways.found.normals[mine],
+                self._polarisation,
+                self._wavelength_m,
+            )
+        return power, phase_rad
+
+    def _blocked(
+        self, ways: _Ways, places_m: Real, bodies: Indices, asked: Mask
+    ) -> tuple[Mask, Mask]:
+        """Whether something opaque, or only something open, lies on ways, (n,) each."""
+        found = ways.found
+        blocked = np.zeros(found.place.size, dtype=bool)
+        through = blocked.copy()
+        chosen = np.flatnonzero(asked)
+        patch, place = found.patch[chosen], found.place[chosen]
+        # The mesh lies below the smooth surface where it is convex, and above it elsewhere.
+        raised_m = found.points_m[chosen]
+        raised_m = raised_m + 2 * self.mirrors.lift_m[patch, None] * found.normals[chosen]
+        ends_m = np.broadcast_to(self._transmitter_m, raised_m.shape)
+        for start_m, end_m, own in (
+            (places_m[place], raised_m, bodies[place]),
+            (raised_m, ends_m, self.mirrors.body[patch]),
+        ):
+            left = np.flatnonzero(~blocked[chosen])
+            opaque, on_through = self._obstacles.block(start_m[left], end_m[left], own[left])
+            blocked[chosen[left]] = opaque
+            through[chosen[left]] |= on_through
+        return blocked, through & ~blocked

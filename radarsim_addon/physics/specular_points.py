@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Points where smooth surfaces reflect waves between two places: found by Newton's method.
+
+A tree over the patches of a surface holds the directions of normals below each node. A node is left
+out where no normal below halves the angle between the two places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..array_types import Indices, Mask, Real
+from ..vectors import distances, dots, norms
+from .smooth_patches import SmoothPatches
+
+#: Patches of a leaf of the tree, and places that are searched for at a time.
+_LEAF, _CHUNK = 4, 4096
+#: How far the origin may lie outside of a triangle of tangential parts: they are not quite linear.
+_OUTSIDE = 0.2
+#: Size of a part of a patch over its distance up to which they are taken for linear, and halvings.
+_SMALL, _HALVINGS = 0.25, 12
+_STEPS = 6
+#: Step of barycentric weights for derivatives.
+_STEP = 1e-6
+#: How far a point may lie outside of its patch, and how far sin(angle) may be off.
+_EDGE, _ZERO = 1e-9, 1e-8
+#: Mismatch that is left to rounding.
+_EXACT = 1e-13
+#: Cosine of incidence below which a wave grazes the surface: the mesh tells too little there.
+GRAZING = 0.02
+
+
+@dataclass(frozen=True)
+class SpecularPoints:
+    """Reflections found: the number of the place, the patch and the weights on it of each.
+
+    Attributes
+    ----------
+    place, patch
+        Numbers, (n,), sorted by place.
+    weights
+        Barycentric weights, (n, 3).
+    points_m, normals
+        Points of reflection [m] and unit normals there, (n, 3).
+    """
+
+    place: Indices
+    patch: Indices
+    weights: Real
+    points_m: Real
+    normals: Real
+
+    def select(self, chosen: Indices | Mask) -> SpecularPoints:
+        """Return some of the reflections."""
+        return SpecularPoints(
+            self.place[chosen],
+            self.patch[chosen],
+            self.weights[chosen],
+            self.points_m[chosen],
+            self.normals[chosen],
+        )
+
+
+class SpecularSearch:
+    """Finds reflections at patches between an antenna and any number of places.
+
+    Parameters
+    ----------
+    patches
+        Surface, on its reflecting side.
+    antenna_m
+        Place of the antenna, (3,) [m].
+    """
+
+    def __init__(self, patches: SmoothPatches, antenna_m: Real) -> None:
+        self.patches, self._antenna_m = patches, np.asarray(antenna_m, dtype=np.float64)
+        edges_m = patches.corners_m[:, 1:] - patches.corners_m[:, :1]
+        self._edges = edges_m / np.linalg.norm(edges_m, axis=2)[:, :, None]
+        self._build_tree()
+
+    def find(self, places_m: Real) -> SpecularPoints:
+        """Return all reflections on ways from places (n, 3) to the antenna, nothing in between."""
+        starts = range(0, len(places_m), _CHUNK)
+        parts = [self._find(places_m[start : start + _CHUNK], start) for start in starts]
+        names = ("place", "patch", "weights", "points_m", "normals")
+        if not parts:
+            parts = [self._find(np.zeros((0, 3)), 0)]
+        return SpecularPoints(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+
+    def _find(self, places_m: Real, first: int) -> SpecularPoints:
+        place, patch, weights = self._guesses(places_m, *self._candidates(places_m))
+        weights = self._newton(patch, places_m[place], weights)
+        inside = weights.min(axis=1) >= -_EDGE  # NaN is outside
+        place, patch, weights = place[inside], patch[inside], weights[inside]
+        ends_m = places_m[place]
+        points_m, normals = self.patches.select(patch).at(weights)
+        bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
+        cosine = dots(normals, _towards(ends_m, points_m))
+        along = dots(normals, bisector)
+        good = norms(bisector - along[:, None] * normals) <= _ZERO
+        good &= (cosine >= GRAZING) & (along >= 2 * GRAZING * 0.99)
+        found = SpecularPoints(place, patch, weights, points_m, normals).select(good)
+        order = np.argsort(found.place, kind="stable")
+        found = found.select(order)
+        found = found.select(_first_of_each(found))
+        return SpecularPoints(
+            found.place + first, found.patch, found.weights, found.points_m, found.normals
+        )
+
+    def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
+        """Part of the bisector that is across the normal, along edges (n, 2, 3): (n, 2)."""
+        bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
+        across = bisector - dots(bisector, normals)[:, None] * normals
+        return np.stack([dots(edges[:, 0], across), dots(edges[:, 1], across)], axis=1)
+
+    def _guesses(
+        self, places_m: Real, place: Indices, patch: Indices
+    ) -> tuple[Indices, Indices, Real]:
+        """Pairs of places and patches, and weights from which to search, (n,), (n,), (n, 3).
+
+        Parts of patches that are large as seen from a place are halved until the mismatch is nearly
+        linear between their corners. The guess is where it vanishes then.
+        """
+        parts = np.broadcast_to(np.eye(3), (patch.size, 3, 3))
+        found = []
+        for halvings in range(_HALVINGS + 1):
+            patches, edges, ends_m = self.patches.select(patch), self._edges[patch], places_m[place]
+            corners = [patches.at(parts[:, number]) for number in range(3)]
+            points_m = np.stack([one[0] for one in corners], axis=1)
+            middle_m = points_m.mean(axis=1)
+            sides_m = np.linalg.norm(points_m - np.roll(points_m, 1, axis=1), axis=2)
+            reach_m = sides_m.max(axis=1, initial=0.0)
+            near_m = np.minimum(distances(middle_m, ends_m), distances(middle_m, self._antenna_m))
+            small = (reach_m <= _SMALL * near_m) | (halvings == _HALVINGS)
+            a, b, c = (self._mismatch(edges, ends_m, *one) for one in corners)
+            with np.errstate(all="ignore"):
+                area = _cross(b - a, c - a)[:, None]
+                guess = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1) / area
+            chosen = np.flatnonzero(small & (guess.min(axis=1) >= -_OUTSIDE))
+            weights = np.clip(guess[chosen], 0.0, 1.0)
+            weights = np.einsum("ni,nij->nj", weights, parts[chosen])
+            found.append((place[chosen], patch[chosen], weights))
+            if small.all():
+                break
+            normals = np.stack([one[1] for one in corners], axis=1)
+            axis = normals.sum(axis=1)
+            axis /= norms(axis)[:, None]
+            cosine = np.einsum("nij,nj->ni", normals, axis).min(axis=1, initial=1.0)
+            may = self._may_reflect(ends_m, middle_m, reach_m, axis, np.arccos(cosine))
+            large = np.flatnonzero(~small & may)
+            # the longest side goes from corner number - 1 to corner number
+            first = sides_m[large].argmax(axis=1)[:, None] + np.array([-1, 0, 1])
+            one, other, last = np.moveaxis(
+                np.take_along_axis(parts[large], (first % 3)[:, :, None], axis=1), 1, 0
+            )
+            half = (one + other) / 2
+            parts = np.concatenate(
+                [np.stack([one, half, last], axis=1), np.stack([half, other, last], axis=1)]
+            )
+            place, patch = np.tile(place[large], 2), np.tile(patch[large], 2)
+        place, patch, weights = (np.concatenate(one) for one in zip(*found, strict=True))
+        return place, patch, weights
+
+    def _newton(self, patch: Indices, ends_m: Real, weights: Real) -> Real:
+        """Weights without a mismatch, (n, 3), from where the search begins."""
+        patches, edges = self.patches.select(patch), self._edges[patch]
+        weights = weights / weights.sum(axis=1)[:, None]
+        moves = np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+        for _ in range(_STEPS):
+            here = self._mismatch(edges, ends_m, *patches.at(weights))
+            if not here.size or np.abs(here).max() <= _EXACT:
+                break
+            (a, c), (b, d) = (
+                (
+                    (self._mismatch(edges, ends_m, *patches.at(weights + _STEP * move)) - here)
+                    / _STEP
+                ).T
+                for move in moves
+            )
+            with np.errstate(all="ignore"):
+                first = (here[:, 0] * d - here[:, 1] * b) / (a * d - b * c)
+                second = (a * here[:, 1] - c * here[:, 0]) / (a * d - b * c)
+                step = np.stack([first, second], axis=1)
+                step = step / np.maximum(np.abs(step).max(axis=1), 1.0)[:, None]
+                weights = weights - step @ moves
+        return weights
+
+    # -- the tree ----------------------------------------------------------------------------------
+
+    def _build_tree(self) -> None:
+        """Nodes: sphere around patches, cone around normals, two children or a run of patches."""
+        patches = self.patches
+        middle_m = patches.corners_m.mean(axis=1)
+        size_m = float(np.ptp(middle_m, axis=0).max(initial=0.0)) or 1.0
+        # Patches that are close and look alike come together.
+        features = np.hstack([middle_m / size_m, patches.normals.mean(axis=1) / 2])
+        third = np.full((len(patches), 3), 1 / 3)
+        rise_m = np.abs(patches.lift_m(third))
+        self._order = np.arange(len(patches))
+        waiting = [(0, len(patches), -1)]
+        nodes: list[tuple[Any, ...]] = []
+        while waiting:
+            start, stop, parent = waiting.pop()
+            mine = self._order[start:stop]
+            number = len(nodes)
+            if parent >= 0:
+                nodes[parent][-1].append(number)
+            corners_m = patches.corners_m[mine].reshape(-1, 3)
+            centre_m = (corners_m.min(axis=0) + corners_m.max(axis=0)) / 2
+            radius_m = norms(corners_m - centre_m).max() + rise_m[mine].max()
+            normals = patches.normals[mine].reshape(-1, 3)
+            axis = normals.sum(axis=0)
+            size = float(np.linalg.norm(axis))
+            axis = axis / size if size > 0 else axis
+            least = float((normals @ axis).min()) if size > 0 else -1.0
+            spread = float(np.arccos(np.clip(least, -1.0, 1.0)))
+            nodes.append((centre_m, radius_m, axis, spread, start, stop, []))
+            if stop - start > _LEAF:
+                along = features[mine]
+                column = along[:, np.argmax(np.ptp(along, axis=0))]
+                half = (stop - start) // 2
+                self._order[start:stop] = mine[np.argpartition(column, half)]
+                waiting += [(start, start + half, number), (start + half, stop, number)]
+        columns = list(zip(*nodes, strict=True))
+        self._centre_m, self._radius_m, self._axis = (np.array(one) for one in columns[:3])
+        self._spread, self._start, self._stop = (np.array(one) for one in columns[3:6])
+        self._children = np.array([one or (-1, -1) for one in columns[6]])
+
+    def _candidates(self, places_m: Real) -> tuple[Indices, Indices]:
+        """Pairs of places and patches that may have a reflection, (n,) each."""
+        place = np.arange(len(places_m))
+        node = np.zeros(len(places_m), dtype=np.intp)
+        places, patches = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
+        while place.size:
+            kept = self._may_reflect(
+                places_m[place],
+                self._centre_m[node],
+                self._radius_m[node],
+                self._axis[node],
+                self._spread[node],
+            )
+            place, node = place[kept], node[kept]
+            leaf = self._children[node, 0] < 0
+            start, count = self._start[node[leaf]], (self._stop - self._start)[node[leaf]]
+            places.append(np.repeat(place[leaf], count))
+            within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+            patches.append(self._order[np.repeat(start, count) + within])
+            place, node = place[~leaf], node[~leaf]
+            place = np.repeat(place, 2)
+            node = self._children[node].reshape(-1)
+        return np.concatenate(places), np.concatenate(patches)
+
+    def _may_reflect(
+        self, places_m: Real, centre_m: Real, radius_m: Real, axis: Real, spread: Real
+    ) -> Mask:
+        """Whether a normal in cones may halve the angle between places and the antenna, (n,).
+
+        The cones have a unit axis and half an opening angle; their points lie in spheres.
+        """
+        bisector, off = np.zeros_like(centre_m), np.zeros(len(centre_m))
+        for end_m in (places_m, self._antenna_m):
+            away_m = np.maximum(distances(centre_m, end_m), 1e-300)
+            bisector += (end_m - centre_m) / away_m[:, None]
+            # how far the direction turns over the sphere: 2 sin(asin(x) / 2)
+            sine = np.minimum(radius_m / away_m, 1.0)
+            off += np.where(sine < 1, np.sqrt(2 - 2 * np.sqrt(1 - sine**2)), 2.0)
+        size = np.maximum(norms(bisector), 1e-300)
+        cosine = dots(bisector, axis) / size
+        turned = np.arcsin(np.minimum(off / size, 1.0))
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+        return np.asarray((off >= size) | (angle <= spread + turned + 1e-6))
+
+
+def _first_of_each(found: SpecularPoints) -> Mask:
+    """Which reflections are no repetition, on a common edge, of one before at the same place."""
+    kept = np.ones(found.place.size, dtype=bool)
+    apart = 0
+    while True:
+        apart += 1
+        same = found.place[apart:] == found.place[:-apart]
+        if not same.any():
+            return kept
+        one_m, other_m = found.points_m[apart:], found.points_m[:-apart]
+        close = distances(one_m, other_m) <= 1e-7 * (1e-6 + norms(one_m))
+        alike = dots(found.normals[apart:], found.normals[:-apart]) > 1 - 1e-6
+        kept[apart:] &= ~(same & close & alike)
+
+
+def _towards(ends_m: Real, points_m: Real) -> Real:
+    """Unit vectors from points to ends, (n, 3)."""
+    way_m = ends_m - points_m
+    return np.asarray(way_m / norms(way_m)[:, None])
+
+
+def _cross(a: Real, b: Real) -> Real:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
