@@ -217,7 +217,7 @@ def test_planes_and_foci() -> None:
 
 
 def test_meshes_that_do_not_tell_the_surface() -> None:
-    """A box that is shaded smooth, and a large flat face beside a rounded edge."""
+    """A box that is shaded smooth, and a large flat face next to a rounded edge."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
     normals = np.array([[-1, -1, 1], [1, -1, 1], [-1, 1, 1]]) / math.sqrt(3)
     _, error_m = SmoothPatches.of_mesh(corners[None], normals[None], np.array([[0, 1, 2]]))

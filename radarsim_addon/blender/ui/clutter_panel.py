@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panel of a material's clutter in the Material tab: model, its sigma0, texture and motion.
 
-The plot of sigma0 is a preview image of Blender's, made anew only when what it shows has changed.
+The plot of sigma0 is a preview image of Blender's, made again only when what it shows has changed.
 """
 
 from __future__ import annotations

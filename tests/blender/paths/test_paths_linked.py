@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects of another file, linked or overridden, beside objects of this file with their names."""
+"""Objects of another file, linked or overridden, next to objects of this file with the same names."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def moving(tmp_path: Path) -> str:
 
 
 def test_an_overridden_object_moves(tmp_path: Path, moving: str) -> None:
-    """Blender keeps the linked object beside the override, by the same name."""
+    """Blender keeps the linked object next to the override, with the same name."""
     linked(moving, override=True)
     assert [item.name for item in bpy.data.objects].count("Plate") == 2
     rows = ph.run_paths(tmp_path / "run", width_px=16, height_px=16).table()

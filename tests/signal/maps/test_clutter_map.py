@@ -131,7 +131,7 @@ def test_clutter_has_the_width_of_its_motion(
     still = power_by_doppler(
         (plain := expected_power(scene(tmp_path / "still"))), GROUND_M, plain.map
     )
-    # the unit: a scatterer at rest on a cell peaks at 1. Bragg lines are
+    # the unit: a stationary scatterer on a cell peaks at 1. Bragg lines are
     # between two of four cells to a bin.
     slack = 0.006 if fluctuation.motion == "sea" else 0.003
     np.testing.assert_allclose(got / still.max(), truth, atol=slack)
