@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects of another file, linked or overridden, next to objects of this file with the same names."""
+"""Objects of another file, linked or overridden, next to local ones with the same names."""
 
 from __future__ import annotations
 
