@@ -81,15 +81,37 @@ def _part(content: bytes, at: int) -> str:
 
 
 def _arrays(name: str, one: bytes, other: bytes) -> list[str]:
-    """Which arrays of two archives of numpy differ."""
-    if not name.endswith(".npz"):
+    """Which arrays of two archives of numpy, or of two files of HDF5, differ."""
+    if name.endswith(".npz"):
+        contents = [dict(np.load(io.BytesIO(part))) for part in (one, other)]
+    elif name.endswith(".h5"):
+        contents = [_hdf5_content(part) for part in (one, other)]
+    else:
         return []
-    with np.load(io.BytesIO(one)) as a, np.load(io.BytesIO(other)) as b:
-        return [
-            f"{name} {key}: {a[key]!r} instead of {b[key]!r}"
-            for key in a.files
-            if key not in b.files or a[key].tobytes() != b[key].tobytes()
-        ]
+    found, expected = contents
+    return [
+        f"{name} {key}: {found.get(key)!r} instead of {expected.get(key)!r}"
+        for key in found | expected
+        if np.asarray(found.get(key)).tobytes() != np.asarray(expected.get(key)).tobytes()
+    ]
+
+
+def _hdf5_content(content: bytes) -> dict[str, Any]:
+    """Arrays and attributes of a file of HDF5, references aside."""
+    import h5py
+
+    found: dict[str, Any] = {}
+    with h5py.File(io.BytesIO(content)) as file:
+
+        def add(path: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset):
+                found[path] = item[()]
+            scales = ("DIMENSION_LIST", "REFERENCE_LIST")
+            found.update({f"{path}@{k}": v for k, v in item.attrs.items() if k not in scales})
+
+        add("", file)
+        file.visititems(add)
+    return found
 
 
 def survive(words: list[Any], results: Path, pattern: str, kills: Iterator[str]) -> list[str]:

@@ -38,6 +38,7 @@ def registered() -> set[str]:
 def test_registering_twice_and_unregistering(bpy: Any) -> None:
     import radarsim_addon
 
+    radarsim_addon.unregister()  # whatever tests of other files left
     before = registered()
     radarsim_addon.register()
     once = registered()

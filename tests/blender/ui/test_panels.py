@@ -32,6 +32,7 @@ def drawn() -> str:
 def registered() -> Iterator[None]:
     addon.register()
     yield
+    addon.unregister()
 
 
 def car_at(speed_mps: float) -> Any:
