@@ -114,51 +114,52 @@ MIRRORS = {
         "info",
         "{subjects} mirror waves towards the transmitter, and radarsim followed single reflections "
         "only.",
-        "Paths over these mirrors are missing: ghosts, and the fading of targets over smooth "
+        "Paths via these mirrors are missing: ghosts, and the fading of targets above smooth "
         "ground.",
         "Set Max reflections to 3 if you want them: one for the target, one for a mirror on each "
         "way.",
     ),
     "mirror-both-ways-left-out": Kind(
         "caution",
-        "Max reflections is 2: paths that go over {subjects} on both ways have 3.",
+        "Max reflections is 2: paths that go via {subjects} on both ways have 3.",
         "Power and fading of targets near these mirrors are not those of all paths.",
         "Set Max reflections to 3.",
     ),
     "mirrors-left-out": Kind(
         "caution",
-        "{count:#planar mirror} of {subjects} got no image of the transmitter; the most is {most}.",
-        "Paths to the transmitter over these mirrors are missing. The images are of the mirrors "
-        "in which the transmitter sees most.",
+        "{count:#planar mirror} of {subjects} got no image of the transmitter; the maximum number "
+        "of images is {most}.",
+        "Paths to the transmitter via these mirrors are missing. radarsim makes the images for the "
+        "mirrors that fill the largest solid angle at the transmitter.",
         "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
     ),
     "mirror-pairs-left-out": Kind(
         "caution",
-        "{count:#pair} of mirrors of {subjects} got no image of the transmitter; the most of all "
-        "images is {most}.",
-        "Paths to the transmitter over two mirrors in a row are missing. The images are of the "
-        "pairs in which the transmitter sees most.",
+        "{count:#pair} of mirrors of {subjects} got no image of the transmitter; the maximum "
+        "number of all images is {most}.",
+        "Paths to the transmitter via two mirrors in a row are missing. radarsim makes the images "
+        "for the pairs in which the transmitter sees most.",
         "Raise Mirror images, or lower Max reflections to 2.",
     ),
     "mirror-slightly-rough": Kind(
         "info",
-        "{subjects} are mirrors with an RMS height and no slope: paths over them have the coherent "
-        "part that it leaves of the amplitude.",
-        "The rest of the reflected power, which scatters around, is not in the paths over them. "
+        "{subjects} are mirrors with an RMS height and no slope: paths via these mirrors have the "
+        "coherent part of the amplitude.",
+        "The diffuse part of the reflected power is not in the paths via these mirrors. "
         "A second mirror in a row on the way from the receiver has the reflectance of a smooth "
         "one.",
-        "Give the surface a correlation length too if its scattering matters more than its "
-        "mirroring.",
+        "If the diffuse part matters more than the coherent part, give the surface a correlation "
+        "length too.",
     ),
     "mirror-curved": Kind(
         "caution",
         "{subjects} are smooth and curved, and radarsim computes no reflection to the transmitter "
         "at {fraction:percent} of the area of their mirrors.",
         "Paths that go from a scatterer via this area to the transmitter are missing. The material "
-        "is no Radar Material whose inputs are numbers, the mesh is too coarse for the wavelength, "
-        "or the radius of curvature is below 1.6 wavelengths.",
-        "Assign a Radar Material whose inputs are numbers and subdivide the mesh, give these "
-        "surfaces a roughness above 0, or shade flat faces flat.",
+        "is not a Radar Material with numbers as inputs, the mesh is too coarse for the "
+        "wavelength, or the radius of curvature is below 1.6 wavelengths.",
+        "Assign a Radar Material with numbers as inputs and subdivide the mesh. Or give these "
+        "surfaces a roughness above 0, or set Shade Flat for meshes with flat faces.",
     ),
     "mirror-curved-off": Kind(
         "caution",
@@ -168,8 +169,8 @@ MIRRORS = {
     ),
     "mirror-curved-two-places": Kind(
         "caution",
-        "The antennas are apart, or the camera is orthographic: radarsim computes no reflection to "
-        "the transmitter at the curved mirrors {subjects}.",
+        "The antennas are separate, or the camera is orthographic: radarsim computes no reflection "
+        "to the transmitter at the curved mirrors {subjects}.",
         "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
         "whose ray from the receiver meets the mirror first are included.",
         "Put both antennas in one place, and use a perspective or panoramic camera.",
@@ -190,11 +191,11 @@ MIRRORS = {
     ),
     "mirror-rounded": Kind(
         "info",
-        "{subjects} are curved mirrors with a coarse mesh. radarsim takes their surface as round "
-        "as their shading says, up to {height_m:length} outside of the mesh.",
-        "Lengths of paths over these mirrors belong to the round surface. Rays of the receiver "
+        "{subjects} are curved mirrors with a coarse mesh. radarsim uses a round surface that "
+        "fits their smooth shading, up to {height_m:length} outside of the mesh.",
+        "Lengths of paths via these mirrors belong to the round surface. Rays of the receiver "
         "that meet the mirror first belong to the mesh.",
-        "Subdivide the mesh if it should be exact for both.",
+        "Subdivide the mesh if the round surface and the mesh should agree.",
     ),
     "mirror-without-image": Kind(
         "caution",
@@ -208,43 +209,43 @@ MIRRORS = {
     ),
     "mirror-first-without-image": Kind(
         "caution",
-        "{subjects} are to be mirrors before others (Mirror Images: First), and have no smooth "
-        "planar face that faces the transmitter.",
-        "They get no image of the transmitter.",
-        "Give them a Radar Material with roughness 0 and planar faces, or set Mirror Images to "
-        "Automatic.",
+        "Mirror Images is First for {subjects}, but these objects have no smooth planar face that "
+        "faces the transmitter.",
+        "These objects get no image of the transmitter.",
+        "Give these objects a Radar Material with roughness 0 and planar faces, or set Mirror "
+        "Images to Automatic.",
     ),
     "mirror-moves": Kind(
         "caution",
         "{subjects} are mirrors that deform, or that share a plane with other objects and move "
         "during the burst.",
-        "Lengths of paths to the transmitter over them change as if the mirror were stationary at "
-        "the time of the render.",
+        "Lengths of paths to the transmitter via these mirrors change as if the mirror were "
+        "stationary at the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",
     ),
     "mirror-ways-not-in-phase": Kind(
         "caution",
-        "The camera is orthographic: paths back to the receiver over mirrors are measured by "
-        "themselves.",
-        "Powers of all paths are right, but paths back over a mirror do not interfere with the "
-        "direct ones.",
+        "The camera is orthographic: radarsim measures paths that return to the receiver via "
+        "mirrors separately from the direct paths.",
+        "Powers of all paths are right, but paths that return via a mirror do not interfere with "
+        "the direct paths.",
         "Use a perspective or panoramic camera.",
     ),
     "mirror-lobe-narrow": Kind(
         "caution",
-        "{subjects} scatter towards a mirror otherwise than towards the radar: their lobes are "
-        "narrower than the angle between the two ways.",
-        "Powers of all paths are right, but paths over the mirror do not interfere with direct "
-        "ones.",
-        "Nothing, if the target is strong one way alone; else give the surface a diffuse part "
-        "(Specularity 0) or a higher roughness.",
+        "{subjects} scatter another power towards a mirror than towards the radar: their lobes are "
+        "narrower than the angle between the two directions.",
+        "Powers of all paths are right, but paths via the mirror do not interfere with the direct "
+        "paths.",
+        "Ignore this if the target is strong in one of the two directions only. Else give the "
+        "surface a diffuse part (Specularity 0) or a higher roughness.",
     ),
     "mirror-way-through": Kind(
         "caution",
-        "{fraction:percent} of the received power goes over a mirror and through an object that "
+        "{fraction:percent} of the received power goes via a mirror and through an object that "
         "lets waves through.",
         "radarsim leaves such paths out.",
-        "Make these objects opaque, or leave them out.",
+        "Make these objects opaque, or hide them from renders.",
     ),
 }
 
@@ -317,11 +318,13 @@ MOTION = {
     ),
     "cache-between-frames": Kind(
         "caution",
-        "The cache that moves {subjects} has its own frames, between those of the scene.",
-        "radarsim takes a smooth cubic through whole frames of the scene, where the cache's "
-        "straight lines are cut: range rates are off by up to about {speed_mps:.2g} m/s.",
-        "Set the scene to the frame rate of the cache, with its frames on whole frames. Frames "
-        "of Mesh Cache modifiers (Time Mode Frame) are known, whatever their Frame Scale.",
+        "The cache file that moves {subjects} has frames between those of the scene.",
+        "radarsim interpolates with a smooth cubic through whole frames of the scene, which cuts "
+        "the corners of the cache's motion: range rates are wrong by up to about "
+        "{speed_mps:.2g} m/s.",
+        "Set the scene to the frame rate of the cache, so that each frame of the cache is on a "
+        "whole frame of the scene. For Mesh Cache modifiers (Time Mode Frame), radarsim computes "
+        "the times of these frames, for any Frame Scale.",
     ),
     "motion-in-steps": Kind(
         "caution",

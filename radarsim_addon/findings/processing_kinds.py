@@ -202,15 +202,17 @@ COVERAGE = {
         "info",
         "{hidden:percent} of the diagram is below the horizon, and {grazing:percent} is so close "
         "to it that rays do not describe the field.",
-        "Diffraction around the Earth decides the echo there. The diagram is empty below the "
-        "horizon, and too high close to it, at the horizon itself by tens of decibels.",
-        "Use shorter ranges or greater heights, or a program for diffraction.",
+        "Diffraction around the Earth determines the echo there. The diagram is empty below the "
+        "horizon. Close to the horizon its values are too high, at the horizon by tens of "
+        "decibels.",
+        "Use shorter ranges or greater heights, or a program that computes diffraction.",
     ),
     "coverage-lobes-unresolved": Kind(
         "caution",
         "Lobes are narrower than four steps of height or range in {fraction:percent} of the "
         "diagram.",
-        "The diagram shows a false pattern there; each of its values is right.",
+        "The diagram shows a false pattern there, because its points are too far apart. The value "
+        "at each point is right.",
         "Divide the steps of height by {height_times} and those of range by {range_times}, or "
         "leave the near ranges out.",
     ),
@@ -218,7 +220,7 @@ COVERAGE = {
         "info",
         "The ground {subjects} ends {reach_m:length} from the radar, and the diagram goes to "
         "{range_m:length}.",
-        "The diagram takes the ground to continue to the last range.",
+        "radarsim assumes that the ground continues to the last range.",
         "Ignore this if the mesh stands for a larger ground.",
     ),
 }

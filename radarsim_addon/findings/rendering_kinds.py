@@ -113,11 +113,12 @@ SCENE = {
     "antenna-in-medium": Kind(
         "caution",
         "An antenna of the radar is inside {subjects}, in a medium of index {index:.3g}.",
-        "Absorption and delay to its faces, and the loss there, are computed, but rays leave "
-        "straight on. Waves that leave through a plane face spread more: what echoes outside is up "
-        "to {power_db:.2g} dB too strong, and seen in other directions.",
-        "Place the radar in the air: a radome is a closed shell with a hollow around the antennas. "
-        "Or set the EIRP and the antennas' patterns to those measured outside of the object, and "
+        "radarsim computes absorption and delay to the faces of the object, and the loss at these "
+        "faces, but rays leave without refraction. Real waves that leave through a plane face "
+        "spread more. Echoes from outside are up to {power_db:.2g} dB too strong, and appear in "
+        "other directions.",
+        "Place the radar in air: a radome is a closed shell with a hollow around the antennas. "
+        "Or set the EIRP and the antenna patterns to those measured outside the object, and "
         "disable the object in renders.",
     ),
     "coincident-faces": Kind(
@@ -203,10 +204,10 @@ SCENE = {
         "caution",
         "In {subjects}, {fraction:percent} of the power that enters from the antennas arrives, "
         "after absorption, at a face beyond the critical angle (index {index:.3g}).",
-        "They are totally reflected inside. radarsim follows straight rays, which leave: echoes "
-        "through these faces are too strong.",
-        "Where they matter, build the object of plane-parallel parts, or disconnect Volume to make "
-        "it opaque.",
+        "These waves are totally reflected inside the object. radarsim follows straight rays, "
+        "which leave the object: echoes through these faces are too strong.",
+        "If such echoes matter, build the object of plane-parallel parts, or disconnect Volume to "
+        "make it opaque.",
     ),
     "walls-averaged-separately": Kind(
         "info",
