@@ -227,8 +227,8 @@ MIRRORS = {
         "caution",
         "The camera is orthographic: radarsim measures paths that return to the receiver via "
         "mirrors separately from the direct paths.",
-        "Powers of all paths are right, but paths that return via a mirror do not interfere with "
-        "the direct paths.",
+        "Powers of paths via planar mirrors are right, but paths that return via a mirror do not "
+        "interfere with the direct paths.",
         "Use a perspective or panoramic camera.",
     ),
     "mirror-lobe-narrow": Kind(
