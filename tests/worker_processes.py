@@ -63,8 +63,8 @@ def products(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (folder / "products").iterdir()}
 
 
-#: Numbers in HDF5 files agree to this part of the largest. On a busy machine the HDF5 file of a frame
-#: was seen, rarely, to have another size, while all other files of the frame were the same.
+#: Numbers in HDF5 files agree to this part of the largest. On a busy machine the file of a frame
+#: had another size, rarely, while all other files of the frame were the same: not explained yet.
 _HDF5_TOLERANCE = 1e-12
 
 
