@@ -15,7 +15,7 @@ from radarsim_addon.signal import iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.maps import expected_power, range_process
 from radarsim_addon.signal.scattering import interference_factors
 
-from .case import Bench, Case, Check, Group, absolute_check, power_check, ratio_db, worst_of
+from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
 from .scenes import (
     EIRP_W,
     Acquired,
@@ -154,14 +154,6 @@ def swept(
             name = f"{ground}, {carrier_hz / 1e9:g} GHz, {polarisation}"
             name += "" if apart is None else ", bistatic"
             checks.append(worst_of(name, worst))
-            for height_m, one, other in zip(point_m[:, 2] + HEIGHT_M, expected, found, strict=True):
-                bench.point(
-                    "two_way_pattern",
-                    series=name,
-                    height_m=height_m,
-                    expected_db=ratio_db(one, 1.0),
-                    measured_db=ratio_db(other, 1.0),
-                )
     return checks
 
 

@@ -73,8 +73,8 @@ class ClutterSurfaces:
         return np.where(clutter, self._plane[last], 0)
 
     def lines(self, plane: int, rows: PathRows) -> list[tuple[float, Real]]:
-        """Return the lines of the spectrum of a plane: share of the power, and range rates that
-        the motion adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
+        """Return the lines of the spectrum of a plane: fraction of the power, and range rates
+        that the motion adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
         """
         motion = self._motions[plane - STILL_PLANE - 1] if plane > STILL_PLANE else None
         if motion is None or motion.motion != "sea":
