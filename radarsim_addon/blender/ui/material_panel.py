@@ -11,7 +11,7 @@ import bpy
 from ...errors import RadarSimError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE
-from ..materials import is_entered, media_beyond_their_band
+from ..materials import is_entered, media_beyond_their_band, scattered_lobe_of
 from ..materials import physical_materials as pm
 from ..materials.material_limits import limits_of
 from ..nodes.physical_material import EXTINCTION, INDEX
@@ -68,6 +68,7 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         column.prop(settings, "rms_height_mm")
         column.prop(settings, "correlation_length_mm")
         column.prop(settings, "rms_slope")
+        column.prop(settings, "lobe_exponent")
         if pm.is_physical(material):
             layout.prop(settings, "sheet_thickness_mm")
         self._draw_surface(context, layout, material)
@@ -99,9 +100,10 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
 
     def _draw_surface(self, context: Any, layout: Any, material: Any) -> None:
         surface = pm.surface_of(material)
-        if surface is None:
-            return
         try:
+            scattered_lobe_of(material)
+            if surface is None:
+                return
             layout.label(text=f"Rms slope {surface.slope:.4g}")
             draw_findings(context, layout, limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:
