@@ -86,7 +86,7 @@ class MovieWriter:
 
 
 def _blender() -> list[str]:
-    """Command that runs a script with bpy: a Blender without a window, or Python with the module."""
+    """Command that runs a script with bpy: a Blender without a window, or Python with bpy."""
     if Path(sys.executable).resolve() == Path(bpy.app.binary_path or sys.executable).resolve():
         return [sys.executable]
     return [

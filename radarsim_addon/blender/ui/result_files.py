@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that write the pictures of a run into files: one picture, or all frames as GIF or MP4."""
+"""Operators that write the pictures of a run: one as PNG, all frames as GIF or MP4."""
 
 from __future__ import annotations
 
