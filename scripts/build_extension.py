@@ -197,8 +197,8 @@ def build(out: Path, platform: str = "") -> Path:
     """
     manifest = read_manifest()
     out.mkdir(parents=True, exist_ok=True)
-    name = f"{manifest['id']}-{manifest['version']}"
-    target = out / f"{name}{platform and '-' + platform.replace('-', '_')}.zip"
+    stem = f"{manifest['id']}-{manifest['version']}"
+    target = out / f"{stem}{platform and '-' + platform.replace('-', '_')}.zip"
     with tempfile.TemporaryDirectory(prefix="radarsim-build-") as folder:
         stage = Path(folder) / "source"
         for name in package_files():
@@ -236,9 +236,7 @@ def main(argv: list[str] | None = None) -> int:
         return 1
     if arguments.wheels is not None:
         left = sorted(set(read_manifest()["platforms"]) - set(PLATFORMS))  # type: ignore[call-overload]
-        print(
-            f"Without wheels for all packages: {', '.join(left)}; their users take the plain zip."
-        )
+        print(f"The plain zip serves {', '.join(left)}: not all wheels exist there.")
     return 0
 
 
