@@ -56,7 +56,7 @@ def test_the_history_has_a_row_a_version(tmp_path: Path, monkeypatch: pytest.Mon
     bounds.add_to_history(other, path)
     (row,) = bounds.read_history(path)
     assert row["figures"]["demo_wall"] == [20.0, 1.0]
-    assert row["figures"]["canyon_1_render"] == [3.0, 1.0]  # of the run before
+    assert row["figures"]["canyon_1_render"] == [5.0, 1.0]  # of the run before
     assert row["figures"]["ten_million_wall"] == [50.0, None]
     monkeypatch.setattr(bounds, "_commit", lambda: "def")
     bounds.add_to_history(other, path)
