@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Residual video phase of paths of constant rate in one type-3 transform.
+"""Phases of paths of constant rate about the middle of them all, for one transform of all pulses.
 
-A ramp that is mixed with itself leaves K tau^2 / 2 cycles. About the middle of all paths, with
-tau = (tau_c + beta_c s) + (x + y s) at the time s and f = f_c + u,
+A ramp that is mixed with itself leaves K tau^2 / 2 cycles; elsewhere K is 0. At the time s, with
+tau = (tau_c + beta_c s) + (x + y s), beta = beta_c + y, f = f_c + u and F = f_c - K tau_c,
 
-    -f tau + K tau^2 / 2 = -f_c tau_0 + K tau_0^2 / 2               of each path, tau_0 = tau_c + x
-        - (u - K beta_c s) x - (f - K [tau_c + beta_c s]) s y       a type-3 transform of x and y
-        + K x y s + K y^2 s^2 / 2                                   delay and rate tied together
+    -f tau + K tau^2 / 2 = -f_c tau_0 + K tau_0^2 / 2       of each path, tau_0 = tau_c + x
+        - u x - (F + u - K beta_c s) s Y                    a transform, Y = y - x K beta / F
+        - (K x beta / F) (u - K beta_c s) s + K y^2 s^2 / 2 delay and rate tied together
 
-and terms of s and u alone. y (1 - K x / F) for y, F = f_c - K tau_c, takes the first of the last
-two at the middle of the band and leaves -(K x y / F) s (u - K beta_c s). What remains, 1e-4 rad for
-cars in a street, is added to the first order by two transforms more of the same points.
+and terms of s and u alone. The last line, 1e-4 rad for cars in a street, is added to the first
+order by two transforms more of the same points.
 """
 
 from __future__ import annotations
@@ -21,18 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Complex, Real
-from .grid import Ramp
 
 #: Fraction of the tolerance for what the first order leaves out.
 _SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class VideoPhase:
+class MiddleMotion:
     """The phase about the middle of paths with delays [s] and rates at the time 0.
 
-    `delay_s` and `rate` are points of the transform, `product` and `square` the factors of s F_n
-    and of s^2 of what remains, (n,) [cycles].
+    `delay_s` and `rate` are x and Y, `product` and `square` the factors of s (u - K beta_c s) and
+    of s^2 of what remains, (n,) [cycles].
     """
 
     slope: float
@@ -46,34 +44,35 @@ class VideoPhase:
 
     @classmethod
     def of(
-        cls, delay_s: Real, rate: Real, reference_s: float, ramp: Ramp, carrier_hz: float
-    ) -> VideoPhase:
-        """For delays that are counted from a reference."""
-        slope = ramp.video_hz_per_s
+        cls, delay_s: Real, rate: Real, reference_s: float, slope: float, carrier_hz: float
+    ) -> MiddleMotion:
+        """For delays that are counted from a reference, and the slope K [Hz/s]."""
         middle = float(delay_s.min() + delay_s.max()) / 2
         middle_rate = float(rate.min() + rate.max()) / 2
         x, y = delay_s - middle, rate - middle_rate
-        carrier = carrier_hz - slope * (reference_s + middle)
-        product = slope / carrier * x * y
+        product = slope / (carrier_hz - slope * (reference_s + middle)) * x * rate
         return cls(
             slope, reference_s + middle, middle_rate, reference_s, x, y - product,
             product, slope / 2 * y**2,
         )  # fmt: skip
 
     def path_cycles(self) -> Real:
-        """K tau_i^2 / 2, (n,), reduced: the delays are of 1e-6 s, its whole cycles few."""
+        """K tau_0^2 / 2, (n,), not reduced: the delays are of 1e-6 s, its whole cycles few."""
         return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
 
     def remains_rad(self, half_s: float, half_band_hz: float) -> float:
         """Largest phase that the transform leaves, for |s| <= half_s."""
         beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
         product = float(np.abs(self.product).max()) * half_s * beyond_hz
-        return 2 * math.pi * (product + float(self.square.max()) * half_s**2)
+        return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)
 
-    def targets_hz(self, since_s: Real, offset_hz: Real, carrier_hz: float) -> tuple[Real, Real]:
-        """Frequencies of the delay, and of the rate over s."""
-        fast_hz: Real = offset_hz - self.slope * self.middle_rate * since_s
-        return fast_hz, fast_hz + (carrier_hz - self.slope * self.middle_s)
+    def middle_hz(self, carrier_hz: float) -> float:
+        """F of a carrier f_c."""
+        return carrier_hz - self.slope * self.middle_s
+
+    def beyond_hz(self, since_s: Real, offset_hz: Real) -> Real:
+        """u - K beta_c s at times and frequencies, of their shape."""
+        return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
 
     def common_cycles(self, since_s: Real, offset_hz: Real, carrier_hz: float) -> Real:
         """Cycles that all paths share at s and f = carrier + offset, of their shape."""
@@ -91,8 +90,7 @@ class VideoPhase:
     def joined(self, remains: Complex, since_s: Real, offset_hz: Real) -> Complex:
         """Their transforms (2 sets, ...) as they add to it, (sets, ...)."""
         product, square = np.split(remains, 2)
-        # K x y s was taken off as s f x y K / F: too little where f is below F
-        factor = -since_s * (offset_hz - self.slope * self.middle_rate * since_s)
+        factor = -since_s * self.beyond_hz(since_s, offset_hz)
         return np.asarray(2j * np.pi * (factor * product + since_s**2 * square))
 
 
