@@ -181,29 +181,27 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
 
 
 def _transformed(
-    points: _Points, sums: SynthesisContext, since_s: Real, tolerance: float, terms: Real | None
+    points: _Points, sums: SynthesisContext, times_s: Real, tolerance: float, terms: Real | None
 ) -> tuple[Complex, ErrorSum]:
-    """Their sum at times `since_s` of all frequencies, (times, frequencies), and its error.
+    """Their sum at times of all frequencies, (times, frequencies), and its error.
 
     `terms` are weights of the sets of strengths, (times, sets).
     """
     grid, middle = sums.grid, points.middle
+    interval_s = 0.0 if sums.ramp is None else sums.ramp.interval_s
     k = np.arange(grid.count) - grid.count // 2
+    since_s = (times_s + k[:, None] * interval_s).T  # in the order of the transform's result
     carrier_hz, offset_hz = float(grid.exact_centre_hz), np.asarray(k * grid.step_hz, np.float64)
     turns_hz = middle.middle_hz(carrier_hz)
     along = since_s * (middle.beyond_hz(since_s, offset_hz) + turns_hz)
-    cycles = middle.delay_s * grid.step_hz
-    if sums.ramp is not None:
-        along -= k * (sums.ramp.interval_s * turns_hz)
-        cycles += middle.rate * (sums.ramp.interval_s * turns_hz)
-    at = 2 * np.pi * reduce_cycles(cycles), middle.rate
-    along *= 2 * np.pi
+    along -= k * (interval_s * turns_hz)
+    cycles = middle.delay_s * grid.step_hz + middle.rate * (interval_s * turns_hz)
     # delays are counted from the first path's
-    fraction = float(reduced_cycles(np.array([points.reference_m]), sums.step)[0])
-    turn = middle.common_cycles(since_s, offset_hz, carrier_hz) - k * fraction
+    cycles += float(reduced_cycles(np.array([points.reference_m]), sums.step)[0])
+    x, along = 2 * np.pi * reduce_cycles(cycles), 2 * np.pi * along
 
     def transform(values: Complex, engine: float) -> Complex:
-        return nufft_lines(*at, values, grid.count, along, engine)
+        return nufft_lines(x, middle.rate, values, grid.count, along, engine)
 
     remains_rad = middle.remains_rad(float(np.abs(since_s).max()), abs(offset_hz[0]))
     size = np.abs(points.values).sum(axis=0)
@@ -214,13 +212,13 @@ def _transformed(
         if not negligible(remains_rad, tolerance):
             coarse = min(max(engine, engine / remains_rad), _COARSEST)
             left = transform(middle.remains(points.values), coarse)
-            sets += middle.joined(left, since_s, offset_hz)
+            middle.join(sets, left, since_s, offset_hz)
         if terms is not None:
             sets *= terms.T[:, :, None]
         result = sets.sum(axis=0) if len(sets) > 1 else sets[0]
         if RANDOM_STATE * engine * expected <= tolerance / 3 * l2_norm(result):
             break
-    result *= phasors(np.ones(1), reduce_cycles(turn), np.empty_like(result))
+    result *= middle.common_turns(times_s, interval_s, grid.step_hz, grid.count, carrier_hz)
     return result, ErrorSum.of(max(engine, LEAST_ERROR), since_s.size, squares, total)
 
 
@@ -242,12 +240,9 @@ def linear_block(
         nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
         times = (times[:, None] + sums.pulse.times_s(nodes)).ravel()
     middle_s = float(times[0] + times[-1]) / 2
-    each_s = 0.0 if sums.ramp is None else sums.ramp.interval_s
-    k = np.arange(grid.count) - grid.count // 2
-    since_s = ((times - middle_s) + k[:, None] * each_s).T  # in the order of the transform's result
     weights = None if terms is None else np.repeat(terms[pulses], nodes, axis=0)
     points = _points_at(rows, sums, middle_s)
-    result, error = _transformed(points, sums, since_s, tolerance, weights)
+    result, error = _transformed(points, sums, times - middle_s, tolerance, weights)
     if sums.pulse is not None:
         result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
         error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)

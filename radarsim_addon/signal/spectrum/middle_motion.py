@@ -20,9 +20,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...array_types import Complex, Real
+from .phase import phasors, reduce_cycles
 
 #: Fraction of the tolerance for what the first order leaves out.
 _SHARE = 0.1
+#: Frequencies next to one another whose turns are put together.
+_NEAR = 32
 
 
 @dataclass(frozen=True)
@@ -74,24 +77,45 @@ class MiddleMotion:
         """u - K beta_c s at times and frequencies, of their shape."""
         return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
 
-    def common_cycles(self, since_s: Real, offset_hz: Real, carrier_hz: float) -> Real:
-        """Cycles that all paths share at s and f = carrier + offset, of their shape."""
-        moved_s = self.middle_rate * since_s
-        return np.asarray(
-            -offset_hz * (self.middle_s - self.reference_s)
-            - (carrier_hz + offset_hz) * moved_s
-            + self.slope * moved_s * (self.middle_s + moved_s / 2)
-        )
+    def common_turns(
+        self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
+    ) -> Complex:
+        """exp(j 2 pi cycles) that all paths share, (times, frequencies): at s = t + k dt and
+        u = k df, k from -count//2 on.
+
+        The phase is of the second degree in k, and only the first has to do with t: it is put
+        together from a few k and their distances, since a cosine takes ten times a product.
+        """
+        k = np.arange(-(count // 2), count - count // 2)
+        moved_s, middle_hz = self.middle_rate * interval_s, self.middle_hz(carrier_hz)
+        walked_s = self.middle_rate * times_s
+        alone = walked_s * (self.slope / 2 * walked_s - middle_hz)
+        both = walked_s * (self.slope * moved_s - step_hz)
+        square = moved_s * (self.slope / 2 * moved_s - step_hz)
+        of_k = k * (square * k - step_hz * (self.middle_s - self.reference_s) - middle_hz * moved_s)
+        near, far = np.arange(_NEAR), k[::_NEAR]
+        turns = _turns(far[:, None] * both + alone)[:, None] * _turns(near[:, None] * both)
+        turns = turns.reshape(-1, times_s.size)[:count]
+        turns *= _turns(of_k)[:, None]
+        return np.asarray(turns.T)
 
     def remains(self, values: Complex) -> Complex:
         """Strengths (2 sets, n) of what the transform of strengths (sets, n) leaves."""
+        values = values * 2j * np.pi
         return np.concatenate([values * self.product, values * self.square])
 
-    def joined(self, remains: Complex, since_s: Real, offset_hz: Real) -> Complex:
-        """Their transforms (2 sets, ...) as they add to it, (sets, ...)."""
+    def join(self, sets: Complex, remains: Complex, since_s: Real, offset_hz: Real) -> None:
+        """Add their transforms (2 sets, ...), which are overwritten, to it (sets, ...)."""
         product, square = np.split(remains, 2)
-        factor = -since_s * self.beyond_hz(since_s, offset_hz)
-        return np.asarray(2j * np.pi * (factor * product + since_s**2 * square))
+        product *= -since_s * self.beyond_hz(since_s, offset_hz)
+        square *= since_s**2
+        sets += product
+        sets += square
+
+
+def _turns(cycles: Real) -> Complex:
+    """exp(j 2 pi cycles), of their shape; overwrites them."""
+    return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
 
 
 def negligible(remains_rad: float, tolerance: float) -> bool:

@@ -47,9 +47,8 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
         1, (size, count), eps=tolerance, isign=-1, nthreads=1
     )
     plan.setpts(x, y * unit)
-    strengths = values / np.polynomial.chebyshev.chebval(
-        y / widest, _kernel_spectrum(tolerance, over)
-    )
+    spectrum = np.polynomial.chebyshev.chebval(y / widest, _kernel_spectrum(tolerance, over))
+    strengths = np.ascontiguousarray(values / spectrum)
     found = [plan.execute(own) for own in strengths]  # together they take longer
     result = np.empty((len(values), *u.T.shape), dtype=np.complex128)
     rows = max(1, cells // count)
