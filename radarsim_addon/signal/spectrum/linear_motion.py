@@ -26,8 +26,8 @@ from ...array_types import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights
 from .middle_motion import MiddleMotion, longest_s, negligible
+from .mixed_nufft import LEAST_ERROR, MARGIN, NARROW, nufft_lines
 from .nufft import TIGHTEST
-from .nufft_lines import LEAST_ERROR, MARGIN, NARROW, nufft_lines
 from .phase import phasors, reduce_cycles, reduced_cycles
 from .pulse_motion import joined_error
 from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, l2_norm
