@@ -42,7 +42,7 @@ _LEAST_BLOCKS = 2
 #: cache and beyond; of a path, a frequency and the overhead of a pulse on its own. Measured, one
 #: thread, finufft 2.5 on a 2024 server; only their ratios matter, and those by a factor of two or
 #: so.
-_PATH_3, _TARGET_3, _GRID_3, _FAR_GRID_3, _CACHED = 3.0e-7, 8.0e-8, 2.0e-8, 3.5e-8, 1 << 21
+_PATH_3, _TARGET_3, _GRID_3, _FAR_GRID_3, _CACHED = 3.0e-7, 8.0e-8, 2.0e-8, 3.5e-8, 1 << 18
 _PATH_1, _FREQUENCY_1, _PULSE_1 = 6.0e-8, 5.0e-8, 1.2e-4
 #: More of it where frequencies come one after the other.
 _RAMP_1 = 4.0

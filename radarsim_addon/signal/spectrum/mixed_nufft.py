@@ -49,19 +49,21 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
     plan.setpts(x, y * unit)
     spectrum = np.polynomial.chebyshev.chebval(y / widest, _kernel_spectrum(tolerance, over))
     strengths = np.ascontiguousarray(values / spectrum)
-    found = [plan.execute(own) for own in strengths]  # together they take longer
     result = np.empty((len(values), *u.T.shape), dtype=np.complex128)
-    rows = max(1, cells // count)
+    near, rows = [], max(1, cells // count)
     for start in range(0, size, rows):  # of one frequency, one after the other on a line
         part = slice(start, min(start + rows, size))
         cells = count * (part.stop - start)
         cell_rad = 2 * math.pi / cells
         zeros = cell_rad * (half + count * np.arange(part.stop - start)) - math.pi
         places = u.T[part] * (cell_rad / unit) + zeros[:, None]
-        near = _kernel_plan(2, cells, tolerance, over)
-        near.setpts(places.ravel())
-        for grid, into in zip(found, result, strict=True):
-            into[part] = near.execute(grid[part].ravel()).reshape(places.shape)
+        near.append((part, _kernel_plan(2, cells, tolerance, over)))
+        near[-1][1].setpts(places.ravel())
+    grid = np.empty((size, count), dtype=np.complex128)
+    for own, into in zip(strengths, result, strict=True):
+        plan.execute(own, out=grid)
+        for part, interpolation in near:
+            interpolation.execute(grid[part].reshape(-1), out=into[part].reshape(-1))
     return result.transpose(0, 2, 1)
 
 
