@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.paths import TriangleMesh
-from radarsim_addon.signal.paths.triangles import _sorted_places
+from radarsim_addon.signal.paths.triangle_cells import sorted_places
 
 Array = np.ndarray[Any, Any]
 
@@ -233,4 +233,4 @@ def test_buckets_are_sorted_stably(bits: int) -> None:
     bucket = np.random.default_rng(bits).integers(0, 1 << bits, 3000)
     bucket[1000:2000] = bucket[:1000]
     expected = sorted(range(bucket.size), key=lambda place: int(bucket[place]))
-    assert _sorted_places(bucket, 1 << bits).tolist() == expected
+    assert sorted_places(bucket, 1 << bits).tolist() == expected
