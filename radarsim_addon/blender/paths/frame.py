@@ -272,8 +272,8 @@ class FrameWork:
                 # One replicate of each tile of the unrefined frame asked for more than its paths.
                 further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
-                self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
-                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
+                normals = self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, normals, origin_m, self._tracer.transmitter_m)
                 if self._dtype != PATH_DTYPE:  # there are mirrors
                     views = MirrorViews(
                         self._tracer, self._motion, self._hits, self._clutter, self._mirrors

@@ -49,6 +49,28 @@ _MOST_MISSED = 0.05
 Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
 
 
+class Normals:
+    """Normals at the first and the last vertices of a number of rows."""
+
+    def __init__(self, rows: int) -> None:
+        self._rows = rows
+        self._found: list[tuple[Indices, Real, Real]] = []
+
+    def add(self, rows: Indices, first: Real, last: Real) -> None:
+        """Those of some rows, (n, 3), of any length; NaN: unknown."""
+        self._found.append((rows, first, last))
+
+    def all(self) -> tuple[Real, Real]:
+        """Of all rows, (n, 3), of any length; NaN: unknown."""
+        for rows, first, last in self._found:
+            if rows.size == self._rows:
+                return first, last
+        first, last = (np.full((self._rows, 3), np.nan, order="F") for _ in range(2))
+        for rows, one, other in self._found:
+            first[rows], last[rows] = one, other
+        return first, last
+
+
 class HitPoints:
     """Meshes of a scene at one moment, and the rays that hit them.
 
@@ -82,21 +104,28 @@ class HitPoints:
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
         self._opaque, self._ways = opaque, ways
 
-    def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
+    def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> Normals:
         """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
 
-        `origin_m` is where the rays start, (3,) or (n, 3).
+        `origin_m` is where the rays start, (3,) or (n, 3). Returns the normals that it met.
         """
+        normals = Normals(rows.size)
         flags = rows["flags"]
         one_path = flags & PathFlag.MIXED == 0
         seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
         one = np.flatnonzero((rows["order"] == 1) & seen)
-        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m)
+        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m, normals)
         later = np.flatnonzero((rows["order"] > 1) & one_path)
-        self._refine_later(rows, later, _of(origin_m, later), transmitter_m)
+        self._refine_later(rows, later, _of(origin_m, later), transmitter_m, normals)
+        return normals
 
     def _refine_order_1(
-        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+        self,
+        rows: PathRows,
+        chosen: Indices,
+        origins_m: Real,
+        transmitter_m: Real,
+        normals: Normals,
     ) -> None:
         mine = PathColumns(rows, chosen)
         reach_m = _reach_m(mine["last_scatterer_m"], origins_m)
@@ -108,6 +137,7 @@ class HitPoints:
             mine, origins_m = PathColumns(rows, chosen), _of(origins_m, needed)
         points_m, direction = mine["last_scatterer_m"], mine["direction"]
         way_m, normal = self._hit(mine["last_body"], origins_m, direction, points_m, reach_m)
+        normals.add(chosen, normal, normal)
         ray_m = way_m[:, None] * direction
         found_m = origins_m + ray_m
         # numbers no larger than the length, wherever the world's origin is
@@ -140,7 +170,12 @@ class HitPoints:
             _put(rows[name], chosen, found, where)
 
     def _refine_later(
-        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+        self,
+        rows: PathRows,
+        chosen: Indices,
+        origins_m: Real,
+        transmitter_m: Real,
+        normals: Normals,
     ) -> None:
         """Orders above 1: the first vertex along its ray, the last one along the last segment."""
         needed = np.flatnonzero(
@@ -160,7 +195,8 @@ class HitPoints:
         last_m = mine["last_scatterer_m"]
         reach_m = coloured_m + _reach_m(last_m, transmitter_m)
         segment_m = last_m - transmitter_m
-        share, _ = self._hit(mine["last_body"], transmitter_m, segment_m, last_m, reach_m)
+        share, last = self._hit(mine["last_body"], transmitter_m, segment_m, last_m, reach_m)
+        normals.add(chosen, normal, last)
         lit = np.isfinite(share)
         last_m = np.where(lit[:, None], transmitter_m + share[:, None] * segment_m, last_m)
         # Where the first surface is a mirror, its ray tells the second vertex better.
@@ -198,14 +234,25 @@ class HitPoints:
 
     # -- meshes ------------------------------------------------------------------------------------
 
-    def normals(self, bodies: Indices, starts_m: Real, points_m: Real) -> Real:
-        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown."""
-        reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
-            points_m, starts_m
-        )
-        way, normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)
-        normal = np.where(np.isfinite(way)[:, None], normal, np.nan)
-        return np.asarray(normal / norms(normal)[:, None])
+    def normals(
+        self, bodies: Indices, starts_m: Real, points_m: Real, known: Real | None = None
+    ) -> Real:
+        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown.
+
+        Those that are `known` and not NaN are not looked for, and may have any length.
+        """
+        found = np.full((bodies.size, 3), np.nan, order="F") if known is None else known
+        sought = np.flatnonzero(np.isnan(found[:, 0]))
+        if sought.size:
+            bodies, starts_m = bodies[sought], _of(starts_m, sought)
+            points_m = take_rows(points_m, sought)
+            reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
+                points_m, starts_m
+            )
+            normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)[1]
+            found = found.copy("K")
+            found[sought] = normal
+        return np.asarray(found / norms(found)[:, None])
 
     def _hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
@@ -214,7 +261,7 @@ class HitPoints:
 
         NaN where nothing is hit.
         """
-        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan)
+        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan, order="F")
         known = np.flatnonzero((bodies > 0) & are_finite(near_m))
         if not known.size:
             return found, normals
@@ -243,6 +290,7 @@ class HitPoints:
             )
             missed = np.bincount(parts, weights=np.isnan(way))
             way[(missed > _MOST_MISSED * np.bincount(parts))[parts]] = np.nan
+            normal[np.isnan(way)] = np.nan
             found[mine], normals[mine] = way, normal
         return found, normals
 
