@@ -15,7 +15,7 @@ import numpy as np
 from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
-from ...signal.paths import PathColumns, PathRows
+from ...signal.paths import PathRows
 from ...vectors import dots, norms, take_rows
 from ..materials import clutter_of, scattered_lobe_of
 from ..motion import Bodies
@@ -26,7 +26,7 @@ from .rough_mirrors import RoughMirrors
 from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
-_ROWS_AT_ONCE = 8192
+_ROWS_AT_ONCE = 16384
 #: Rows of a frame from which the findings are told.
 _LOOKED_AT = 4096
 #: Error of sigma0 by the flat model above which it is told [dB].
@@ -108,20 +108,22 @@ class ClutterWeights:
             exact = clutter_alone and order == 1 and bool(np.all(start_m == transmitter_m))
             if exact or not part.size:
                 continue
-            mine = PathColumns(rows, part)
-            last_m, back, normal = mine["last_scatterer_m"], -mine["direction"], normals[1]
+            mine, (first_n, last_n) = rows, normals
             if part.size < rows.size:
-                normal = take_rows(normal, part)
+                mine = rows[part]
+                first_n, last_n = (take_rows(each, part) for each in normals)
+            last_m, back = (_column(mine, name) for name in ("last_scatterer_m", "direction"))
+            back *= -1
             end = mine["last_body"], last_m
             if order == 1:
-                weight = self._weights(*end, start_m, normal, back, transmitter_m, True)
+                weight = self._weights(*end, start_m, last_n, back, transmitter_m, True)
             else:
                 # the last vertex is known along the ray of the transmitter
-                first_m = mine["first_scatterer_m"]
+                first_m = _column(mine, "first_scatterer_m")
                 before = _unit(first_m - last_m)
-                weight = self._weights(*end, transmitter_m, normal, before, transmitter_m, False)
-                first, normal = (mine["first_body"], first_m), take_rows(normals[0], part)
-                weight *= self._weights(*first, start_m, normal, back, last_m, True)
+                weight = self._weights(*end, transmitter_m, last_n, before, transmitter_m, False)
+                first = mine["first_body"], first_m
+                weight *= self._weights(*first, start_m, first_n, back, last_m, True)
             rows["power_w"][part] = mine["power_w"] * weight
 
     def _weights(
@@ -238,3 +240,8 @@ def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Findi
 
 def _unit(vectors: Real) -> Real:
     return np.asarray(vectors / norms(vectors)[:, None])
+
+
+def _column(rows: PathRows, name: str) -> Real:
+    """A column of vectors, (n, 3), copied with contiguous components."""
+    return np.array(rows[name], order="F")
