@@ -14,6 +14,7 @@ from .ui import (
     clutter_panel,
     coverage_operator,
     fixes,
+    live_preview,
     material_names,
     material_panel,
     operators,
@@ -60,6 +61,7 @@ def register() -> None:
     remove_abandoned_folders()
     follow_evaluations()
     result_settings.register_results()
+    live_preview.register_live()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -68,6 +70,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
+    live_preview.unregister_live()
     overlays.hide_overlays()
     clutter_panel.forget_plots()
     for item in reversed(CLASSES):

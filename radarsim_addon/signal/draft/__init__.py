@@ -8,6 +8,7 @@ scenes to a process of its own (`worker`) as messages.
 from .draft import LEVELS, MOST_CELLS, Draft, DraftLevel, make_draft
 from .first_hits import FirstHits, ViewGrid, first_hits
 from .messages import Message, read_message, write_message
+from .polygons import DraftPolygons
 from .scene import DraftMesh, DraftScene, SceneTriangles, draft_rows
 from .scene_messages import DRAFT, FAULT, mesh_message, scene_message
 from .surfaces import Angles, DraftSurface, SurfaceKind
@@ -21,6 +22,7 @@ __all__ = [
     "Draft",
     "DraftLevel",
     "DraftMesh",
+    "DraftPolygons",
     "DraftScene",
     "DraftSurface",
     "FirstHits",

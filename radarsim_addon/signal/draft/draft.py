@@ -80,9 +80,7 @@ class Draft:
         return 10 * math.log10(1 + error_w / power_w) if power_w > 0 else 0.0
 
 
-def make_draft(
-    scene: DraftScene, triangles: SceneTriangles, level: DraftLevel
-) -> Draft:
+def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) -> Draft:
     """Return profile and map of a scene.
 
     Parameters

@@ -13,6 +13,7 @@ from ...typed_json import from_json
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from .draft import Draft
 from .messages import Message
+from .polygons import DraftPolygons
 from .scene import DraftMesh, DraftScene
 from .surfaces import DraftSurface
 
@@ -20,7 +21,7 @@ MESH, SCENE, DRAFT, FAULT = "mesh", "scene", "draft", "fault"
 """Kinds of messages: the field "kind"."""
 
 
-def mesh_message(key: int, mesh: DraftMesh) -> Message:
+def mesh_message(key: int, mesh: DraftPolygons) -> Message:
     """Return the message with a mesh.
 
     Parameters
@@ -70,7 +71,7 @@ def scene_message(scene: DraftScene) -> Message:
 
 def mesh_of(message: Message) -> DraftMesh:
     """Return the mesh of a message."""
-    return DraftMesh(**message.arrays)
+    return DraftPolygons(**message.arrays).triangulated()
 
 
 def scene_of(message: Message) -> DraftScene:

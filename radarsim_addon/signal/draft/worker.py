@@ -67,19 +67,21 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
     inbox = _Inbox(reading)
     while (message := inbox.newest_scene()) is not None:
         try:
-            _draft(scene_of(message), inbox, writing)
+            _draft(scene_of(message), message.fields["number"], inbox, writing)
         except RadarSimError as error:
-            write_message(writing, {"kind": FAULT, "text": str(error)}, {})
+            fault = {"kind": FAULT, "number": message.fields["number"], "text": str(error)}
+            write_message(writing, fault, {})
 
 
-def _draft(scene: DraftScene, inbox: _Inbox, writing: IO[bytes]) -> None:
+def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
     """Write drafts of a scene, finer and finer, until there is a newer one."""
     start_s = time.monotonic()
     triangles = SceneTriangles.of(scene, inbox.meshes)
-    for number, level in enumerate(LEVELS):
+    for index, level in enumerate(LEVELS):
         draft = make_draft(scene, triangles, level)
         took_s = time.monotonic() - start_s
-        write_message(writing, *draft_message(draft, number, len(triangles), took_s))
+        fields, arrays = draft_message(draft, index, len(triangles), took_s)
+        write_message(writing, {**fields, "number": number}, arrays)
         if inbox.waiting:
             return
         start_s = time.monotonic()

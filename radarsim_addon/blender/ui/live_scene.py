@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The evaluated scene as the live preview needs it, read one mesh at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import SceneError
+from ...signal.draft import DraftPolygons, DraftScene, Message, mesh_message, scene_message
+from ..plan import check_unit_scale, shortest_decimal
+from ..rig_settings import own_link_budget, read_measurement, settings
+from ..scene import (
+    VELOCITY_FRAMES,
+    active_radar,
+    echoing_boxes,
+    keyed_move,
+    receiver_record,
+    scene_extent,
+    transmitter_record,
+)
+from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
+from .live_materials import LiveMaterial, live_material
+from .scene_reading import any_material_echoes, rig_of
+
+#: Range limits may exceed the scene's extent by this factor, as those of a run.
+_RANGE_MARGIN = 1.25
+
+
+@dataclass(frozen=True)
+class LiveScene:
+    """A scene ready to be sent.
+
+    message: to the process that drafts. notes: what the draft leaves out of this scene.
+    """
+
+    message: Message
+    notes: tuple[str, ...]
+
+    def same(self, other: LiveScene | None) -> bool:
+        """Whether another one would give the same draft."""
+        if other is None or self.message.fields != other.message.fields:
+            return False
+        arrays = other.message.arrays
+        return all(np.array_equal(a, arrays[name]) for name, a in self.message.arrays.items())
+
+
+class LiveReader:
+    """Reads scenes; meshes that were read are not read again before they change."""
+
+    def __init__(self) -> None:
+        self._keys: WeakKeyDictionary[Shape, int] = WeakKeyDictionary()
+        self._next = 0
+
+    def read(self, context: Any) -> Iterator[Message | LiveScene]:
+        """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
+
+        Each step takes about as long as one mesh. Stop where the scene changes before the end.
+        """
+        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
+        rows = echoing_boxes(depsgraph, any_material=True).rows
+        snapshot = take_snapshot(depsgraph)
+        for index in np.unique(snapshot.layout.shape[rows]).tolist():
+            shape = snapshot.shapes[index]
+            if shape not in self._keys:
+                message = mesh_message(self._next, _polygons(snapshot, shape))
+                self._keys[shape], self._next = self._next, self._next + 1
+                yield message
+        yield self._scene(scene, depsgraph, snapshot, rows.tolist())
+
+    def _scene(self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int]) -> LiveScene:
+        radar = active_radar(scene)
+        measurement, view, rig = read_measurement(scene), settings(radar), rig_of(scene, radar)
+        if rig.camera.data.type != "PERSP":
+            raise SceneError(
+                f"Camera {rig.camera.name!r} is of type {rig.camera.data.type}, but the live "
+                "preview draws perspective views only. Set Camera > Lens > Type to Perspective, or "
+                "switch Live Preview off."
+            )
+        metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+        any_material = any_material_echoes(radar)
+        stop_m = measurement.range_stop_m
+        if not stop_m:
+            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
+            stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
+        shapes, layout = snapshot.shapes, snapshot.layout
+        used = [shapes[layout.shape[row]] for row in rows]
+        # the other process forgets what a scene does not use
+        self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in used})
+        materials = dict.fromkeys(m for shape in used for m in (shape.materials or (None,)))
+        carrier_hz = measurement.waveform.carrier_hz
+        how = (carrier_hz, view.beyond_band, measurement.polarisation, any_material)
+        found = [live_material(material, *how) for material in materials]
+        number = {material: index for index, material in enumerate(materials)}
+        matrices = snapshot.matrices[rows].reshape(-1, 4, 4).copy()
+        matrices[:, :3] *= metres
+        owners = [self._owner(snapshot, row) for row in rows]
+        moves = [_move(owner, scene.frame_current_final, metres) for owner in owners]
+        antennas = [
+            _move(item, scene.frame_current_final, metres) for item in (rig.camera, rig.emitter)
+        ]
+        unknown = {owner.name for owner, move in zip(owners, moves, strict=True) if move is None}
+        fps = (
+            scene.render.fps / shortest_decimal(scene.render.fps_base) * scene.render.frame_map_old
+        )
+        size = measurement.width_px, measurement.height_px
+        receiver = receiver_record(rig, depsgraph, metres, *size)
+        transmitter = transmitter_record(rig, depsgraph, metres)
+        drafted = DraftScene(
+            radar=measurement.radar,
+            link_budget=own_link_budget(radar),
+            weather=measurement.weather,
+            receiver=receiver,
+            transmitter=transmitter,
+            range_limits_m=(
+                measurement.range_start_m,
+                max(stop_m, measurement.range_start_m + 1.0),
+            ),
+            surfaces=[one.surface for one in found],
+            meshes=[self._keys[shape] for shape in used],
+            matrices=matrices,
+            slots=[[number[m] for m in (shape.materials or (None,))] for shape in used],
+            moves=np.stack([np.eye(4) if move is None else move for move in (*moves, *antennas)]),
+            interval_s=VELOCITY_FRAMES / (fps / scene.render.frame_map_new),
+        )
+        apart = not np.allclose(
+            np.array(receiver.matrix_world)[:3, 3], np.array(transmitter.matrix_world)[:3, 3]
+        )
+        return LiveScene(scene_message(drafted), _notes(found, len(unknown), apart))
+
+    def _owner(self, snapshot: Snapshot, row: int) -> Any:
+        """The object whose F-curves move a row: of an instance, its instancer."""
+        layout = snapshot.layout
+        index = int(layout.instancer[row])
+        return (
+            snapshot.shapes[layout.shape[row]].original if index < 0 else layout.instancers[index]
+        )
+
+
+def _polygons(snapshot: Snapshot, shape: Shape) -> DraftPolygons:
+    """The evaluated mesh of a shape; without polygons where it has no surface."""
+    none = np.zeros(0, dtype=np.int32)
+    flat = np.zeros((0, 3), dtype=np.float32)
+    with snapshot.mesh(shape) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return DraftPolygons(flat, none, none, none, flat)
+        points = read_numbers(mesh.vertices, "co", 3)
+        starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
+        smooth = mesh.normals_domain != "FACE"
+        if np.diff(starts, append=len(mesh.loops)).max() > 4:
+            triangles = read_triangles(mesh)[1]
+            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
+            normals = read_numbers(mesh.loop_triangles, "split_normals", 9) if smooth else flat
+            corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
+            return DraftPolygons(points, corners, starts, slots, normals.reshape(-1, 3))
+        # attributes are copied whole, properties one by one
+        corners = read_numbers(mesh.attributes[".corner_vert"].data, "value", dtype=np.int32)[:, 0]
+        slots = none
+        if "material_index" in mesh.attributes:
+            data = mesh.attributes["material_index"].data
+            slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
+        normals = read_numbers(mesh.corner_normals, "vector", 3) if smooth else flat
+        return DraftPolygons(points, corners, starts, slots, normals)
+
+
+def _move(item: Any, frame: float, metres: float) -> Real | None:
+    """As `keyed_move`, in metres."""
+    move = keyed_move(item, frame)
+    if move is not None:
+        move[:3, 3] *= metres
+    return move
+
+
+def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[str, ...]:
+    """What a draft of these materials leaves out."""
+    guessed = sum(one.guessed for one in materials)
+    mirrors = sum(one.mirrors for one in materials)
+    texts = (
+        (mirrors, f"{mirrors} mirror-like materials return nothing"),
+        (guessed, f"{guessed} materials guessed as diffuse"),
+        (unknown, f"velocities of {unknown} objects left out"),
+        (apart, "shadows of the transmitter left out"),
+    )
+    return tuple(text for count, text in texts if count)
