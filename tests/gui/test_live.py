@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.gui
 
-#: Longest slice of the timer [s], and drafts a second of 1e5 triangles while one object moves.
-LONGEST_SLICE_S, LEAST_UPDATES_PER_S = 0.02, 2.0
+#: Of the window's thread: longest slice of the timer, and with the drawing of the picture [s].
+LONGEST_SLICE_S, LONGEST_BLOCK_S = 0.02, 0.03
+#: Drafts per second of 1e5 triangles while one object moves.
+LEAST_UPDATES_PER_S = 2.0
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,14 @@ def live(installed: Chroot, shots_dir: Path) -> dict[str, Any]:
 def test_the_preview_follows_a_moving_object(live: dict[str, Any]):
     assert 1e5 <= live["triangles"] < 1.01e5
     assert live["moving"]["updates_per_s"] >= LEAST_UPDATES_PER_S
-    assert live["moving"]["longest_slice_s"] <= LONGEST_SLICE_S
+
+
+@pytest.mark.parametrize("phase", ["start", "moving", "editing"])
+def test_no_slice_takes_long(live: dict[str, Any], phase: str):
+    """In processor time of the window's thread, whatever the machine does besides."""
+    found = live[phase]
+    assert found["longest_own_s"] <= LONGEST_SLICE_S
+    assert found["longest_own_s"] + found["longest_drawing_s"] <= LONGEST_BLOCK_S
 
 
 def test_the_preview_survives_edits_and_undo_and_ends(live: dict[str, Any]):

@@ -75,7 +75,9 @@ def _texture(colours: Any) -> Any:
     if colours is None:
         return None
     rows, columns = colours.shape[:2]
-    values = np.ascontiguousarray(colours, dtype=np.float32).ravel()
+    # the frame buffer encodes what shaders of images write, which is linear
+    values = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    values = np.ascontiguousarray(values, dtype=np.float32).ravel()
     data = gpu.types.Buffer("FLOAT", values.size, values)
     return gpu.types.GPUTexture((columns, rows), format="RGBA16F", data=data)
 

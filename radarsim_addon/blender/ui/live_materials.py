@@ -38,9 +38,9 @@ def live_material(
     any_material: materials of Cycles echo, too.
     """
     node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
-    if kind is None:
+    if node is None:
         return _foreign(material) if any_material else LiveMaterial(DraftSurface("silent"))
+    kind = node.node_tree.get(KIND_PROPERTY)
     if kind == SHEET_KIND:
         return LiveMaterial(DraftSurface("silent"), mirrors=True)
     names = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)

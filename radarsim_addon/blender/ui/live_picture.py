@@ -100,7 +100,7 @@ def live_picture(
     for row, line in enumerate(lines):
         y = panel.top - _LINE * (row + 1) * unit
         texts.append(Text(panel.left + _PAD * unit, y, line, bright=row == 0))
-    for value in nice_ticks(top_db - SPAN_DB, top_db, 4):
+    for value in nice_ticks(top_db - SPAN_DB, top_db, 6):
         y = _between(value, top_db - SPAN_DB, top_db, profile.bottom, profile.top)
         grid += [(profile.left, y), (profile.right, y)]
         texts.append(Text(left - 6 * unit, y - 4 * unit, number_text(value), "right", False))
@@ -108,10 +108,11 @@ def live_picture(
         Text(panel.left + _PAD * unit, profile.top + 8 * unit, "Power [dBW]", bright=False)
     )
     below = image if resolved else profile
-    for value in nice_ticks(*ends_m, 6):
+    for value in nice_ticks(*ends_m, 8):
         x = _between(value, *ends_m, left, image.right)
-        for box in (image, profile) if resolved else (profile,):
-            grid += [(x, box.bottom), (x, box.top)]
+        grid += [(x, profile.bottom), (x, profile.top)]
+        if resolved:
+            grid += [(x, image.bottom - 4 * unit), (x, image.bottom)]
         texts.append(Text(x, below.bottom - 15 * unit, number_text(value), "centre", False))
     label_y = below.bottom - 30 * unit
     texts.append(Text((left + image.right) / 2, label_y, "Range [m]", "centre", False))
@@ -188,7 +189,7 @@ def _add_map(
     ends = cell_edges(rates)
     for value in nice_ticks(*ends, 4):
         y = _between(value, *ends, box.bottom, box.top)
-        grid += [(box.left, y), (box.right, y)]
+        grid += [(box.left - 4 * unit, y), (box.left, y)]
         picture.texts.append(
             Text(box.left - 6 * unit, y - 4 * unit, number_text(value), "right", False)
         )

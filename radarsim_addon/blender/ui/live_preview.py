@@ -36,9 +36,13 @@ _TITLE = "Live preview, draft: one reflection, no walls"
 
 @dataclass
 class _Statistics:
-    """Slices of the timer [s], and drafts that have come."""
+    """Longest slice of the timer and longest drawing, by the clock and by this thread's own time
+    [s]; drafts that have come, and those of them that were the first after a change.
+    """
 
     longest_slice_s: float = 0.0
+    longest_own_s: float = 0.0
+    longest_drawing_s: float = 0.0
     slices: int = 0
     drafts: int = 0
     first_drafts: int = 0
@@ -50,7 +54,7 @@ class LivePreview:
     def __init__(self) -> None:
         self._process = DraftProcess()
         self._reader = LiveReader()
-        self._reading: Iterator[Message | LiveScene] | None = None
+        self._reading: Iterator[Message | LiveScene | None] | None = None
         self._snapshot: Snapshot | None = None
         self._sent: LiveScene | None = None
         self._ready: LiveScene | None = None
@@ -63,7 +67,7 @@ class LivePreview:
 
     def tick(self, context: Any) -> float:
         """Do one slice; return the time to the next one [s]."""
-        start_s = time.perf_counter()
+        start_s, own_s = time.perf_counter(), time.thread_time()
         try:
             pause_s = self._step(context, start_s + _SLICE_S)
         except RadarSimError as error:
@@ -73,9 +77,10 @@ class LivePreview:
         except ReferenceError:  # an object was removed while it was read
             self.pause()
             pause_s = _SOON_S
-        took_s = time.perf_counter() - start_s
-        self.statistics.slices += 1
-        self.statistics.longest_slice_s = max(self.statistics.longest_slice_s, took_s)
+        found = self.statistics
+        found.slices += 1
+        found.longest_slice_s = max(found.longest_slice_s, time.perf_counter() - start_s)
+        found.longest_own_s = max(found.longest_own_s, time.thread_time() - own_s)
         return pause_s
 
     def _step(self, context: Any, deadline_s: float) -> float:
@@ -98,7 +103,7 @@ class LivePreview:
             if isinstance(found, LiveScene):
                 self._reading, self._read_s = None, time.monotonic()
                 self._ready = None if found.same(self._sent) else found
-            else:
+            elif found is not None:
                 self._process.send(found)
             if time.perf_counter() > deadline_s:
                 break
@@ -151,6 +156,10 @@ class LivePreview:
         lines = [_TITLE, f"{fields['rays']} rays, {error}{finer}"]
         if fields["gaps_from_m"] is not None:
             lines.append(f"gaps between rays from {fields['gaps_from_m']:.3g} m")
+        if self._sent is not None:
+            burst = self._sent.message.fields["burst"]["pulses"]
+            if fields["pulses"] < burst:
+                lines.append(f"map of {fields['pulses']} of {burst} pulses")
         return [*lines, *self.notes]
 
     def pause(self) -> None:
@@ -212,7 +221,9 @@ def _draw() -> None:
     context = bpy.context
     running = getattr(context.window_manager, PROGRESS_PROPERTY).running
     if _preview is not None and context.space_data.overlay.show_overlays and not running:
+        start_s, found = time.thread_time(), _preview.statistics
         draw_live(context, _preview.draft, _preview.lines())
+        found.longest_drawing_s = max(found.longest_drawing_s, time.thread_time() - start_s)
 
 
 @persistent

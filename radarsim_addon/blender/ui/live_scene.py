@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The evaluated scene as the live preview needs it, read one mesh at a time."""
+"""The evaluated scene as the live preview needs it, read in parts that take a few milliseconds."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ class LiveReader:
         self._keys: WeakKeyDictionary[Shape, int] = WeakKeyDictionary()
         self._next = 0
 
-    def read(self, context: Any) -> Iterator[Message | LiveScene]:
+    def read(self, context: Any) -> Iterator[Message | LiveScene | None]:
         """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
 
-        Each step takes about as long as one mesh. Stop where the scene changes before the end.
+        None after a part of a mesh. Stop where the scene changes before the end.
         """
         scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
         rows = echoing_boxes(depsgraph, any_material=True).rows
@@ -68,9 +68,9 @@ class LiveReader:
         for index in np.unique(snapshot.layout.shape[rows]).tolist():
             shape = snapshot.shapes[index]
             if shape not in self._keys:
-                message = mesh_message(self._next, _polygons(snapshot, shape))
+                for part in _polygons(snapshot, shape):
+                    yield None if part is None else mesh_message(self._next, part)
                 self._keys[shape], self._next = self._next, self._next + 1
-                yield message
         yield self._scene(scene, depsgraph, snapshot, rows.tolist())
 
     def _scene(self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int]) -> LiveScene:
@@ -142,30 +142,44 @@ class LiveReader:
         )
 
 
-def _polygons(snapshot: Snapshot, shape: Shape) -> DraftPolygons:
-    """The evaluated mesh of a shape; without polygons where it has no surface."""
-    none = np.zeros(0, dtype=np.int32)
-    flat = np.zeros((0, 3), dtype=np.float32)
+def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None]:
+    """Yield the evaluated mesh of a shape, before that None after each part that takes long.
+
+    Blender may free a mesh between two parts of an older snapshot, but not of the last one.
+    """
+    none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
     with snapshot.mesh(shape) as mesh:
         if mesh is None or not len(mesh.polygons):
-            return DraftPolygons(flat, none, none, none, flat)
+            yield DraftPolygons(flat, none, none, none, flat)
+            return
         points = read_numbers(mesh.vertices, "co", 3)
         starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
         smooth = mesh.normals_domain != "FACE"
-        if np.diff(starts, append=len(mesh.loops)).max() > 4:
+        many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
+    yield None
+    with snapshot.mesh(shape) as mesh:
+        if many_sides:
             triangles = read_triangles(mesh)[1]
-            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
-            normals = read_numbers(mesh.loop_triangles, "split_normals", 9) if smooth else flat
             corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
-            return DraftPolygons(points, corners, starts, slots, normals.reshape(-1, 3))
-        # attributes are copied whole, properties one by one
-        corners = read_numbers(mesh.attributes[".corner_vert"].data, "value", dtype=np.int32)[:, 0]
+        else:  # attributes are copied whole, properties one by one
+            data = mesh.attributes[".corner_vert"].data
+            corners = read_numbers(data, "value", dtype=np.int32)[:, 0]
+    yield None
+    with snapshot.mesh(shape) as mesh:
         slots = none
-        if "material_index" in mesh.attributes:
+        if many_sides:
+            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
+        elif "material_index" in mesh.attributes:
             data = mesh.attributes["material_index"].data
             slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
-        normals = read_numbers(mesh.corner_normals, "vector", 3) if smooth else flat
-        return DraftPolygons(points, corners, starts, slots, normals)
+    yield None
+    with snapshot.mesh(shape) as mesh:
+        normals = flat
+        if smooth and many_sides:
+            normals = read_numbers(mesh.loop_triangles, "split_normals", 9).reshape(-1, 3)
+        elif smooth:
+            normals = read_numbers(mesh.corner_normals, "vector", 3)
+    yield DraftPolygons(points, corners, starts, slots, normals)
 
 
 def _move(item: Any, frame: float, metres: float) -> Real | None:
@@ -181,9 +195,9 @@ def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[st
     guessed = sum(one.guessed for one in materials)
     mirrors = sum(one.mirrors for one in materials)
     texts = (
-        (mirrors, f"{mirrors} mirror-like materials return nothing"),
-        (guessed, f"{guessed} materials guessed as diffuse"),
-        (unknown, f"velocities of {unknown} objects left out"),
-        (apart, "shadows of the transmitter left out"),
+        (mirrors, f"mirror-like materials, which return nothing: {mirrors}"),
+        (guessed, f"materials guessed as diffuse: {guessed}"),
+        (unknown, f"objects whose velocity is left out: {unknown}"),
+        (apart, "shadows of the transmitter are left out"),
     )
     return tuple(text for count, text in texts if count)

@@ -46,7 +46,8 @@ class ViewGrid:
         """Return x and y of the centres of pixels at distance 1, (n,) each."""
         across = (self.right - self.left) / self.columns
         down = (self.top - self.bottom) / self.rows
-        return self.left + (column + 0.5) * across, self.top - (row + 0.5) * down
+        x, y = self.left + (column + 0.5) * across, self.top - (row + 0.5) * down
+        return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
 
 
 @dataclass(frozen=True)

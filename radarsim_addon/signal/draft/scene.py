@@ -102,7 +102,7 @@ class SceneTriangles:
     triangles: Indices
     item: Indices
     surface: Indices
-    normals: Real
+    normals: Single
     normal_row: Indices
 
     @classmethod
@@ -126,7 +126,7 @@ class _Parts:
     triangles: list[Indices] = field(default_factory=list)
     item: list[Indices] = field(default_factory=list)
     surface: list[Indices] = field(default_factory=list)
-    normals: list[Real] = field(default_factory=list)
+    normals: list[Single] = field(default_factory=list)
     normal_row: list[Indices] = field(default_factory=list)
     count: int = 0
     smooth: int = 0
@@ -153,7 +153,8 @@ class _Parts:
         return SceneTriangles(
             np.concatenate([np.zeros((0, 3)), *self.points]),
             np.concatenate([none.reshape(0, 3), *self.triangles]),
-            *(np.concatenate([none, *part]) for part in (self.item, self.surface)),
+            np.concatenate([none, *self.item]),
+            np.concatenate([none, *self.surface]),
             np.concatenate([np.zeros((0, 3, 3), dtype=np.float32), *self.normals]),
             np.concatenate([none, *self.normal_row]),
         )
@@ -267,7 +268,7 @@ class _Places:
         smooth = np.flatnonzero(row >= 0)
         if smooth.size:
             own = np.einsum("nc,nci->ni", hits.weights[smooth], triangles.normals[row[smooth]])
-            turned = np.linalg.inv(scene.matrices[:, :3, :3])[item[smooth]]  # inverse transposed
+            turned = np.linalg.pinv(scene.matrices[:, :3, :3])[item[smooth]]  # used transposed
             own = np.einsum("nji,nj->ni", turned, own)
             normal[smooth] = _towards(own, -local[smooth] @ pose[:3, :3].T)
         away = np.array(scene.transmitter.matrix_world)[:3, 3] - points
@@ -294,10 +295,12 @@ class _Places:
         moves = (scene.moves - np.eye(4)) / scene.interval_s
         own = moves[self.item]
         velocity = np.einsum("nij,nj->ni", own[:, :3, :3], self.points_m) + own[:, :3, 3]
-        antennas = (scene.receiver, scene.transmitter)
         receiver, transmitter = (
-            move[:3, :3] @ np.array(antenna.matrix_world)[:3, 3] + move[:3, 3]
-            for move, antenna in zip(moves[-2:], antennas, strict=True)
+            move[:3, :3] @ np.array(pose)[:3, 3] + move[:3, 3]
+            for move, pose in (
+                (moves[-2], scene.receiver.matrix_world),
+                (moves[-1], scene.transmitter.matrix_world),
+            )
         )
         back = dots(velocity - receiver, direction)
         return np.asarray((back - dots(velocity - transmitter, self.to_transmitter)) / 2)

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
 from ...typed_json import from_json
@@ -126,7 +128,7 @@ def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Me
         "peak_error_db": draft.peak_error_db,
         "gaps_from_m": None if math.isinf(gaps) else gaps,
     }
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         "range_m": draft.range_m,
         "velocity_mps": np.ascontiguousarray(draft.velocity_mps),
         "profile_w": draft.profile_w,

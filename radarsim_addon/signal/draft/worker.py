@@ -22,28 +22,35 @@ from .scene import DraftMesh, DraftScene, SceneTriangles
 from .scene_messages import FAULT, MESH, draft_message, mesh_of, scene_of
 
 
+#: Time without a newer scene after which a finer draft begins [s].
+_CALM_S = 0.2
+
+
 class _Inbox:
     """Messages as they come: meshes are kept, and of scenes the newest one."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self.meshes: dict[int, DraftMesh] = {}
+        self._news = threading.Event()
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: IO[bytes]) -> None:
         while (message := read_message(stream)) is not None:
             self._messages.put(message)
+            self._news.set()
         self._messages.put(None)
+        self._news.set()
 
-    @property
-    def waiting(self) -> bool:
-        """Whether there is something new."""
-        return not self._messages.empty()
+    def has_news(self, timeout_s: float = 0.0) -> bool:
+        """Whether there is something new, or comes within a time [s]."""
+        return self._news.wait(timeout_s)
 
     def newest_scene(self) -> Message | None:
         """Wait for a scene and return the last one that has come; None at the end of input."""
         newest = None
-        while newest is None or self.waiting:
+        while newest is None or not self._messages.empty():
+            self._news.clear()
             message = self._messages.get()
             if message is None:
                 return None
@@ -82,7 +89,8 @@ def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) ->
         took_s = time.monotonic() - start_s
         fields, arrays = draft_message(draft, index, len(triangles), took_s)
         write_message(writing, {**fields, "number": number}, arrays)
-        if inbox.waiting:
+        # while the scene changes, the window answers to each draft with the next scene
+        if inbox.has_news(_CALM_S):
             return
         start_s = time.monotonic()
 
