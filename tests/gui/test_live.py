@@ -47,7 +47,7 @@ def test_no_slice_takes_long(live: dict[str, Any], phase: str):
     """In processor time of the window's thread, whatever the machine does besides."""
     found = live[phase]
     assert found["longest_own_s"] <= LONGEST_SLICE_S
-    assert found["longest_own_s"] + found["longest_drawing_s"] <= LONGEST_BLOCK_S
+    assert found["longest_own_s"] + max(found["drawings_s"]) <= LONGEST_BLOCK_S
 
 
 def test_the_preview_survives_edits_and_undo_and_ends(live: dict[str, Any]):

@@ -12,13 +12,16 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...signal.draft import Message
-from .live_picture import SPAN_DB, Box, LivePicture, level_colours, live_picture
+from .live_picture import SPAN_DB, Box, LivePicture, lay_out_draft, level_colours
 
 _BACK = (0.07, 0.07, 0.07, 0.86)
-_GRID, _CURVE, _PEAK = (1.0, 1.0, 1.0, 0.18), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 1.0)
+_GRID, _CURVE, _PEAK = (1.0, 1.0, 1.0, 0.13), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 1.0)
 _BRIGHT, _DIM = (1.0, 1.0, 1.0, 1.0), (0.82, 0.82, 0.82, 1.0)
 _FONT_PX, _MARGIN_PX = 11, 12
 _TWO_TRIANGLES = ((0, 1, 2), (0, 2, 3))
+#: Parts of the picture. The first drawing of each compiles what draws it, and takes long: one part
+#: more is drawn each time.
+_PARTS = 4
 #: Rows of the strip of colours.
 _STRIP_ROWS = 64
 #: The last draft as a texture, by what it was drawn from: views are drawn all the time.
@@ -52,6 +55,11 @@ def forget_drawing() -> None:
     _last.clear()
 
 
+def is_drawn_in_part() -> bool:
+    """Whether the next drawing adds a part that this one left out."""
+    return _last.get("parts", _PARTS) < _PARTS
+
+
 def _sidebar_px(context: Any) -> int:
     """Width of the sidebar where it lies over the view."""
     if not context.preferences.system.use_region_overlap:
@@ -64,7 +72,7 @@ def _picture(
 ) -> LivePicture:
     key = (draft.fields["number"], draft.fields["level"], tuple(lines), corner, scale)
     if _last.get("key") != key:
-        picture = live_picture(draft.fields, draft.arrays, lines, corner, scale)
+        picture = lay_out_draft(draft.fields, draft.arrays, lines, corner, scale)
         strip = level_colours(10 ** (np.linspace(-SPAN_DB, 0, _STRIP_ROWS) / 10)[:, None], 0.0)
         _last.update(key=key, picture=picture, map=_texture(picture.colours), strip=_texture(strip))
     found: LivePicture = _last["picture"]
@@ -83,10 +91,22 @@ def _texture(colours: Any) -> Any:
 
 
 def _draw(picture: LivePicture, scale: float) -> None:
+    parts = _last["parts"] = min(_last.get("parts", 0) + 1, _PARTS)
     _fill(picture.panel, _BACK)
-    for name, box in (("map", picture.map), ("strip", picture.strip)):
-        if _last[name] is not None:
-            _put(_last[name], box)
+    if parts > 1:
+        for name, box in (("map", picture.map), ("strip", picture.strip)):
+            if _last[name] is not None:
+                _put(_last[name], box)
+    if parts > 2:
+        _draw_lines(picture, scale)
+    if parts > 3:
+        for text in picture.texts:
+            width = blf.dimensions(0, text.text)[0]
+            x = text.x - {"left": 0.0, "centre": 0.5, "right": 1.0}[text.anchor] * width
+            _write(text.text, x, text.y, _BRIGHT if text.bright else _DIM)
+
+
+def _draw_lines(picture: LivePicture, scale: float) -> None:
     _lines(picture.grid, _GRID, "LINES", scale)
     if len(picture.curve):
         _lines(picture.curve, _CURVE, "LINE_STRIP", 1.6 * scale)
@@ -94,10 +114,6 @@ def _draw(picture: LivePicture, scale: float) -> None:
         angle = np.linspace(0, 2 * np.pi, 25)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1) * 4 * scale + picture.mark
         _lines(ring, _PEAK, "LINE_STRIP", 1.4 * scale)
-    for text in picture.texts:
-        width = blf.dimensions(0, text.text)[0]
-        x = text.x - {"left": 0.0, "centre": 0.5, "right": 1.0}[text.anchor] * width
-        _write(text.text, x, text.y, _BRIGHT if text.bright else _DIM)
 
 
 def _write(text: str, x: float, y: float, colour: tuple[float, ...]) -> None:

@@ -65,7 +65,7 @@ class LivePicture:
     texts: list[Text] = field(default_factory=list)
 
 
-def live_picture(
+def lay_out_draft(
     fields: Mapping[str, Any],
     arrays: Mapping[str, NDArray[Any]],
     lines: Sequence[str],
@@ -165,15 +165,13 @@ def _peak_mark(
     ends_m: tuple[float, float],
     unit: float,
 ) -> tuple[float, float]:
-    """The place of the peak, whose numbers are written next to it."""
+    """The place of the peak, whose numbers are written above the axes."""
     box, level_db = picture.profile, 10 * math.log10(power_w)
     x = _between(range_m, *ends_m, box.left, box.right)
     y = _between(level_db, top_db - SPAN_DB, top_db, box.bottom, box.top)
     level = number_text(float(f"{level_db:.1f}"))
-    text = f"{shortest_decimal(float(f'{range_m:.4g}')):g} m, {level} dBW"
-    right = x < (box.left + box.right) / 2
-    anchor: Anchor = "left" if right else "right"
-    picture.texts.append(Text(x + (8 if right else -8) * unit, box.top - 13 * unit, text, anchor))
+    text = f"strongest: {shortest_decimal(float(f'{range_m:.4g}')):g} m, {level} dBW"
+    picture.texts.append(Text(box.right, box.top + 8 * unit, text, "right"))
     return x, y
 
 

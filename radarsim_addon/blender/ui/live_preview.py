@@ -8,8 +8,9 @@ window only reads, sends and draws. The switch is a property without a place in 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -19,7 +20,7 @@ from ...errors import RadarSimError
 from ...signal.draft import DRAFT, LEVELS, Message
 from ..rig_settings import PROGRESS_PROPERTY
 from ..state import Snapshot, take_snapshot
-from .live_drawing import draw_live, forget_drawing
+from .live_drawing import draw_live, forget_drawing, is_drawn_in_part
 from .live_scene import LiveReader, LiveScene
 from .live_worker import DraftProcess
 from .scene_reading import redraw_panels
@@ -36,13 +37,13 @@ _TITLE = "Live preview, draft: one reflection, no walls"
 
 @dataclass
 class _Statistics:
-    """Longest slice of the timer and longest drawing, by the clock and by this thread's own time
-    [s]; drafts that have come, and those of them that were the first after a change.
+    """Longest slice of the timer by the clock and by this thread's own time, times of drawings [s];
+    drafts that have come, and those of them that were the first after a change.
     """
 
     longest_slice_s: float = 0.0
     longest_own_s: float = 0.0
-    longest_drawing_s: float = 0.0
+    drawings_s: deque[float] = field(default_factory=lambda: deque(maxlen=512))
     slices: int = 0
     drafts: int = 0
     first_drafts: int = 0
@@ -89,6 +90,8 @@ class LivePreview:
             self.pause()
             return _SETTINGS_S
         self._receive(context)
+        if is_drawn_in_part():
+            redraw_panels(context)
         depsgraph = context.evaluated_depsgraph_get()
         snapshot = take_snapshot(depsgraph)
         if self._reading is not None and snapshot is not self._snapshot:
@@ -178,7 +181,7 @@ _preview: LivePreview | None = None
 _handles: list[Any] = []
 
 
-def live_preview() -> LivePreview | None:
+def current_preview() -> LivePreview | None:
     """The preview that is on; None while it is off."""
     return _preview
 
@@ -221,9 +224,9 @@ def _draw() -> None:
     context = bpy.context
     running = getattr(context.window_manager, PROGRESS_PROPERTY).running
     if _preview is not None and context.space_data.overlay.show_overlays and not running:
-        start_s, found = time.thread_time(), _preview.statistics
+        start_s = time.thread_time()
         draw_live(context, _preview.draft, _preview.lines())
-        found.longest_drawing_s = max(found.longest_drawing_s, time.thread_time() - start_s)
+        _preview.statistics.drawings_s.append(time.thread_time() - start_s)
 
 
 @persistent

@@ -6,9 +6,9 @@ scenes to a process of its own (`worker`) as messages.
 """
 
 from .draft import LEVELS, MOST_CELLS, Draft, DraftLevel, make_draft
-from .first_hits import FirstHits, ViewGrid, first_hits
 from .messages import Message, read_message, write_message
 from .polygons import DraftPolygons
+from .ray_hits import FirstHits, ViewGrid, first_hits
 from .scene import DraftMesh, DraftScene, SceneTriangles, draft_rows
 from .scene_messages import DRAFT, FAULT, mesh_message, scene_message
 from .surfaces import Angles, DraftSurface, SurfaceKind

@@ -31,7 +31,15 @@ _CELLS_PER_SAMPLE = 2
 
 
 class DraftLevel(NamedTuple):
-    """How fine a draft is: rays in one replicate, about, and replicates."""
+    """How fine a draft is.
+
+    Attributes
+    ----------
+    rays
+        Rays of a replicate, about.
+    replicates
+        Number of grids of rays.
+    """
 
     rays: int
     replicates: int

@@ -15,7 +15,15 @@ _LENGTH_BYTES = 8
 
 
 class Message(NamedTuple):
-    """A JSON object, and arrays by name."""
+    """A JSON object, and arrays by name.
+
+    Attributes
+    ----------
+    fields
+        What JSON can hold.
+    arrays
+        Arrays of numbers by name.
+    """
 
     fields: dict[str, Any]
     arrays: dict[str, NDArray[Any]]

@@ -16,7 +16,7 @@ from ...vectors import crosses, distances, dots, norms
 from ..decoding import pixel_rays
 from ..paths import PATH_DTYPE, PathRows, replicate_offset_px
 from ..radar import Radar, Weather
-from .first_hits import FirstHits, ViewGrid, first_hits
+from .ray_hits import FirstHits, ViewGrid, first_hits
 from .surfaces import Angles, DraftSurface
 
 
@@ -94,8 +94,9 @@ class SceneTriangles:
     surface
         Number of its surface, (m,).
     normals
-        Shading normals at the corners in the mesh's axes, (k, 3, 3), of triangles whose
-        `normal_row` is 0 or more, (m,).
+        Shading normals at the corners of k triangles in the mesh's axes, (k, 3, 3).
+    normal_row
+        Row of `normals` of each triangle, (m,); -1 for flat ones.
     """
 
     points: Real

@@ -21,9 +21,10 @@ from .messages import Message, read_message, write_message
 from .scene import DraftMesh, DraftScene, SceneTriangles
 from .scene_messages import FAULT, MESH, draft_message, mesh_of, scene_of
 
-
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2
+#: Time between two looks for it [s].
+_LOOK_S = 0.005
 
 
 class _Inbox:
@@ -32,25 +33,24 @@ class _Inbox:
     def __init__(self, stream: IO[bytes]) -> None:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self.meshes: dict[int, DraftMesh] = {}
-        self._news = threading.Event()
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: IO[bytes]) -> None:
         while (message := read_message(stream)) is not None:
             self._messages.put(message)
-            self._news.set()
         self._messages.put(None)
-        self._news.set()
 
     def has_news(self, timeout_s: float = 0.0) -> bool:
         """Whether there is something new, or comes within a time [s]."""
-        return self._news.wait(timeout_s)
+        end_s = time.monotonic() + timeout_s
+        while self._messages.empty() and time.monotonic() < end_s:
+            time.sleep(_LOOK_S)
+        return not self._messages.empty()
 
     def newest_scene(self) -> Message | None:
         """Wait for a scene and return the last one that has come; None at the end of input."""
         newest = None
         while newest is None or not self._messages.empty():
-            self._news.clear()
             message = self._messages.get()
             if message is None:
                 return None

@@ -36,7 +36,7 @@ def scene(addon: Any) -> Iterator[Any]:
 
 def switched_on() -> live_preview.LivePreview:
     bpy.context.window_manager.radarsim_live = True
-    preview = live_preview.live_preview()
+    preview = live_preview.current_preview()
     assert preview is not None
     return preview
 
@@ -150,7 +150,7 @@ def test_the_switch_leaves_nothing_behind(scene: Any) -> None:
     assert not bpy.app.timers.is_registered(live_preview._tick)
     switched_on()
     addon_module.unregister()
-    assert live_preview.live_preview() is None
+    assert live_preview.current_preview() is None
     assert not hasattr(bpy.types.WindowManager, "radarsim_live")
     assert not bpy.app.timers.is_registered(live_preview._tick)
     assert live_preview._on_load not in bpy.app.handlers.load_pre
@@ -163,7 +163,7 @@ def test_another_file_switches_it_off_and_no_file_holds_it(scene: Any, tmp_path:
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "on.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "on.blend"))
     assert not bpy.context.window_manager.radarsim_live
-    assert live_preview.live_preview() is None
+    assert live_preview.current_preview() is None
 
 
 def test_undo_and_runs_pause_it(scene: Any) -> None:
