@@ -4,7 +4,14 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_move, keyed_speeds, keyed_step
+from .closing_speeds import (
+    VELOCITY_FRAMES,
+    ClosingSpeeds,
+    keyed_move,
+    keyed_speeds,
+    keyed_step,
+    nothing_moves,
+)
 from .driver_checks import disabled_drivers
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
@@ -92,6 +99,7 @@ __all__ = [
     "keyed_speeds",
     "keyed_step",
     "no_echo_findings",
+    "nothing_moves",
     "pose_in_metres",
     "radar_of",
     "radars",

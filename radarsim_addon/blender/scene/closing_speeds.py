@@ -242,6 +242,26 @@ def keyed_move(item: Any, frame: float) -> Real | None:
     return np.asarray(worlds[1] @ np.linalg.pinv(worlds[0]) if _is_keyed(item) else np.eye(4))
 
 
+def nothing_moves(item: Any) -> bool:
+    """Return whether an object and its parents have nothing that could move them: quick.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+    """
+    while item is not None:
+        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
+            return False
+        if item.parent is not None and item.parent_type != "OBJECT":
+            return False
+        item = item.parent
+    return True
+
+
 def _is_keyed(item: Any) -> bool:
     """Whether an object or a parent of it has an action."""
     while item is not None:

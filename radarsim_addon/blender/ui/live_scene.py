@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -20,6 +21,7 @@ from ..scene import (
     active_radar,
     echoing_boxes,
     keyed_move,
+    nothing_moves,
     receiver_record,
     scene_extent,
     transmitter_record,
@@ -30,6 +32,8 @@ from .scene_reading import any_material_echoes, rig_of
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.
 _RANGE_MARGIN = 1.25
+#: Objects whose F-curves are read in one part.
+_OWNERS = 256
 
 
 @dataclass(frozen=True)
@@ -71,75 +75,90 @@ class LiveReader:
                 for part in _polygons(snapshot, shape):
                     yield None if part is None else mesh_message(self._next, part)
                 self._keys[shape], self._next = self._next, self._next + 1
-        yield self._scene(scene, depsgraph, snapshot, rows.tolist())
+        yield from self._scene(scene, depsgraph, snapshot, rows.tolist())
 
-    def _scene(self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int]) -> LiveScene:
-        radar = active_radar(scene)
-        measurement, view, rig = read_measurement(scene), settings(radar), rig_of(scene, radar)
+    def _scene(
+        self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int]
+    ) -> Iterator[LiveScene | None]:
+        radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
         if rig.camera.data.type != "PERSP":
             raise SceneError(
                 f"Camera {rig.camera.name!r} is of type {rig.camera.data.type}, but the live "
                 "preview draws perspective views only. Set Camera > Lens > Type to Perspective, or "
                 "switch Live Preview off."
             )
+        measurement, render = read_measurement(scene), scene.render
         metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
-        any_material = any_material_echoes(radar)
-        stop_m = measurement.range_stop_m
-        if not stop_m:
-            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
-            stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
         shapes, layout = snapshot.shapes, snapshot.layout
+        owners = [_owner(snapshot, row) for row in rows]
+        yield None
+        frame = scene.frame_current_final
+        moves, unknown = yield from _moves([*owners, rig.camera, rig.emitter], frame, metres)
         used = [shapes[layout.shape[row]] for row in rows]
         # the other process forgets what a scene does not use
         self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in used})
-        materials = dict.fromkeys(m for shape in used for m in (shape.materials or (None,)))
-        carrier_hz = measurement.waveform.carrier_hz
-        how = (carrier_hz, view.beyond_band, measurement.polarisation, any_material)
-        found = [live_material(material, *how) for material in materials]
-        number = {material: index for index, material in enumerate(materials)}
+        slots = [shape.materials or (None,) for shape in used]
+        number = {
+            material: index
+            for index, material in enumerate(dict.fromkeys(chain.from_iterable(slots)))
+        }
+        any_material = any_material_echoes(radar)
+        how = measurement.waveform.carrier_hz, settings(radar).beyond_band, measurement.polarisation
+        found = [live_material(material, *how, any_material) for material in number]
+        yield None
         matrices = snapshot.matrices[rows].reshape(-1, 4, 4).copy()
         matrices[:, :3] *= metres
-        owners = [self._owner(snapshot, row) for row in rows]
-        moves = [_move(owner, scene.frame_current_final, metres) for owner in owners]
-        antennas = [
-            _move(item, scene.frame_current_final, metres) for item in (rig.camera, rig.emitter)
-        ]
-        unknown = {owner.name for owner, move in zip(owners, moves, strict=True) if move is None}
-        fps = (
-            scene.render.fps / shortest_decimal(scene.render.fps_base) * scene.render.frame_map_old
-        )
+        start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
+        if not stop_m:
+            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
+            stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
+        fps = render.fps / shortest_decimal(render.fps_base)
         size = measurement.width_px, measurement.height_px
-        receiver = receiver_record(rig, depsgraph, metres, *size)
-        transmitter = transmitter_record(rig, depsgraph, metres)
         drafted = DraftScene(
             radar=measurement.radar,
             link_budget=own_link_budget(radar),
             weather=measurement.weather,
-            receiver=receiver,
-            transmitter=transmitter,
-            range_limits_m=(
-                measurement.range_start_m,
-                max(stop_m, measurement.range_start_m + 1.0),
-            ),
+            receiver=receiver_record(rig, depsgraph, metres, *size),
+            transmitter=transmitter_record(rig, depsgraph, metres),
+            range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
             surfaces=[one.surface for one in found],
             meshes=[self._keys[shape] for shape in used],
             matrices=matrices,
-            slots=[[number[m] for m in (shape.materials or (None,))] for shape in used],
-            moves=np.stack([np.eye(4) if move is None else move for move in (*moves, *antennas)]),
-            interval_s=VELOCITY_FRAMES / (fps / scene.render.frame_map_new),
+            slots=[[number[material] for material in one] for one in slots],
+            moves=moves,
+            interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
         )
-        apart = not np.allclose(
-            np.array(receiver.matrix_world)[:3, 3], np.array(transmitter.matrix_world)[:3, 3]
-        )
-        return LiveScene(scene_message(drafted), _notes(found, len(unknown), apart))
+        places = (rig.camera.matrix_world.translation, rig.emitter.matrix_world.translation)
+        apart = not np.allclose(*places)
+        yield LiveScene(scene_message(drafted), _notes(found, unknown, apart))
 
-    def _owner(self, snapshot: Snapshot, row: int) -> Any:
-        """The object whose F-curves move a row: of an instance, its instancer."""
-        layout = snapshot.layout
-        index = int(layout.instancer[row])
-        return (
-            snapshot.shapes[layout.shape[row]].original if index < 0 else layout.instancers[index]
-        )
+
+def _owner(snapshot: Snapshot, row: int) -> Any:
+    """The object whose F-curves move a row: of an instance, its instancer."""
+    index = int(snapshot.layout.instancer[row])
+    if index >= 0:
+        return snapshot.layout.instancers[index]
+    return snapshot.shapes[snapshot.layout.shape[row]].original
+
+
+def _moves(
+    owners: list[Any], frame: float, metres: float
+) -> Generator[None, None, tuple[Real, int]]:
+    """What moves objects, as `keyed_move`, in metres, and how many of them move by other means."""
+    moves = np.tile(np.eye(4), (len(owners), 1, 1))
+    unknown = set()
+    for index, owner in enumerate(owners):
+        if index % _OWNERS == 0:
+            yield None
+        if nothing_moves(owner):
+            continue
+        move = keyed_move(owner, frame)
+        if move is None:
+            unknown.add(owner)
+        else:
+            moves[index] = move
+    moves[:, :3, 3] *= metres
+    return moves, len(unknown)
 
 
 def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None]:
@@ -148,14 +167,17 @@ def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None
     Blender may free a mesh between two parts of an older snapshot, but not of the last one.
     """
     none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
+    found = False
     with snapshot.mesh(shape) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            yield DraftPolygons(flat, none, none, none, flat)
-            return
-        points = read_numbers(mesh.vertices, "co", 3)
-        starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
-        smooth = mesh.normals_domain != "FACE"
-        many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
+        if mesh is not None and len(mesh.polygons):
+            found = True
+            points = read_numbers(mesh.vertices, "co", 3)
+            starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
+            smooth = mesh.normals_domain != "FACE"
+            many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
+    if not found:
+        yield DraftPolygons(flat, none, none, none, flat)
+        return
     yield None
     with snapshot.mesh(shape) as mesh:
         if many_sides:
@@ -180,14 +202,6 @@ def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None
         elif smooth:
             normals = read_numbers(mesh.corner_normals, "vector", 3)
     yield DraftPolygons(points, corners, starts, slots, normals)
-
-
-def _move(item: Any, frame: float, metres: float) -> Real | None:
-    """As `keyed_move`, in metres."""
-    move = keyed_move(item, frame)
-    if move is not None:
-        move[:3, 3] *= metres
-    return move
 
 
 def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[str, ...]:
