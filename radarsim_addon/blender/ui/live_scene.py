@@ -104,7 +104,7 @@ class LiveReader:
         }
         any_material = any_material_echoes(radar)
         how = measurement.waveform.carrier_hz, settings(radar).beyond_band, measurement.polarisation
-        found = [live_material(material, *how, any_material) for material in number]
+        found = [live_material(material, *how, any_material) for material in materials]
         yield None
         matrices = snapshot.matrices[rows].reshape(-1, 4, 4).copy()
         matrices[:, :3] *= metres
