@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import bpy
 
 from ...signal.draft import DraftSurface
-from ..materials import clutter_of, mirror_of
+from ..materials import clutter_of, mirror_of, scattered_lobe_of
 from ..materials.physical_materials import inputs_at
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
@@ -23,11 +23,16 @@ _COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "
 
 
 class LiveMaterial(NamedTuple):
-    """A material in the preview: whether its numbers are guessed, and whether it mirrors."""
+    """A material in the preview.
+
+    guessed: whether its numbers are. mirrors: whether it mirrors. lobe: whether it has a scattered
+    lobe, which is left out.
+    """
 
     surface: DraftSurface
     guessed: bool = False
     mirrors: bool = False
+    lobe: bool = False
 
 
 def live_material(
@@ -74,7 +79,8 @@ def live_material(
         clutter_parameters={} if clutter is None else clutter.parameters,
         polarisation=polarisation,
     )
-    return LiveMaterial(surface, guessed, smooth and clutter is None)
+    lobe = scattered_lobe_of(material) is not None
+    return LiveMaterial(surface, guessed, smooth and clutter is None, lobe)
 
 
 def _foreign(material: Any) -> LiveMaterial:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the lines, texts and colours of the live preview are, in pixels. Does not import bpy."""
+"""Where the lines, texts and colours of the live preview are, in pixels."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real, Single
-from ..plan import shortest_decimal
 from .pictures import cell_edges, nice_ticks, resample_max, viridis
+from .translations import tr
 
 #: Decibels from the top of the profile to its bottom, and over all colours.
 SPAN_DB = 60.0
@@ -105,7 +105,7 @@ def lay_out_draft(
         grid += [(profile.left, y), (profile.right, y)]
         texts.append(Text(left - 6 * unit, y - 4 * unit, number_text(value), "right", False))
     texts.append(
-        Text(panel.left + _PAD * unit, profile.top + 8 * unit, "Power [dBW]", bright=False)
+        Text(panel.left + _PAD * unit, profile.top + 8 * unit, tr("Power [dBW]"), bright=False)
     )
     below = image if resolved else profile
     for value in nice_ticks(*ends_m, 8):
@@ -115,12 +115,12 @@ def lay_out_draft(
             grid += [(x, image.bottom - 4 * unit), (x, image.bottom)]
         texts.append(Text(x, below.bottom - 15 * unit, number_text(value), "centre", False))
     label_y = below.bottom - 30 * unit
-    texts.append(Text((left + image.right) / 2, label_y, "Range [m]", "centre", False))
+    texts.append(Text((left + image.right) / 2, label_y, tr("Range [m]"), "centre", False))
     if power.size and power[peak] > 0:
         picture.curve = _curve(range_m, power, top_db, ends_m, profile)
         picture.mark = _peak_mark(picture, range_m[peak], float(power[peak]), top_db, ends_m, unit)
     else:
-        texts.append(Text((left + profile.right) / 2, start + 50 * unit, "no echo", "centre"))
+        texts.append(Text((left + profile.right) / 2, start + 50 * unit, tr("no echo"), "centre"))
     if resolved:
         _add_map(picture, grid, arrays, top_db, unit)
     picture.grid = np.array(grid, dtype=np.float64).reshape(-1, 2)
@@ -170,7 +170,7 @@ def _peak_mark(
     x = _between(range_m, *ends_m, box.left, box.right)
     y = _between(level_db, top_db - SPAN_DB, top_db, box.bottom, box.top)
     level = number_text(float(f"{level_db:.1f}"))
-    text = f"strongest: {shortest_decimal(float(f'{range_m:.4g}')):g} m, {level} dBW"
+    text = tr("strongest: {range_m:.4g} m, {level} dBW", range_m=range_m, level=level)
     picture.texts.append(Text(box.right, box.top + 8 * unit, text, "right"))
     return x, y
 
@@ -191,7 +191,7 @@ def _add_map(
         picture.texts.append(
             Text(box.left - 6 * unit, y - 4 * unit, number_text(value), "right", False)
         )
-    label = "Range rate [m/s], receding: positive"
+    label = tr("Range rate [m/s], receding: positive")
     picture.texts.append(
         Text(picture.panel.left + _PAD * unit, box.top + 8 * unit, label, bright=False)
     )

@@ -24,6 +24,7 @@ from .live_drawing import draw_live, forget_drawing, is_drawn_in_part
 from .live_scene import LiveReader, LiveScene
 from .live_worker import DraftProcess
 from .scene_reading import redraw_panels
+from .translations import tr
 
 LIVE_PROPERTY = "radarsim_live"
 #: Times to the next look at the scene: while it changes, and while nothing happens [s].
@@ -32,7 +33,6 @@ _SOON_S, _CALM_S = 0.01, 0.05
 _SETTINGS_S = 0.5
 #: Time after which a slice ends with the mesh that is being read [s].
 _SLICE_S = 0.008
-_TITLE = "Live preview, draft: one reflection, no walls"
 
 
 @dataclass
@@ -137,7 +137,7 @@ class LivePreview:
         words = self._process.last_words
         if words is not None and not self.fault:
             self._waiting = True  # for ever
-            self._show_fault(context, f"The preview's process has ended: {words}")
+            self._show_fault(context, tr("The preview's process has ended: {words}", words=words))
 
     def _show_fault(self, context: Any, text: str) -> None:
         if text != self.fault:
@@ -151,18 +151,27 @@ class LivePreview:
 
     def lines(self) -> list[str]:
         """Texts above the axes."""
+        title = tr("Live preview, draft: one reflection, no walls")
         if self.draft is None:
-            return [_TITLE, self.fault or "reading the scene"]
+            return [title, self.fault or tr("reading the scene")]
         fields = self.draft.fields
-        error = f"sampling error {max(fields['peak_error_db'], 0.1):.1f} dB at the peak"
-        finer = "" if fields["level"] + 1 == len(LEVELS) else ", refining"
-        lines = [_TITLE, f"{fields['rays']} rays, {error}{finer}"]
+        error_db = max(fields["peak_error_db"], 0.1)
+        state = tr(
+            "{rays} rays, sampling error {error_db:.1f} dB at the peak",
+            rays=fields["rays"],
+            error_db=error_db,
+        )
+        if fields["level"] + 1 < len(LEVELS):
+            state += tr(", refining")
+        lines = [title, state]
         if fields["gaps_from_m"] is not None:
-            lines.append(f"gaps between rays from {fields['gaps_from_m']:.3g} m")
+            lines.append(
+                tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])
+            )
         if self._sent is not None:
             burst = self._sent.message.fields["burst"]["pulses"]
             if fields["pulses"] < burst:
-                lines.append(f"map of {fields['pulses']} of {burst} pulses")
+                lines.append(tr("map of {some} of {all} pulses", some=fields["pulses"], all=burst))
         return [*lines, *self.notes]
 
     def pause(self) -> None:

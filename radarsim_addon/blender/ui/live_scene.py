@@ -29,6 +29,7 @@ from ..scene import (
 from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
 from .live_materials import LiveMaterial, live_material
 from .scene_reading import any_material_echoes, rig_of
+from .translations import tr
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.
 _RANGE_MARGIN = 1.25
@@ -208,10 +209,12 @@ def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[st
     """What a draft of these materials leaves out."""
     guessed = sum(one.guessed for one in materials)
     mirrors = sum(one.mirrors for one in materials)
+    lobes = sum(one.lobe for one in materials)
     texts = (
-        (mirrors, f"mirror-like materials, which return nothing: {mirrors}"),
-        (guessed, f"materials guessed as diffuse: {guessed}"),
-        (unknown, f"objects whose velocity is left out: {unknown}"),
-        (apart, "shadows of the transmitter are left out"),
+        (mirrors, tr("mirror-like materials, which return nothing: {count}", count=mirrors)),
+        (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
+        (guessed, tr("materials guessed as diffuse: {count}", count=guessed)),
+        (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
+        (apart, tr("shadows of the transmitter are left out")),
     )
     return tuple(text for count, text in texts if count)
