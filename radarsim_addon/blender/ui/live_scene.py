@@ -99,10 +99,8 @@ class LiveReader:
         # the other process forgets what a scene does not use
         self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in used})
         slots = [shape.materials or (None,) for shape in used]
-        number = {
-            material: index
-            for index, material in enumerate(dict.fromkeys(chain.from_iterable(slots)))
-        }
+        materials = dict.fromkeys(chain.from_iterable(slots))
+        number = {material: index for index, material in enumerate(materials)}
         any_material = any_material_echoes(radar)
         how = measurement.waveform.carrier_hz, settings(radar).beyond_band, measurement.polarisation
         found = [live_material(material, *how, any_material) for material in materials]
