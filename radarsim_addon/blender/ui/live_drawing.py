@@ -57,7 +57,7 @@ def forget_drawing() -> None:
 
 def is_drawn_in_part() -> bool:
     """Whether the next drawing adds a part that this one left out."""
-    return _last.get("parts", _PARTS) < _PARTS
+    return bool(_last.get("parts", _PARTS) < _PARTS)
 
 
 def _sidebar_px(context: Any) -> int:
