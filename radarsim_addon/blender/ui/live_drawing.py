@@ -108,6 +108,8 @@ def _draw(picture: LivePicture, scale: float) -> None:
 
 def _draw_lines(picture: LivePicture, scale: float) -> None:
     _lines(picture.grid, _GRID, "LINES", scale)
+    if len(picture.noise):
+        _lines(picture.noise, _PEAK, "LINES", 1.2 * scale)
     if len(picture.curve):
         _lines(picture.curve, _CURVE, "LINE_STRIP", 1.6 * scale)
     if picture.mark is not None:

@@ -51,7 +51,7 @@ class LivePicture:
 
     panel, map: the whole picture, and the map in it. strip: the colours of the profile's levels.
     grid: ends of pieces of lines, (2 n, 2). curve: (m, 2). mark: the peak. colours: of the map,
-    RGBA, bottom row first; None without one.
+    RGBA, bottom row first; None without one. noise: ends of the dashes at its level, (2 n, 2).
     """
 
     panel: Box
@@ -60,6 +60,7 @@ class LivePicture:
     strip: Box
     grid: Real
     curve: Real
+    noise: Real
     mark: tuple[float, float] | None
     colours: Single | None
     texts: list[Text] = field(default_factory=list)
@@ -93,9 +94,8 @@ def lay_out_draft(
     peak = int(np.argmax(power)) if power.size else 0
     top_db = top_level_db(float(power[peak]) if power.size else 0.0)
     ends_m = cell_edges(range_m)
-    picture = LivePicture(
-        panel, profile, image, strip, np.zeros((0, 2)), np.zeros((0, 2)), None, None
-    )
+    none = np.zeros((0, 2))
+    picture = LivePicture(panel, profile, image, strip, none, none, none, None, None)
     texts, grid = picture.texts, []
     for row, line in enumerate(lines):
         y = panel.top - _LINE * (row + 1) * unit
@@ -121,6 +121,7 @@ def lay_out_draft(
         picture.mark = _peak_mark(picture, range_m[peak], float(power[peak]), top_db, ends_m, unit)
     else:
         texts.append(Text((left + profile.right) / 2, start + 50 * unit, tr("no echo"), "centre"))
+    picture.noise = _dashes(float(fields["noise_w"]), top_db, profile, unit)
     if resolved:
         _add_map(picture, grid, arrays, top_db, unit)
     picture.grid = np.array(grid, dtype=np.float64).reshape(-1, 2)
@@ -155,6 +156,17 @@ def _curve(
     x = _between(middle_m, *ends_m, box.left, box.right)
     y = _between(shown, top_db - SPAN_DB, top_db, box.bottom, box.top)
     return np.stack([x, y], axis=1)
+
+
+def _dashes(noise_w: float, top_db: float, box: Box, unit: float) -> Real:
+    """Dashes across the axes at the level of the noise; none where it is below them."""
+    level_db = 10 * math.log10(noise_w) if noise_w > 0 else -math.inf
+    if not top_db - SPAN_DB < level_db < top_db:
+        return np.zeros((0, 2))
+    y = _between(level_db, top_db - SPAN_DB, top_db, box.bottom, box.top)
+    starts = np.arange(box.left, box.right - 4 * unit, 8 * unit)
+    ends = np.stack([starts, starts + 4 * unit], axis=1).ravel()
+    return np.stack([ends, np.full(ends.size, y)], axis=1)
 
 
 def _peak_mark(

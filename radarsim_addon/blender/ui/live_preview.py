@@ -7,6 +7,7 @@ window only reads, sends and draws. The switch is a property without a place in 
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -164,6 +165,10 @@ class LivePreview:
         if fields["level"] + 1 < len(LEVELS):
             state += tr(", refining")
         lines = [title, state]
+        if fields["noise_w"] > 0:
+            levels = [10 * math.log10(fields[name]) for name in ("noise_w", "map_noise_w")]
+            text = "noise (dashed) {pulse:.1f} dBW in a pulse, {map:.1f} dBW in the map"
+            lines.append(tr(text, pulse=levels[0], map=levels[1]))
         if fields["gaps_from_m"] is not None:
             lines.append(
                 tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])

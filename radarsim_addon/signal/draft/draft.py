@@ -18,7 +18,7 @@ from ...array_types import Real
 from ...contract import PathsRecord
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
-from ..maps import expected_power
+from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows
 from ..radar import Radar
 from ..runs import RadarFrame
@@ -67,6 +67,9 @@ class Draft:
         Pulses of the map: fewer than the burst has where the map would have too many cells.
     rays
         Rays that met a surface which returns power, in all replicates.
+    noise_w, map_noise_w
+        Mean thermal noise of a range bin of one pulse, and of a cell of the whole burst's map [W];
+        0 without a link budget.
     gaps_from_m
         Range from which on rays are further apart than range cells [m]; infinite for none.
     """
@@ -79,6 +82,8 @@ class Draft:
     pulses: int
     rays: int
     gaps_from_m: float
+    noise_w: float = 0.0
+    map_noise_w: float = 0.0
 
     @property
     def peak_error_db(self) -> float:
@@ -120,9 +125,11 @@ def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) 
     pulses = min(scene.radar.burst.pulses, max(int(MOST_CELLS / max(ranges, 1)), 1))
     radar = scene.radar if pulses == scene.radar.burst.pulses else scene.radar.with_pulses(pulses)
     frame = _frame(scene, radar, table, level.replicates)
-    found = expected_power(
-        frame, cells_per_sample=_CELLS_PER_SAMPLE, link=FrameBudget(frame, scene.weather).link
-    )
+    budget = FrameBudget(frame, scene.weather)
+    found = expected_power(frame, cells_per_sample=_CELLS_PER_SAMPLE, link=budget.link)
+    sample_w = 0.0
+    if budget.system is not None:
+        sample_w = budget.system.noise_power_w(radar.waveform.sampling_rate_hz)
     velocity_mps = -found.doppler_hz * radar.waveform.wavelength_m / 2
     return Draft(
         found.range_m,
@@ -133,6 +140,8 @@ def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) 
         pulses,
         table.size,
         found.gaps_from_m,
+        sample_w * range_noise_gain(scene.radar),
+        sample_w * map_noise_gain(scene.radar),
     )
 
 

@@ -126,6 +126,8 @@ def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Me
         "pulses": draft.pulses,
         "rays": draft.rays,
         "peak_error_db": draft.peak_error_db,
+        "noise_w": draft.noise_w,
+        "map_noise_w": draft.map_noise_w,
         "gaps_from_m": None if math.isinf(gaps) else gaps,
     }
     arrays: dict[str, NDArray[Any]] = {

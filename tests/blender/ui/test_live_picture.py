@@ -30,7 +30,8 @@ def draft(**changes: Any) -> dict[str, Any]:
 
 
 def picture(arrays: dict[str, Any], scale: float = 1.0) -> LivePicture:
-    return lay_out_draft({}, arrays, LINES, (900.0, 10.0), scale)
+    fields = {"noise_w": 1e-13}
+    return lay_out_draft(fields, arrays, LINES, (900.0, 10.0), scale)
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.5])
@@ -44,6 +45,7 @@ def test_the_peak_is_marked_where_its_range_and_level_are(scale: float) -> None:
     assert (y - box.bottom) / (box.top - box.bottom) == pytest.approx(55 / SPAN_DB)
     assert "strongest: 70 m, \u221290 dBW" in [text.text for text in found.texts]
     assert found.curve[:, 1].max() == pytest.approx(y)
+    np.testing.assert_allclose((y - found.noise[:, 1]) / (box.top - box.bottom), 40 / SPAN_DB)
     assert found.panel.right == 900.0 and found.panel.bottom == 10.0
     assert box.right - box.left == 360 * scale
 
@@ -51,7 +53,12 @@ def test_the_peak_is_marked_where_its_range_and_level_are(scale: float) -> None:
 def test_all_is_within_the_panel() -> None:
     found = picture(draft())
     panel = found.panel
-    places = [found.grid, found.curve, np.array([(text.x, text.y) for text in found.texts])]
+    places = [
+        found.grid,
+        found.curve,
+        found.noise,
+        np.array([(text.x, text.y) for text in found.texts]),
+    ]
     for box in (found.profile, found.map, found.strip):
         places.append(np.array([(box.left, box.bottom), (box.right, box.top)]))
     low, high = np.concatenate(places).min(axis=0), np.concatenate(places).max(axis=0)

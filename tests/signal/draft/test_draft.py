@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import ReceiverRecord, TransmitterRecord
+from radarsim_addon.contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from radarsim_addon.physics.noise import noise_power_w
 from radarsim_addon.physics.radar_equation import lambert_plate_rcs_m2, monostatic_power_w
 from radarsim_addon.physics.rough import facet_brightness, sigma0
 from radarsim_addon.signal.draft import (
@@ -100,6 +101,20 @@ def test_a_lambert_plate_has_its_radar_cross_section() -> None:
     assert step_mps > 0
     assert abs(found.velocity_mps[row] - RATE_MPS) <= step_mps / 2 + 1e-9
     assert 0 < found.peak_error_db < 0.1
+
+
+def test_noise_is_that_of_the_link_budget() -> None:
+    """k T_0 F B of a sample; less in a bin by the matched filter, and in the map by the pulses."""
+    given = scene(link_budget=LinkBudget(transmit_power_w=1e3, noise_figure_db=3.0))
+    found = make_draft(given, SceneTriangles.of(given, {7: mesh()}), DraftLevel(256, 2))
+    sample_w = float(noise_power_w(60e6, 3.0, 290.0))
+    samples = WAVEFORM.chirp_duration_s * 60e6
+    # a Hamming taper's noise bandwidth is 1.36 bins, of range and of Doppler
+    assert found.noise_w == pytest.approx(1.36 * sample_w / samples, rel=0.05)
+    assert found.map_noise_w == pytest.approx(1.36 * found.noise_w / 32, rel=0.03)
+    without = scene()
+    found = make_draft(without, SceneTriangles.of(without, {7: mesh()}), DraftLevel(64, 2))
+    assert found.noise_w == found.map_noise_w == 0
 
 
 def test_few_pulses_stand_for_a_map_of_too_many_cells() -> None:
