@@ -166,9 +166,16 @@ class LivePreview:
             state += tr(", refining")
         lines = [title, state]
         if fields["noise_w"] > 0:
-            levels = [10 * math.log10(fields[name]) for name in ("noise_w", "map_noise_w")]
-            text = "noise (dashed) {pulse:.1f} dBW in a pulse, {map:.1f} dBW in the map"
-            lines.append(tr(text, pulse=levels[0], map=levels[1]))
+            pulse_db, map_db = (
+                10 * math.log10(fields[name]) for name in ("noise_w", "map_noise_w")
+            )
+            lines.append(
+                tr(
+                    "noise (dashed) {pulse_db:.1f} dBW in a pulse, {map_db:.1f} dBW in the map",
+                    pulse_db=pulse_db,
+                    map_db=map_db,
+                )
+            )
         if fields["gaps_from_m"] is not None:
             lines.append(
                 tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])
