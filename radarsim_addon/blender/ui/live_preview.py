@@ -72,8 +72,8 @@ class LivePreview:
         start_s, own_s = time.perf_counter(), time.thread_time()
         try:
             pause_s = self._step(context, start_s + _SLICE_S)
-        except RadarSimError as error:
-            self._show_fault(context, str(error))
+        except (RadarSimError, RuntimeError) as error:  # the latter are Blender's
+            self._show_fault(context, str(error).strip())
             self.pause()
             pause_s = _SETTINGS_S
         except ReferenceError:  # an object was removed while it was read
@@ -106,7 +106,10 @@ class LivePreview:
             found = next(self._reading)
             if isinstance(found, LiveScene):
                 self._reading, self._read_s = None, time.monotonic()
-                self._ready = None if found.same(self._sent) else found
+                if found.same(self._sent):
+                    self._sent = found  # notes may be others
+                else:
+                    self._ready = found
             elif found is not None:
                 self._process.send(found)
             if time.perf_counter() > deadline_s:

@@ -33,6 +33,8 @@ from .translations import tr
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.
 _RANGE_MARGIN = 1.25
+#: Types of objects whose surface Blender does not give as a mesh.
+_MESHLESS = {"CURVES", "POINTCLOUD"}
 #: Objects whose F-curves are read in one part.
 _OWNERS = 256
 
@@ -70,16 +72,18 @@ class LiveReader:
         scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
         rows = echoing_boxes(depsgraph, any_material=True).rows
         snapshot = take_snapshot(depsgraph)
+        meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
+        rows, left_out = rows[~meshless], int(meshless.sum())
         for index in np.unique(snapshot.layout.shape[rows]).tolist():
             shape = snapshot.shapes[index]
             if shape not in self._keys:
                 for part in _polygons(snapshot, shape):
                     yield None if part is None else mesh_message(self._next, part)
                 self._keys[shape], self._next = self._next, self._next + 1
-        yield from self._scene(scene, depsgraph, snapshot, rows.tolist())
+        yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
 
     def _scene(
-        self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int]
+        self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int], left_out: int
     ) -> Iterator[LiveScene | None]:
         radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
         if rig.camera.data.type != "PERSP":
@@ -129,7 +133,7 @@ class LiveReader:
         )
         places = (rig.camera.matrix_world.translation, rig.emitter.matrix_world.translation)
         apart = not np.allclose(*places)
-        yield LiveScene(scene_message(drafted), _notes(found, unknown, apart))
+        yield LiveScene(scene_message(drafted), _notes(found, unknown, left_out, apart))
 
 
 def _owner(snapshot: Snapshot, row: int) -> Any:
@@ -203,7 +207,9 @@ def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None
     yield DraftPolygons(points, corners, starts, slots, normals)
 
 
-def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[str, ...]:
+def _notes(
+    materials: list[LiveMaterial], unknown: int, left_out: int, apart: bool
+) -> tuple[str, ...]:
     """What a draft of these materials leaves out."""
     guessed = sum(one.guessed for one in materials)
     mirrors = sum(one.mirrors for one in materials)
@@ -213,6 +219,7 @@ def _notes(materials: list[LiveMaterial], unknown: int, apart: bool) -> tuple[st
         (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
         (guessed, tr("materials guessed as diffuse: {count}", count=guessed)),
         (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
+        (left_out, tr("hair and point clouds, which are left out: {count}", count=left_out)),
         (apart, tr("shadows of the transmitter are left out")),
     )
     return tuple(text for count, text in texts if count)

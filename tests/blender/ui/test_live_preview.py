@@ -211,6 +211,34 @@ def test_what_a_draft_leaves_out_is_named(scene: Any) -> None:
         assert any(words in note for note in notes), notes
 
 
+def test_objects_of_all_kinds_are_read(scene: Any) -> None:
+    """Polygons with many corners, modifiers, an edited mesh, no mesh at all."""
+    bpy.ops.mesh.primitive_cylinder_add(location=(0, 12, 0), rotation=(1.5708, 0, 0))
+    bpy.context.object.data.materials.append(ph.lambert(0.5))
+    bpy.ops.object.metaball_add(location=(5, 30, 0))
+    scene.collection.objects.link(bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair")))
+    scene.collection.objects.link(bpy.data.objects.new("None", bpy.data.meshes.new("None")))
+    first = drafted()
+    caps, sides = 2 * 30, 2 * 32
+    assert first["triangles"] > caps + sides
+    assert switched_on().notes == ("hair and point clouds, which are left out: 1",)
+    bpy.context.view_layer.objects.active = cylinder = bpy.data.objects["Cylinder"]
+    cylinder.modifiers.new("Away", "DISPLACE").strength = 0.0
+    bpy.ops.object.mode_set(mode="EDIT")
+    import bmesh  # there once bpy is
+
+    edited = bmesh.from_edit_mesh(cylinder.data)
+    bmesh.ops.translate(edited, vec=(0, 0, 5), verts=edited.verts)
+    bmesh.update_edit_mesh(cylinder.data)
+    bpy.context.view_layer.update()
+    second = first
+    while second["number"] == first["number"]:
+        second = drafted()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    near_m = [one["range_m"][np.argmax(one["profile_w"])] for one in (first, second)]
+    assert near_m[1] - near_m[0] == pytest.approx(-5.0, abs=1.3)
+
+
 def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
     paint = ph.principled("Paint", (0.2, 0.4, 0.6))
     how = (CARRIER_HZ, "hold", "average")
