@@ -45,8 +45,13 @@ def test_the_preview_follows_a_moving_object(live: dict[str, Any]):
 @pytest.mark.parametrize("phase", ["start", "moving", "editing"])
 def test_no_slice_takes_long(live: dict[str, Any], phase: str):
     """In processor time of the window's thread, whatever the machine does besides."""
+    assert live[phase]["longest_own_s"] <= LONGEST_SLICE_S
+
+
+@pytest.mark.parametrize("phase", ["moving", "editing"])
+def test_a_slice_and_a_drawing_block_the_window_shortly(live: dict[str, Any], phase: str):
+    """At the start, Blender also compiles its shaders."""
     found = live[phase]
-    assert found["longest_own_s"] <= LONGEST_SLICE_S
     assert found["longest_own_s"] + max(found["drawings_s"]) <= LONGEST_BLOCK_S
 
 
