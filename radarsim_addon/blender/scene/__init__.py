@@ -28,6 +28,7 @@ from .mesh_checks import check_meshes
 from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
+from .pixel_spans import PixelSpans, measure_pixel_spans
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
 from .radar_ground import GroundBelow, ground_below
@@ -66,6 +67,7 @@ __all__ = [
     "ClosingSpeeds",
     "GroundBelow",
     "InstancePose",
+    "PixelSpans",
     "Poses",
     "Rig",
     "action_curves",
@@ -98,6 +100,7 @@ __all__ = [
     "keyed_move",
     "keyed_speeds",
     "keyed_step",
+    "measure_pixel_spans",
     "no_echo_findings",
     "nothing_moves",
     "pose_in_metres",
