@@ -96,7 +96,7 @@ class ConvexBodies(NamedTuple):
 _of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictionary()
 
 
-def convex_bodies(depsgraph: Any) -> list[ConvexBodies]:
+def convex_parts(depsgraph: Any) -> list[ConvexBodies]:
     """Find the objects with an interior that are small closed convex meshes, in several parts."""
     snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
@@ -117,13 +117,13 @@ def convex_objects(depsgraph: Any) -> set[Any]:
     set of bpy.types.Object
         Originals.
     """
-    return {item for part in convex_bodies(depsgraph) for item in part.items}
+    return {item for part in convex_parts(depsgraph) for item in part.items}
 
 
 def least_depths(depsgraph: Any) -> dict[Any, float]:
-    """Return the least depth behind a face of each object of `convex_bodies` [Blender units]."""
+    """Return the least depth behind a face of each object of `convex_parts` [Blender units]."""
     found: dict[Any, float] = {}
-    for bodies in convex_bodies(depsgraph):
+    for bodies in convex_parts(depsgraph):
         found.update(zip(bodies.items, bodies.thinnest().tolist(), strict=True))
     return found
 

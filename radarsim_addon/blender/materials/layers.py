@@ -25,7 +25,7 @@ from ..nodes.physical_material import EXTINCTION, KIND
 from ..nodes.sheet import KIND as SHEET_KIND
 from ..state import SettingsRestorer, evaluated_mesh
 from .assignments import assigned_materials
-from .convex_bodies import convex_bodies, least_depths
+from .convex_bodies import convex_parts, least_depths
 from .layer_faces import LAYER_SHARE, MIN_PLATE_FRACTION, LayerFaces
 from .wall_faces import WallFaces, depths_behind, find_walls
 from .wall_modifier import store_thickness
@@ -74,7 +74,7 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
     for row in np.flatnonzero(own).tolist():
         normals[row] = given[row] if np.any(given[row]) else np.nan
     low, high = faces.planes(normals, MIN_PLATE_FRACTION)
-    massive = {item for bodies in convex_bodies(depsgraph) for item in bodies.without_walls()}
+    massive = {item for bodies in convex_parts(depsgraph) for item in bodies.without_walls()}
     for row, (item, thickness) in enumerate(zip(items, (high - low).tolist(), strict=True)):
         normal = None if np.isnan(normals[row, 0]) else normals[row]
         if own[row]:

@@ -20,7 +20,7 @@ from ..nodes.materials import has_interior
 from ..nodes.physical_material import EXTINCTION, INDEX
 from ..state import evaluated_mesh, read_triangles
 from .assignments import assigned_materials
-from .convex_bodies import ConvexBodies, convex_bodies
+from .convex_bodies import ConvexBodies, convex_parts
 from .layers import is_entered, thinnest
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
@@ -80,7 +80,7 @@ def total_reflections(
             bodies[item] = _body(item, depsgraph, mediums)
     fractions = dict.fromkeys(bodies, 0.0)
     bending = {item for item, body in bodies.items() if body.refraction > 1}
-    for part in convex_bodies(depsgraph):
+    for part in convex_parts(depsgraph):
         if bending.intersection(part.items):
             of_part = _reflected_in_convex(part, [bodies[item] for item in part.items], places)
             fractions.update(zip(part.items, of_part.tolist(), strict=True))

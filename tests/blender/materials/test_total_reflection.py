@@ -192,7 +192,7 @@ def test_many_convex_objects_have_the_numbers_of_each_alone(
     losses_db, convex = interior_losses_db(WAVELENGTH, depsgraph), convex_objects(depsgraph)
     assert len(convex) == len(fractions) == 12
     for module in (total_reflection, layers):
-        monkeypatch.setattr(module, "convex_bodies", lambda _: [])
+        monkeypatch.setattr(module, "convex_parts", lambda _: [])
         monkeypatch.setattr(module, "least_depths", lambda _: {}, raising=False)
     alone = {item.subjects: item.numbers["fraction"] for item in found()}
     assert fractions == pytest.approx(alone, abs=2e-3)
@@ -209,7 +209,7 @@ def test_compact_bodies_have_no_walls() -> None:
         bpy.context.object.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (bodies,) = convex_bodies.convex_bodies(depsgraph)
+    (bodies,) = convex_bodies.convex_parts(depsgraph)
     compact = set(bodies.without_walls())
     assert 3 < len(compact) < 27
     assert not any(find_walls(item, depsgraph).wall.any() for item in compact)

@@ -22,7 +22,7 @@ from radarsim_addon.blender.views import (
     View,
     trace_replicate,
 )
-from radarsim_addon.blender.views.requests import coarse_variance
+from radarsim_addon.blender.views.requests import variance_of_sum
 from radarsim_addon.errors import ConfigError
 
 SHAPE = (3, 4)
