@@ -82,9 +82,7 @@ class PathScene:
         self._world_encoding = world_encoding
         self._recorder = SettingsRestorer()
         self._folder = temporary_folder()
-        self._recorder.on_restore(
-            "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
-        )
+        self._recorder.on_restore("temporary files", self.remove_files)
         self._view: Any = None
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
@@ -133,6 +131,10 @@ class PathScene:
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
         return self._recorder.restore()
+
+    def remove_files(self) -> None:
+        """Remove the temporary files."""
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     # -- antennas at the scene's present time ------------------------------------------------------
 
