@@ -18,9 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 #: What is shown of a screenshot of 1600 x 1000 pixels: left, top, right, bottom. Letters keep their
 #: size, so that they are readable at half of it.
 WINDOW = (450, 0, 1600, 1000)
-#: The pictures of the results cover the window: all of it, smaller.
-RESULTS = "tutorial_5_map.png"
-RESULTS_WIDTH_PX = 1150
+#: The window with the pictures of the results.
+RESULTS, EDITORS = "tutorial_5_map.png", (40, 50, 1560, 850)
 
 
 def main() -> int:
@@ -30,14 +29,9 @@ def main() -> int:
         return 1
     for shot in shots:
         with Image.open(shot) as opened:
-            small = opened.convert("RGB")
-        if shot.name == RESULTS:
-            height_px = round(RESULTS_WIDTH_PX * small.height / small.width)
-            small = small.resize((RESULTS_WIDTH_PX, height_px), Image.Resampling.LANCZOS)
-        else:
-            small = small.crop(WINDOW)
+            part = opened.convert("RGB").crop(EDITORS if shot.name == RESULTS else WINDOW)
         target = ROOT / "docs" / "images" / shot.name
-        small.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
+        part.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
         print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1024:.0f} KiB")
     return 0
 
