@@ -277,8 +277,8 @@ class FrameWork:
                 renders += traced.renders
                 quality.add_view(traced, watts_per_unit / count)
                 self._motion.label(rows)
-                self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
-                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
+                normals = self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, normals, origin_m, self._tracer.transmitter_m)
                 if self._dtype != PATH_DTYPE:  # there are mirrors
                     views = MirrorViews(
                         self._tracer, self._motion, self._hits, self._clutter, self._mirrors
