@@ -151,7 +151,9 @@ def frame_steps(
     )
     # detection works on one channel
     first_map = rd_map.channel(0)
-    recording = received_recording(received.echoes.channel(0), first_map, options.mti)
+    recording = received_recording(
+        received.echoes.channel(0), first_map, options.mti, compressed.channel(0)
+    )
     speckle = echo_sum.speckle
     result = FrameResult(
         source=frame_input,
