@@ -327,8 +327,8 @@ class _Cells:
         self.shape = self.pulses * per_bin, self.ranges
         #: One cell of Doppler [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
-        #: Points' distances in total length and range rate, and where a cell begins.
-        self.spacing = self.step_m, self.step_mps, 2 * self._start_m - self.step_m
+        #: Points' distances in total length (a cell) and range rate, and where a cell begins.
+        self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
 
     def finer(self, per_bin: int) -> _Cells:
         """Cells of which so many are in a bin of Doppler, the first one in its middle."""
