@@ -21,7 +21,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ...array_types import Integers, Real
+from ...array_types import Indices, Integers, Real
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -90,14 +90,16 @@ def path_power_w(
     carrier_hz: float,
     link: Link | None = None,
     range_resolution_m: float = math.inf,
+    number: Indices | None = None,
 ) -> Real:
-    """Return each row's expected power at a carrier [W], with the gains of a link budget.
+    """Return each row's expected power at a carrier [W], with the gains of a link budget, which
+    keeps them by the rows' numbers in the table.
 
     Paths over one scatterer interfere as far as a range resolution does not tell them apart.
     """
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
-        power = power * link.mean_factor_of_rows(rows)
+        power = power * link.mean_factor_of_rows(rows, number)
     if has_images(rows):
         power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
     return np.asarray(power, dtype=np.float64)
@@ -144,8 +146,9 @@ def object_echoes(
     for start, stop in _tile_edges(table.rows):
         rows = np.asarray(table.rows[start:stop])
         kept = usable(rows)
+        number = start + np.flatnonzero(kept)
         rows = rows if kept.all() else rows[kept]
-        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m)
+        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m, number)
         sums.add_tile(rows, power, path_rcs_m2(rows, record))
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 

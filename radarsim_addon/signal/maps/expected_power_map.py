@@ -264,7 +264,7 @@ class _TableSums:
     def _add_view(self, planes: list[Real], number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
-        gain = self._gain(rows)
+        gain = self._gain(rows, number)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
         steps = steps_of(rows, record.receiver, record.replicates)
@@ -280,10 +280,10 @@ class _TableSums:
             for part in spread(rows, steps, *cells.spacing):
                 self._add(self.finer, part, power, rows)
 
-    def _gain(self, rows: PathRows) -> Real:
+    def _gain(self, rows: PathRows, number: Indices | None = None) -> Real:
         gain = np.ones(rows.size)
         if self._link is not None:
-            gain = self._link.mean_factor_of_rows(rows)
+            gain = self._link.mean_factor_of_rows(rows, number)
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
         return gain

@@ -209,7 +209,7 @@ class _EchoSum:
 
     def add(self, paths: Paths) -> Paths:
         """Add paths; return them with the gains of the antennas."""
-        paths = self.budget.apply(paths)
+        paths = self.budget.apply(paths, of_table=bool(self._input.tables))
         self._synthesizer.add(self.speckle.apply(paths))
         return paths
 
