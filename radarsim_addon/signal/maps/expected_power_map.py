@@ -208,6 +208,7 @@ class _TableSums:
         surfaces: ClutterSurfaces,
     ) -> None:
         self._footprints, self._surfaces = footprints, surfaces
+        self._grids = frame_input.table.grids
         radar, self._record = frame_input.radar, frame_input.table.record
         self._cells, self._link, self._points_to = cells, link, points_to
         waveform = radar.waveform
@@ -267,7 +268,7 @@ class _TableSums:
         gain = self._gain(rows, number)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-        steps = steps_of(rows, record.receiver, record.replicates)
+        steps = steps_of(rows, record.receiver, record.replicates, self._grids.of_view(number))
         if self._footprints is not None:
             self._footprints.take(number, rows, steps)
         self.gaps.add(rows, steps)
