@@ -14,7 +14,7 @@ import numpy as np
 
 from ...array_types import Single
 from ...errors import OutputError
-from ...signal.pictures import png_bytes
+from ...png import png_bytes
 
 _ENCODER = Path(__file__).with_name("movie_encoder.py")
 
@@ -58,7 +58,8 @@ class MovieWriter:
         """Take a picture (height, width, 3), sRGB from 0 to 1."""
         self._count += 1
         path = Path(self._folder.name, f"{self._count:06d}.png")
-        path.write_bytes(png_bytes(np.round(picture * 255).clip(0, 255).astype(np.uint8)))
+        pixels = np.round(picture * 255).clip(0, 255).astype(np.uint8)
+        path.write_bytes(png_bytes(pixels, 72))
         yield
 
     def close(self) -> Iterator[None]:

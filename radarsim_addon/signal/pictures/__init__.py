@@ -14,7 +14,6 @@ from .map import plot_range_doppler
 from .numbers import cell_width, decimals_for, fixed
 from .profile import plot_range_profile
 from .rings import plot_rings
-from .sheet import png_bytes
 from .spectrogram import plot_spectrogram
 
 __all__ = [
@@ -37,6 +36,5 @@ __all__ = [
     "plot_range_profile",
     "plot_rings",
     "plot_spectrogram",
-    "png_bytes",
     "save_figure",
 ]

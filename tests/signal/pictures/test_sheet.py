@@ -12,6 +12,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from radarsim_addon.png import png_bytes
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -21,7 +22,7 @@ from radarsim_addon.signal import (
     Waveform,
     process_run,
 )
-from radarsim_addon.signal.pictures import draw_results, echo, new_figure, png_bytes, profile
+from radarsim_addon.signal.pictures import draw_results, echo, new_figure, profile
 from radarsim_addon.signal.pictures import map as maps
 from radarsim_addon.signal.pictures.sheet import TALL_TEXT, Sheet
 from tests.signal.synthetic import Setup, points, write_run
@@ -150,8 +151,8 @@ def test_png_holds_the_pixels() -> None:
     """Any reader sees them, and their size in print."""
     image = pytest.importorskip("PIL.Image")
     pixels = np.random.default_rng(3).integers(0, 256, (5, 7, 3), dtype=np.uint8)
-    with image.open(io.BytesIO(png_bytes(pixels))) as found:
+    with image.open(io.BytesIO(png_bytes(pixels, 120))) as found:
         found.verify()
-    with image.open(io.BytesIO(png_bytes(pixels))) as found:
+    with image.open(io.BytesIO(png_bytes(pixels, 120))) as found:
         assert found.mode == "RGB" and (np.array(found) == pixels).all()
         assert found.info["dpi"] == pytest.approx((120, 120), rel=1e-4)
