@@ -47,7 +47,7 @@ from .table_files import (
     usable,
 )
 from .table_footprints import TableFootprints
-from .triangles import TriangleMesh
+from .triangles import Spaces, TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
@@ -66,6 +66,7 @@ __all__ = [
     "Paths",
     "Places",
     "Points",
+    "Spaces",
     "Steps",
     "TableFootprints",
     "TriangleMesh",

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Letters of the documentation's pictures: readable at half the size of a picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+#: Settings of matplotlib [pt].
+READABLE: dict[str, Any] = {
+    "font.size": 13, "axes.titlesize": 14, "legend.fontsize": 12, "legend.framealpha": 0.6,
+}  # fmt: skip
