@@ -152,7 +152,9 @@ def frame_steps(
     )
     # detection works on one channel
     first_map = rd_map.channel(0)
-    recording = received_recording(received.echoes.channel(0), first_map, options.mti)
+    recording = received_recording(
+        received.echoes.channel(0), first_map, options.mti, compressed.channel(0)
+    )
     speckle = echo_sum.speckle
     result = FrameResult(
         source=frame_input,
@@ -208,7 +210,7 @@ class _EchoSum:
 
     def add(self, paths: Paths) -> Paths:
         """Add paths; return them with the gains of the antennas."""
-        paths = self.budget.apply(paths)
+        paths = self.budget.apply(paths, of_table=bool(self._input.tables))
         self._synthesizer.add(self.speckle.apply(paths))
         return paths
 
