@@ -10,10 +10,10 @@ import numpy as np
 
 from ...array_types import Real
 from ...signal.paths import PathFlag, PathRows
-from ...vectors import are_finite, norms
+from ...vectors import are_finite, dots, norms
 from ..materials import is_mirror_like
 from ..motion import Bodies
-from .hit_points import HitPoints
+from .hit_points import HitPoints, Normals
 from .surface_lobes import is_mirrored
 
 
@@ -41,8 +41,11 @@ class ReverseMarks:
         self._mirrors = np.append(unknown, mirrors[bodies.shape])
         self._rounded = np.append(unknown, rounded[bodies.shape])
 
-    def mark(self, rows: PathRows, origins_m: Real) -> None:
-        """Set the flag of labelled, refined rows; rays start at `origins_m`, (n, 3)."""
+    def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
+        """Set the flag of labelled, refined rows with the normals that refining met.
+
+        Rays start at `origins_m`, (n, 3).
+        """
         several = (rows["order"] > 1) & (rows["flags"] & PathFlag.NO_RANGE == 0)
         mirrors = self._mirrors[rows["first_body"]]
         marked = several & ~mirrors
@@ -50,11 +53,15 @@ class ReverseMarks:
         chosen = np.flatnonzero(known & are_finite(rows["first_scatterer_m"]))
         if chosen.size:
             mine = rows[chosen]
-            first_m, onward = mine["first_scatterer_m"], mine["last_scatterer_m"]
-            onward = onward - first_m
-            normals = self._hits.normals(mine["first_body"], origins_m[chosen], first_m)
+            first_m, along = mine["first_scatterer_m"], mine["direction"]
+            onward = mine["last_scatterer_m"] - first_m
+            normals = self._hits.normals(
+                mine["first_body"], origins_m[chosen], first_m, found.all()[0][chosen]
+            )
             with np.errstate(invalid="ignore"):
-                away = is_mirrored(normals, -mine["direction"], onward / norms(onward)[:, None])
+                onward /= norms(onward)[:, None]
+                sines = -dots(normals, along), dots(normals, onward)
+                away = is_mirrored(sines, -along, onward)
             marked[chosen] = ~away & are_finite(normals) & are_finite(onward)
         rows["flags"][marked] |= np.uint16(PathFlag.HAS_REVERSE)
 
