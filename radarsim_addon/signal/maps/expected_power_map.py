@@ -298,8 +298,11 @@ class _Replicates:
 
     def add(self, values: Real) -> None:
         self._count += 1
+        if self._count == 1:
+            self.mean = values
+            return
         change = values - self.mean
-        self.mean += change / self._count
+        self.mean = self.mean + change / self._count
         self._squares += change * (values - self.mean)
 
     def error(self) -> Real:
