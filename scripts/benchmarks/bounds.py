@@ -69,6 +69,8 @@ ROWS = (
     Row("ten_million_wall", "1e7 paths, order 2: wall", "s", 61.0, 40.0),
     Row("ten_million_mib", "   its memory", "MiB", None, 600),
     Row("demo_wall", "the demo: wall", "s", 24.5, 15.0, 27.3),
+    Row("hits", "1e6 hit points in float64, large faces", "s", None, 0.5),
+    Row("fine_hits", "   3.2e5 triangles", "s", None, 0.5),
     Row("clutter_rows", "1e6 rows over a clutter surface, bistatic: weights", "s", None, 0.05),
     Row("footprints", "1e6 rows of a ground: what pixels cover", "s", None, 1.0),
 )
@@ -101,6 +103,8 @@ def figures(result: dict[str, Any]) -> Figures:
         (scenes.get("objects", {}), "preparation_s", "objects_prepared"),
         (scenes.get("city", {}), "render_s", "city_render"),
         (result.get("demo", {}), "wall_s", "demo_wall"),
+        (result.get("clutter", {}), "hits_s", "hits"),
+        (result.get("clutter", {}), "fine_hits_s", "fine_hits"),
         (result.get("clutter", {}), "rows_s", "clutter_rows"),
         (result.get("clutter", {}), "footprints_s", "footprints"),
     ):

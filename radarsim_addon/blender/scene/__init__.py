@@ -4,7 +4,14 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_speeds, keyed_step
+from .closing_speeds import (
+    VELOCITY_FRAMES,
+    ClosingSpeeds,
+    keyed_move,
+    keyed_speeds,
+    keyed_step,
+    nothing_moves,
+)
 from .driver_checks import disabled_drivers
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
@@ -90,10 +97,12 @@ __all__ = [
     "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "keyed_move",
     "keyed_speeds",
     "keyed_step",
     "measure_pixel_spans",
     "no_echo_findings",
+    "nothing_moves",
     "pose_in_metres",
     "radar_of",
     "radars",
