@@ -21,7 +21,7 @@ from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
 from scripts.examples.pictures import daylight, plain_material, render_from  # noqa: E402
-from scripts.picture_text import READABLE  # noqa: E402
+from scripts.picture_text import use_readable_text  # noqa: E402
 
 SIZE = (960, 720)
 COLOURS = {
@@ -90,7 +90,7 @@ def main() -> int:
         doppler_hz, velocity = data["doppler_hz"], data["velocity_mps"]
     level = signal.power_to_db(power, power.max(), -80.0)
 
-    plt.rcParams.update(READABLE)
+    use_readable_text(plt)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(12.5, 4.9), width_ratios=[1.25, 1], constrained_layout=True
     )

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
-#: Settings of matplotlib [pt].
-READABLE: dict[str, Any] = {
-    "font.size": 13, "axes.titlesize": 14, "legend.fontsize": 12, "legend.framealpha": 0.6,
-}  # fmt: skip
+
+def use_readable_text(pyplot: Any) -> None:
+    """Set the sizes of matplotlib's letters [pt]."""
+    pyplot.rcParams.update(
+        {"font.size": 13, "axes.titlesize": 14, "legend.fontsize": 12, "legend.framealpha": 0.6}
+    )

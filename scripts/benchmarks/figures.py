@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..picture_text import READABLE
+from ..picture_text import use_readable_text
 
 _STYLES = {
     "rings": {"marker": "s", "color": "tab:red", "linestyle": "none"},
@@ -32,7 +32,7 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    pyplot.rcParams.update(READABLE)
+    use_readable_text(pyplot)
     files = []
     parts = {"accuracy": _accuracy, "scaling": _scaling, "synthesis": _synthesis}
 

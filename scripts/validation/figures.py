@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..picture_text import READABLE
+from ..picture_text import use_readable_text
 from .case import Outcome
 
 Curves = dict[str, list[dict[str, Any]]]
@@ -21,7 +21,7 @@ def draw(outcomes: Sequence[Outcome], curves: Curves, folder: Path) -> list[tupl
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    pyplot.rcParams.update(READABLE)
+    use_readable_text(pyplot)
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for name, caption, needs, paint in _PICTURES:

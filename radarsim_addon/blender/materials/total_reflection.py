@@ -12,7 +12,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ...array_types import Mask, Real
-from ...findings import Finding, finding
+from ...findings import Finding, finding_about
 from ...vectors import crosses, norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
@@ -68,7 +68,8 @@ def total_reflections(
     Returns
     -------
     list of Finding
-        One ``total-reflection`` per object, with its index and fraction.
+        One ``total-reflection`` for information and one as a caution, if any, with the least and
+        largest indices and fractions of their objects.
     """
     is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
@@ -91,10 +92,16 @@ def total_reflections(
     # what is not said stays below this in the sum: waves may pass all of them
     found.sort()
     unsaid = np.cumsum([fraction for fraction, _, _ in found])
-    said = []
+    information: dict[str, dict[str, float]] = {}
+    caution: dict[str, dict[str, float]] = {}
     for fraction, index, name in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
-        one = finding("total-reflection", name, fraction=fraction, index=index)
-        said.append(one if fraction > _DANGER else one.as_information())
+        named = caution if fraction > _DANGER else information
+        named[name] = {"fraction": fraction, "index": float(index)}
+    said = []
+    if information:
+        said.append(finding_about("total-reflection", information).as_information())
+    if caution:
+        said.append(finding_about("total-reflection", caution))
     return said
 
 
