@@ -209,6 +209,14 @@ SCENE = {
         "If such echoes matter, build the object of plane-parallel parts, or disconnect Volume to "
         "make it opaque.",
     ),
+    "wall-corners": Kind(
+        "caution",
+        "{fraction:percent} of the power that enters {subjects} from the antennas leaves by "
+        "corners where walls meet (index {index:.3g}).",
+        "These walls absorb and delay at their faces. Such rays count half of each wall that they "
+        "enter and leave by, whatever their path within the corner.",
+        "If such echoes matter, make each wall an object of its own, a plain box near the radar.",
+    ),
     "walls-averaged-separately": Kind(
         "info",
         "For {paths}, the transmission of each of {subjects} is averaged over both polarisations "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects in which waves meet a face beyond the critical angle, which straight rays do not know."""
+"""Objects that waves leave otherwise than straight rays do: totally reflected, or by a corner."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Int32, Real
 from ...findings import Finding, finding
-from ...vectors import crosses, norms
+from ...vectors import crosses, dots, norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
@@ -30,6 +30,9 @@ _TRIANGLES = 500
 #: are known to; and that above which one is a caution: 0.2 dB. Rims of walls cause up to a
 #: hundredth, facets of round objects a few (sphere of 128 segments: 0.012 at an index of 2.3).
 _LEAST_FRACTION, _DANGER = 0.005, 0.05
+#: Largest cosine between the faces by which a ray enters and leaves a corner where walls meet: up
+#: to 40 degrees a wall may be round.
+_CORNER = math.cos(math.radians(40.0))
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
 #: Triangles up to which all planes of a convex mesh are compared with each ray.
@@ -48,6 +51,13 @@ class _Body(NamedTuple):
     per_unit: float
     layer: Real | None
     at_most: float
+
+
+class _Fractions(NamedTuple):
+    """Parts of the power that enters an object."""
+
+    reflected: float = 0.0
+    by_corners: float = 0.0
 
 
 def total_reflections(
@@ -70,9 +80,10 @@ def total_reflections(
     Returns
     -------
     list of Finding
-        One ``total-reflection`` per object, with its index and fraction.
+        One ``total-reflection`` per object, and one ``wall-corners`` per object whose faces absorb
+        and delay, with its index and fraction.
     """
-    found: list[tuple[float, float, str]] = []
+    found: list[tuple[_Fractions, float, str]] = []
     is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     for item, materials in assigned_materials(depsgraph):
@@ -81,14 +92,23 @@ def total_reflections(
             continue
         mediums = [inside_of(material, wavelength, extinction_length) for material in entered]
         body = _body(item, depsgraph, mediums)
-        fraction = 0.0 if body.refraction <= 1 else _reflected(item, depsgraph, body, places)
-        found.append((fraction, body.refraction, item.name_full))
+        passing = body.refraction > 1
+        parts = _fractions(item, depsgraph, body, places) if passing else _Fractions()
+        found.append((parts, body.refraction, item.name_full))
+    return [
+        *_named("total-reflection", [(one.reflected, index, name) for one, index, name in found]),
+        *_named("wall-corners", [(one.by_corners, index, name) for one, index, name in found]),
+    ]
+
+
+def _named(code: str, found: list[tuple[float, float, str]]) -> list[Finding]:
+    """Findings about objects, by fraction, index and name, but for the smallest fractions."""
     # what is not said stays below this in the sum: waves may pass all of them
     found.sort()
     unsaid = np.cumsum([fraction for fraction, _, _ in found])
     said = []
     for fraction, index, name in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
-        one = finding("total-reflection", name, fraction=fraction, index=index)
+        one = finding(code, name, fraction=fraction, index=index)
         said.append(one if fraction > _DANGER else one.as_information())
     return said
 
@@ -115,17 +135,18 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
     return _Body(max(indices), min(absorptions), layer, at_most)
 
 
-def _reflected(
+def _fractions(
     item: Any, depsgraph: Any, body: _Body, antennas: Sequence[Sequence[float]]
-) -> float:
-    """Fraction of the entering power that arrives where it is totally reflected, or seems to leave.
+) -> _Fractions:
+    """Parts of the entering power that arrive where they are totally reflected, or seem to leave,
+    and that leave by a face across the one where they entered, if faces stand for walls.
 
     Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
     """
     evaluated = item.evaluated_get(depsgraph)
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None or not len(mesh.polygons):
-            return 0.0
+            return _Fractions()
         vertices, corners = read_triangles(mesh)
     matrix = np.array(evaluated.matrix_world, dtype=np.float64)
     # About the object's origin: the tree is in float32.
@@ -136,7 +157,7 @@ def _reflected(
     inside = _OFF_FACE * float(np.ptp(points, axis=0).max())
     planes = _convex_planes(points, corners) if len(corners) <= _FEW_TRIANGLES else None
     arrive = _arrivals(points, corners, planes)
-    entering, reflected = 0.0, 0.0
+    entering, reflected, by_corners = 0.0, 0.0, 0.0
     for place in antennas:
         ray = starts - (np.asarray(place) - matrix[:3, 3])
         distance = norms(ray)
@@ -151,7 +172,8 @@ def _reflected(
         bent = np.sqrt(1 - (1 - cosine**2) / body.refraction**2)
         onward = ray / body.refraction + (cosine / body.refraction - bent)[:, None] * outward
         begin = starts[enters] - inside * outward
-        out, way = arrive(begin, onward)
+        met, way = arrive(begin, onward)
+        out = dots(met, onward)
         seen = areas[enters] * cosine
         entering += float(seen[first & np.isfinite(out)].sum())
         beyond = body.refraction * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1  # false where it is NaN
@@ -160,7 +182,12 @@ def _reflected(
             straight = straight * np.abs(ray[beyond] @ body.layer)
         least = np.minimum(np.fmin(way[beyond], straight), body.at_most)
         reflected += float(np.sum(seen[beyond] * np.exp(-body.per_unit * least)))
-    return min(reflected / entering, 1.0) if entering else 0.0
+        if math.isfinite(body.at_most):
+            corner = ~beyond & (np.abs(dots(met, outward)) < _CORNER)
+            least = np.minimum(way[corner], body.at_most)
+            by_corners += float(np.sum(seen[corner] * np.exp(-body.per_unit * least)))
+    entering = max(entering, 1e-300)
+    return _Fractions(min(reflected / entering, 1.0), min(by_corners / entering, 1.0))
 
 
 def _arrivals(
@@ -168,8 +195,8 @@ def _arrivals(
 ) -> Callable[[Real, Real], tuple[Real, Real]]:
     """Return a function that follows rays (n, 3) from inside to where they arrive.
 
-    It gives the cosine to the normal there and the length of the way, (n,) each; NaN where the mesh
-    is open. `planes` are those of a convex mesh.
+    It gives the normals there, (n, 3), and the lengths of the ways, (n,); NaN where the mesh is
+    open. `planes` are those of a convex mesh.
     """
     if planes is None:
         tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
@@ -179,7 +206,7 @@ def _arrivals(
             met = (tree.ray_cast(Vector(start), Vector(along)) for start, along in pairs)
             rows = [(np.nan,) * 4 if way is None else (*normal, way) for _, normal, _, way in met]
             found = np.array(rows, dtype=np.float64).reshape(-1, 4)
-            return np.sum(found[:, :3] * onward, axis=1), found[:, 3]
+            return found[:, :3], found[:, 3]
 
         return cast
     normals, heights = planes
@@ -188,8 +215,8 @@ def _arrivals(
         cosines = onward @ normals.T
         with np.errstate(divide="ignore", invalid="ignore"):
             way = np.where(cosines > 0, (heights - starts @ normals.T) / cosines, np.inf)
-        first = np.arange(len(way)), way.argmin(axis=1)
-        return cosines[first], way[first]
+        first = way.argmin(axis=1)
+        return normals[first], way[np.arange(len(way)), first]
 
     return leave
 

@@ -135,8 +135,9 @@ def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
     by_planes = total_reflection._arrivals(points, halves, planes)(starts, onward)
     by_rays = total_reflection._arrivals(points, halves, None)(starts, onward)
     assert len(starts) > 100
-    assert np.all(by_planes[0] > 0)
-    np.testing.assert_allclose(by_planes, by_rays, atol=1e-5)
+    assert np.all(np.sum(by_planes[0] * onward, axis=1) > 0)
+    for one, other in zip(by_planes, by_rays, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
 
 
 def test_open_and_hollow_meshes_have_no_such_planes() -> None:
@@ -148,14 +149,16 @@ def test_open_and_hollow_meshes_have_no_such_planes() -> None:
     dented = points.copy()
     dented[0] *= -0.2
     assert total_reflection._convex_planes(dented, halves) is None
-    out, way = total_reflection._arrivals(points, halves[:-2], None)(starts, onward)
-    assert 0 < np.isnan(out).sum() < len(out) / 2
-    np.testing.assert_array_equal(np.isnan(out), np.isnan(way))
+    met, way = total_reflection._arrivals(points, halves[:-2], None)(starts, onward)
+    assert 0 < np.isnan(way).sum() < len(way) / 2
+    np.testing.assert_array_equal(np.isnan(met).all(axis=1), np.isnan(way))
 
 
-def test_corners_of_a_room() -> None:
+@pytest.mark.parametrize(("index", "code"), [(2.05, "total-reflection"), (1.1, "wall-corners")])
+def test_corners_of_a_room(index: float, code: str) -> None:
     """Of each front that is seen, two walls' thicknesses lead into the walls at its ends, and there
-    to faces beyond the critical angle. Straight rays leave them, past half of each wall."""
+    to faces across: beyond the critical angle for any index above 1.41, and else where the sine at
+    the front is below sqrt(index^2 - 1). Straight rays leave them, past half of each wall."""
     rs.new_scene()
     turn, width, depth, thickness = 0.6, 8.0, 6.0, 0.5
     bpy.ops.mesh.primitive_cube_add(location=(0, 2000, 0), rotation=(0, 0, turn))
@@ -163,10 +166,11 @@ def test_corners_of_a_room() -> None:
     item.data.transform(np.diag([width / 2, depth / 2, 50, 1]).tolist())
     walls = item.modifiers.new("Walls", "SOLIDIFY")
     walls.thickness, walls.offset, walls.use_even_offset = thickness, -1, True
-    item.data.materials.append(physical_material(2.05, 0.0))
+    item.data.materials.append(physical_material(index, 0.0))
     item[attributes.OBJECT_SHELL_THICKNESS] = thickness
     bpy.context.view_layer.update()
     (said,) = found()
+    assert said.code == code
     lost = 2 * thickness * (math.cos(turn) + math.sin(turn))
     want = lost / (width * math.cos(turn) + depth * math.sin(turn))
     assert said.numbers["fraction"] == pytest.approx(want, rel=0.15)
