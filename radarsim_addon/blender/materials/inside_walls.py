@@ -86,7 +86,7 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
     return triangles[chosen].mean(axis=1), across[chosen] / double[chosen, None], double[chosen] / 2
 
 
-def found_inside(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
+def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
     """Find what is inside the material of walls and other interiors, in the evaluated frame.
 
     Parameters

@@ -95,22 +95,24 @@ def total_reflections(
         passing = body.refraction > 1
         parts = _fractions(item, depsgraph, body, places) if passing else _Fractions()
         found.append((parts, body.refraction, item.name_full))
-    return [
-        *_named("total-reflection", [(one.reflected, index, name) for one, index, name in found]),
-        *_named("wall-corners", [(one.by_corners, index, name) for one, index, name in found]),
+    reflected = [(one.reflected, index, name) for one, index, name in found]
+    by_corners = [(one.by_corners, index, name) for one, index, name in found]
+    said = [
+        finding("total-reflection", name, fraction=fraction, index=index)
+        for fraction, index, name in _largest(reflected)
     ]
+    said += [
+        finding("wall-corners", name, fraction=fraction, index=index)
+        for fraction, index, name in _largest(by_corners)
+    ]
+    return [one if one.numbers["fraction"] > _DANGER else one.as_information() for one in said]
 
 
-def _named(code: str, found: list[tuple[float, float, str]]) -> list[Finding]:
-    """Findings about objects, by fraction, index and name, but for the smallest fractions."""
-    # what is not said stays below this in the sum: waves may pass all of them
+def _largest(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """All but the smallest fractions, which waves that pass all of the objects may lose in sum."""
     found.sort()
     unsaid = np.cumsum([fraction for fraction, _, _ in found])
-    said = []
-    for fraction, index, name in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
-        one = finding(code, name, fraction=fraction, index=index)
-        said.append(one if fraction > _DANGER else one.as_information())
-    return said
+    return found[int((unsaid <= _LEAST_FRACTION).sum()) :]
 
 
 def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:

@@ -5,7 +5,11 @@ In: the evaluated scene in Blender units. Out: records in metres.
 """
 
 from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_speeds, keyed_step
-from .driver_checks import disabled_drivers
+from .driver_checks import (
+    disabled_drivers,
+    driven_by_whole_frames,
+    may_move_at_whole_frames,
+)
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
 from .instance_poses import (
@@ -75,6 +79,7 @@ __all__ = [
     "disabled_drivers",
     "distance_from_box",
     "draw_patterns",
+    "driven_by_whole_frames",
     "echoes",
     "echoing_boxes",
     "evaluated_poses",
@@ -90,6 +95,7 @@ __all__ = [
     "isolate",
     "keyed_speeds",
     "keyed_step",
+    "may_move_at_whole_frames",
     "no_echo_findings",
     "pose_in_metres",
     "radar_of",
